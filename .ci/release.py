@@ -29,8 +29,8 @@ from fmu_sources import cli
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-PAGES = ("LICENSE", "docs/other-tools.md", "docs/changelog.md")
-REFERENCE = "docs/fmus.md"  # written of what is released
+PAGES = ("LICENSE", "docs/how-to/other-tools.md", "docs/changelog.md")
+REFERENCE = "docs/reference/fmus.md"  # written of what is released
 BILL = "bill-of-materials.cdx.json"
 SUMS = "SHA256SUMS"
 README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3), with binaries for
@@ -38,8 +38,9 @@ README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3
 
 {description}
 
-{reference} lists every variable, docs/other-tools.md says how to set them up in the tool that you have, and which
-platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts inside.
+{reference} lists every variable, docs/how-to/other-tools.md says how to set them up in the tool that you have, and
+which platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts
+inside.
 {live}`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
 """
 

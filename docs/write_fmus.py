@@ -1,10 +1,10 @@
-"""Write ``fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
+"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
 
 build-fmus
 python docs/write_fmus.py
 
 Their variables are in pages that are made of the FMUs where they are read: the documentation inside each FMU, the site
-(``write_site.py``), the release's ``docs/fmus.md``.
+(``write_site.py``), the release's ``docs/reference/fmus.md``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ and 3.0 have the same variables. Corners are `fl fr rl rr`, axes ISO 8855, units
 """
 _LIST = """The inputs, outputs and parameters of an FMU, with their units and sources, are printed by `cosim fmu
 fmus/fmi3/NAME.fmu`. They are also in `documentation/index.html` inside the FMU, on its page of the site (`make docs`),
-and for all FMUs in the `docs/fmus.md` of a release.
+and for all FMUs in the `docs/reference/fmus.md` of a release.
 
 """
 
@@ -131,4 +131,4 @@ def _start(elements: list[Variable]) -> str:
 
 
 if __name__ == "__main__":
-    safe_files.write(HERE / "fmus.md", index(HERE.parent / "fmus"))
+    safe_files.write(HERE / "reference" / "fmus.md", index(HERE.parent / "fmus"))

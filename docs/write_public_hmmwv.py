@@ -1,5 +1,5 @@
 """Write how ``FullCarHmmwvPublic`` compares with Project Chrono's model, and rigid bodies with both, into
-``public-hmmwv.md``.
+``reference/public-hmmwv.md``.
 
     python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
@@ -35,7 +35,7 @@ from fmu_sources.plants.linear_car import WITHOUT_SLIP, at_rest, linear_values, 
 from fmu_sources.roads import RoadLayout, road_from_file  # noqa: E402
 from fmu_sources.vehicles import load_full_car, load_ride_car, load_wishbone_car  # noqa: E402
 
-PAGE = HERE / "public-hmmwv.md"
+PAGE = HERE / "reference" / "public-hmmwv.md"
 FMUS = HERE.parent / "fmus" / "fmi3"
 INCH, MPH = 0.0254, 0.44704
 CHASSIS = 0.056  # m, the CG ahead of the origin that windows of Chrono's runs count from

@@ -1,5 +1,5 @@
 """Write which checker notices which deliberate fault, and which FMUs without a fault they accuse, into
-``check-scoreboard.md``.
+``reference/check-scoreboard.md``.
 
     python docs/write_scoreboard.py              # everything: a minute
     python docs/write_scoreboard.py NAME ...     # the rows of these faults; the others stay as they are
@@ -27,7 +27,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]  # the project first: tests/ has
 
 from foreign.faulty import FAULTS, ODDITIES, build  # noqa: E402
 
-PAGE = HERE / "check-scoreboard.md"
+PAGE = HERE / "reference" / "check-scoreboard.md"
 OWN = ("QuarterCarHmmwv", "LqrHmmwv", "RoadSine", "GpcPreview")
 SLOW = ("step-hang", "slow")  # whether one that takes long hangs cannot be told
 PATIENCE = 30.0  # s, of a program

@@ -29,7 +29,7 @@ from build_fmus import safe_files
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 SITE = ROOT / "build" / "site"
-NOTEBOOKS = ("tutorial", "control-design")
+NOTEBOOKS = ("tutorials/first-component", "how-to/control-design")
 """Pages whose code a reader runs from top to bottom."""
 MODULES = (
     "cosim",
@@ -45,7 +45,7 @@ MODULES = (
     "fmu_sources.catalog",
     "fmu_sources.vehicles",
 )
-OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
+OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/reference/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
 _SHIM = (  # what the theme would fetch for search without a server; ours does the same
     "https://unpkg.com/iframe-worker/shim"
@@ -123,10 +123,9 @@ class Pages:
 def _place(source: str) -> str:
     if source in OTHERS:
         return OTHERS[source]
-    folder, name = posixpath.split(source)
-    if folder != "docs":
+    if not source.startswith("docs/"):
         raise FileNotFoundError(f"{source} is no page of the site")
-    return name
+    return source.removeprefix("docs/")
 
 
 def fmu_pages(fmus: Path) -> dict[str, str]:
@@ -149,9 +148,9 @@ def claims_page() -> str:
     return str(written["one_table"](written["kept"]()))
 
 
-def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path]) -> str:
+def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path], root: str = "") -> str:
     """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of
-    colours that each is for.
+    colours that each is for. ``root`` leads from the page to the root of the site: "" or "../".
     """
     parts = []
     for target, title, text, pictures in cards:
@@ -159,10 +158,10 @@ def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dic
         for only, picture in pictures.items():
             place = picture.relative_to(HERE).as_posix()
             files[place] = picture
-            shown.append(f'<img src="{place}{only}" alt="" loading="lazy">')
+            shown.append(f'<img src="{root}{place}{only}" alt="" loading="lazy">')
         parts.append(
             '<a class="card"'
-            f' href="{target}">{"".join(shown)}<b>{title}</b>{f" <span>{text}</span>" if text else ""}</a>'
+            f' href="{root}{target}">{"".join(shown)}<b>{title}</b>{f" <span>{text}</span>" if text else ""}</a>'
         )
     return "\n".join(['<div class="cards">', *parts, "</div>"])
 
@@ -191,8 +190,10 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
     )
 
 
-def live_cards(live: Path, files: dict[str, Path]) -> str:
-    """Links to the live pages in ``live`` (copied beside the site, into ``files``); empty without any."""
+def live_cards(live: Path, files: dict[str, Path], root: str = "") -> str:
+    """Links to the live pages in ``live`` (copied beside the site, into ``files``); empty without any. ``root`` leads
+    from the page to the root of the site.
+    """
     cards = []
     for page in sorted(live.glob("*.html")):
         files[f"live/{page.name}"] = page
@@ -208,7 +209,7 @@ def live_cards(live: Path, files: dict[str, Path]) -> str:
         cards.append(
             (f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures.values()) else {})
         )
-    return _cards(cards, files) if cards else ""
+    return _cards(cards, files, root) if cards else ""
 
 
 def with_cards(text: str, cards: str, said: str) -> str:
@@ -228,9 +229,10 @@ def executed(name: str, text: str) -> tuple[str, str]:
     import nbformat
     from nbclient import NotebookClient
 
+    title = posixpath.basename(name)
     book = nbformat.v4.new_notebook()
     book.cells = [
-        (nbformat.v4.new_code_cell if code else nbformat.v4.new_markdown_cell)(part, id=f"{name}-{i}")
+        (nbformat.v4.new_code_cell if code else nbformat.v4.new_markdown_cell)(part, id=f"{title}-{i}")
         for i, (code, part) in enumerate(_cells(text))
     ]
     with tempfile.TemporaryDirectory() as folder:
@@ -247,7 +249,7 @@ def executed(name: str, text: str) -> tuple[str, str]:
             parts += [f"```python\n{cell.source}\n```\n", *_outputs(cell.outputs)]
     heading, _, rest = "\n".join(parts).partition("\n")
     note = (
-        f'\n<a href="{name}.ipynb" download>This page as a notebook</a>; what stands below its code is what it printed'
+        f'\n<a href="{title}.ipynb" download>This page as a notebook</a>; what stands below its code is what it printed'
         " when the site was built.\n"
     )
     return nbformat.writes(book), f"{heading}\n{note}\n{rest}"
@@ -274,9 +276,9 @@ def gather(
     """All pages by their place, and the files that are copied as they are."""
     pages = Pages()
     files = {name: HERE / name for name in ("site.css", "site.js", "iframe_worker.js")}
-    for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
+    for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.rglob("*.md"))):
         source = file.relative_to(ROOT).as_posix()
-        if source != "docs/fmus.md":
+        if source != "docs/reference/fmus.md":
             pages.add(source, file.read_text(encoding="utf-8"))
     for name in NOTEBOOKS:
         book, pages.texts[f"{name}.md"] = run(name, pages.texts[f"{name}.md"])
@@ -285,9 +287,9 @@ def gather(
     pages.texts |= module_pages()
     pages.texts["claims.md"] = claims_page()
     pages.texts["reports.md"] = report_page(results, files)
-    cards = live_cards(live, files)
-    pages.texts["live.md"] = with_cards(pages.texts["live.md"], cards, "Here they are, to be opened:")
-    if cards:  # in place of the picture of one of them
+    how_to = "how-to/live.md"
+    pages.texts[how_to] = with_cards(pages.texts[how_to], live_cards(live, files, "../"), "Open one of these pages:")
+    if cards := live_cards(live, files):  # in place of the picture of one of them
         pages.texts["index.md"] = _LIVE.sub(lambda _: cards, pages.texts["index.md"])
     return pages.texts, files | pages.images
 

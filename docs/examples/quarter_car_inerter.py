@@ -1,4 +1,5 @@
-"""A component of one's own, built into an FMU: a quarter car with an inerter. See ``docs/tutorial.md``.
+"""A component of your own, built into an FMU: a quarter car with an inerter. See
+``docs/tutorials/first-component.md``.
 
 python docs/examples/quarter_car_inerter.py      # writes QuarterCarInerter.fmu (FMI 3.0) here
 """

@@ -204,8 +204,8 @@ def test_every_experiment_and_every_published_vehicle_is_here() -> None:
 
 
 def test_the_page_says_what_fits() -> None:
-    """Two tables of docs/vehicles-and-roads.md: the bases of each kind, and the kinds that each experiment takes."""
-    page = (ROOT / "docs" / "vehicles-and-roads.md").read_text(encoding="utf-8")
+    """Two tables of docs/how-to/vehicles-and-roads.md: bases of each kind, kinds that each experiment takes."""
+    page = (ROOT / "docs" / "how-to" / "vehicles-and-roads.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([a-z_-]+)` \| ([^|]*) \|", page, re.MULTILINE)
     names = {first: tuple(re.findall(r"`([a-z_]+)`", second.split(";")[0])) for first, second in rows}
     kinds = {load_vehicle(n).kind for n in vehicle_names()}

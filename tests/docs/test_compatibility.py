@@ -28,7 +28,7 @@ REQUIRED = {
 
 def rows(title: str) -> list[dict[str, str]]:
     """Cells of the table below a heading, by column."""
-    table = [line for line in section("compatibility.md", title).splitlines() if line.startswith("|")]
+    table = [line for line in section("reference/compatibility.md", title).splitlines() if line.startswith("|")]
     head, _, *body = ([cell.strip() for cell in line.strip("|").split("|")] for line in table)
     return [dict(zip(head, cells, strict=True)) for cells in body]
 
@@ -39,7 +39,7 @@ ROWS = [row for title in TRIED for row in rows(title)]
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: " ".join(list(row.values())[:3])[:60])
 def test_every_row_names_a_test_that_there_is(row: dict[str, str]) -> None:
     assert all(row.values())
-    found = re.fullmatch(r"\[`(test_\w+)`\]\(\.\./(tests/[\w/]+\.py)\)", row["test"])
+    found = re.fullmatch(r"\[`(test_\w+)`\]\(\.\./\.\./(tests/[\w/]+\.py)\)", row["test"])
     assert found is not None, row["test"]
     name, file = found.groups()
     assert f"\ndef {name}(" in (ROOT / file).read_text(encoding="utf-8")

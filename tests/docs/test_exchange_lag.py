@@ -10,7 +10,7 @@ from pages import ROOT, blocks
 
 from benchmarks import exchange_lag
 
-PAGE = ROOT / "docs" / "other-tools.md"
+PAGE = ROOT / "docs" / "how-to" / "other-tools.md"
 COMMAND = "python -m benchmarks.exchange_lag\n"
 
 

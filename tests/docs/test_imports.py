@@ -1,4 +1,4 @@
-"""Arrows between files: no circles, and between rooms only those of the table in docs/architecture.md.
+"""Arrows between files: no circles, and between rooms only those of the table in docs/explanation/architecture.md.
 
 Imports are read, not run, wherever they stand: inside functions and under TYPE_CHECKING too.
 """
@@ -94,9 +94,8 @@ def in_circles(arrows: dict[str, set[str]]) -> list[str]:
 @cache
 def rooms() -> dict[str, tuple[str, ...]]:
     """Each room with the rooms it may import, from the table, lowest first."""
-    rows = re.findall(
-        r"^\| `([^`|]+)` \|[^|]*\|([^|]*)\|$", section("architecture.md", "Who may import whom"), re.MULTILINE
-    )
+    table = section("explanation/architecture.md", "Who may import whom")
+    rows = re.findall(r"^\| `([^`|]+)` \|[^|]*\|([^|]*)\|$", table, re.MULTILINE)
     assert len(rows) > 10
     return {one: tuple(re.findall(r"`([^`]+)`", arrows)) for one, arrows in rows}
 
@@ -107,7 +106,7 @@ def room(file: str) -> str:
     for candidate in (file, f"{folder}/*.py", f"{folder}/", *(f"{p}/" for p in around)):
         if candidate in rooms():
             return candidate
-    raise AssertionError(f"{file} belongs to no room: add one to the table in docs/architecture.md")
+    raise AssertionError(f"{file} belongs to no room: add one to the table in docs/explanation/architecture.md")
 
 
 def test_files_import_in_no_circle() -> None:
@@ -132,7 +131,7 @@ def test_files_import_what_their_room_may() -> None:
     allowed = {(one, other) for one, others in rooms().items() for other in others}
     wrong = {pair: files for pair, files in arrows.items() if pair[0] != pair[1] and pair not in allowed}
     assert wrong == {}
-    assert allowed - arrows.keys() == set(), "the table in docs/architecture.md has arrows that nobody uses"
+    assert allowed - arrows.keys() == set(), "the table in docs/explanation/architecture.md has arrows that nobody uses"
 
 
 def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:

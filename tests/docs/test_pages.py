@@ -48,8 +48,11 @@ def test_readme_wires_a_foreign_fmu(seat: Path, workplace: Path, capsys: pytest.
     assert abs(recording["seat.acceleration"]).max() > 1.0  # the seat felt the road
 
 
+TUTORIAL = ROOT / "docs" / "tutorials" / "first-component.md"
+
+
 def test_tutorial(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    names = run_blocks(ROOT / "docs" / "tutorial.md")
+    names = run_blocks(TUTORIAL)
     printed = capsys.readouterr().out
     assert "modes [Hz]" in printed
     ends = {k: float(r["body.z"][-1]) for k, r in names["ends"].items()}  # type: ignore[attr-defined]
@@ -60,7 +63,7 @@ def test_tutorial(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_system_as_one_fmu_runs_in_fmpy(workplace: Path) -> None:
-    names = run_blocks(ROOT / "docs" / "other-tools.md")
+    names = run_blocks(ROOT / "docs" / "how-to" / "other-tools.md")
     result = names["result"]
     assert {"car.body.z", "car.body.az"} <= set(result.dtype.names)
     assert result["time"][-1] == 2.0
@@ -70,28 +73,28 @@ def test_a_system_as_one_fmu_runs_in_fmpy(workplace: Path) -> None:
 
 def test_systems_as_ssp(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Written in both versions and read again; the page itself compares the numbers."""
-    run_blocks(ROOT / "docs" / "ssp.md")
+    run_blocks(ROOT / "docs" / "how-to" / "ssp.md")
     assert capsys.readouterr().out.count("car (RideCarHmmwv) every 0.001 s") == 2
     assert (workplace / "Bumps2.ssp").is_file()
 
 
 def test_a_system_that_runs_in_a_browser(workplace: Path) -> None:
-    run_blocks(ROOT / "docs" / "live.md")
+    run_blocks(ROOT / "docs" / "how-to" / "live.md")
     assert "WebAssembly.compile" in (workplace / "bumps.html").read_text()
 
 
 def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
-    names = run_blocks(ROOT / "docs" / "batch.md")
+    names = run_blocks(ROOT / "docs" / "how-to" / "batch.md")
     assert "in lanes:\n     road (RoadSine)" in capsys.readouterr().out
     assert names["seen"].shape == (100, 2)  # type: ignore[attr-defined]
     assert len(set(names["rms"].tolist())) == 100  # type: ignore[attr-defined]
 
 
 def test_an_isolated_fmu_gives_the_same_numbers(workplace: Path) -> None:  # noqa: ARG001
-    assert len(run_blocks(ROOT / "docs" / "foreign-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
+    assert len(run_blocks(ROOT / "docs" / "how-to" / "third-party-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
 
 
-COMPLIANCE = ROOT / "docs" / "compliance.md"
+COMPLIANCE = ROOT / "docs" / "how-to" / "check-an-fmu.md"
 
 
 def test_compliance_lists_every_check(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
@@ -105,13 +108,13 @@ def test_compliance_lists_every_check(workplace: Path, capsys: pytest.CaptureFix
 
 def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
     source = (ROOT / "docs" / "examples" / "quarter_car_inerter.py").read_text(encoding="utf-8")
-    (shown,) = (b for b in blocks(ROOT / "docs" / "tutorial.md", "python") if "def quarter_car_inerter" in b)
+    (shown,) = (b for b in blocks(TUTORIAL, "python") if "def quarter_car_inerter" in b)
     assert shown[shown.index("def ") :].rstrip() in source
     runpy.run_path(str(ROOT / "docs" / "examples" / "quarter_car_inerter.py"), run_name="__main__")
     assert (workplace / "QuarterCarInerter.fmu").is_file()
 
 
-STUDIES = ROOT / "docs" / "studies.md"
+STUDIES = ROOT / "docs" / "how-to" / "studies.md"
 
 
 def test_the_study_of_the_page_is_the_example(workplace: Path) -> None:  # noqa: ARG001
@@ -139,7 +142,7 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
 
 
-SWEEPS = ROOT / "docs" / "sweeps.md"
+SWEEPS = ROOT / "docs" / "how-to" / "sweeps.md"
 
 
 def test_a_sweep_from_python(workplace: Path) -> None:
@@ -165,7 +168,7 @@ def test_a_sweep_from_python(workplace: Path) -> None:
 
 def test_signals_go_in_and_results_come_out(workplace: Path) -> None:
     """The road of the file moves the car, and every format gives the recording back (asserted on the page, too)."""
-    names = run_blocks(ROOT / "docs" / "data.md")
+    names = run_blocks(ROOT / "docs" / "how-to" / "data.md")
     recording, shown = names["recording"], names["shown"]
     assert abs(recording["car.body.z"]).max() > 0.02  # type: ignore[index]
     written = Recording.read(workplace / "ride.parquet")
@@ -176,7 +179,7 @@ def test_signals_go_in_and_results_come_out(workplace: Path) -> None:
     assert len(names["figure"].data) == 3  # type: ignore[attr-defined]
 
 
-STATES = ROOT / "docs" / "states-and-real-time.md"
+STATES = ROOT / "docs" / "how-to" / "states-and-real-time.md"
 
 
 def test_states_and_real_time(workplace: Path) -> None:
@@ -193,7 +196,7 @@ def test_states_and_real_time(workplace: Path) -> None:
 
 
 def test_a_system_as_a_learning_environment(workplace: Path) -> None:  # noqa: ARG001
-    names = run_blocks(ROOT / "docs" / "learning.md")
+    names = run_blocks(ROOT / "docs" / "how-to" / "learning.md")
     assert names["other"].time == pytest.approx(names["env"].time + 0.01)  # type: ignore[attr-defined]
     assert set(names["worth"]) == {-1.0, 0.0, 1.0}  # type: ignore[call-overload]
     for env in ("env", "other"):
@@ -202,7 +205,7 @@ def test_a_system_as_a_learning_environment(workplace: Path) -> None:  # noqa: A
 
 def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What the page says of its fit, and that its search is a search."""
-    names = run_blocks(ROOT / "docs" / "optimisation.md")
+    names = run_blocks(ROOT / "docs" / "how-to" / "optimisation.md")
     assert (workplace / "ride.log").is_file()
     found, fit = names["found"], names["fit"]
     assert len(found.trials) == 24  # type: ignore[attr-defined]
@@ -246,7 +249,7 @@ def test_the_learning_example_learns_and_compares(
 
 def test_a_law_designed_on_an_fmu_does_what_was_designed(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every number that the page shows is printed by its code, and the loop has the damping of the design."""
-    page = ROOT / "docs" / "control-design.md"
+    page = ROOT / "docs" / "how-to" / "control-design.md"
     names = run_blocks(page)
     shown, printed = words(" ".join(blocks(page, "text"))), words(capsys.readouterr().out)
     assert len(shown) == len(printed)

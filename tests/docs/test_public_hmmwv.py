@@ -14,8 +14,8 @@ WRITER = runpy.run_path(str(ROOT / "docs" / "write_public_hmmwv.py"))
 
 
 def test_natural_frequencies_are_those_of_the_models() -> None:
-    text = (ROOT / "docs" / "public-hmmwv.md").read_text(encoding="utf-8")
-    hint = "run `python docs/write_public_hmmwv.py --only modes` and commit docs/public-hmmwv.md"
+    text = (ROOT / "docs" / "reference" / "public-hmmwv.md").read_text(encoding="utf-8")
+    hint = "run `python docs/write_public_hmmwv.py --only modes` and commit docs/reference/public-hmmwv.md"
     assert WRITER["put"](text, "modes", WRITER["modes_table"]()) == text, hint
 
 
@@ -77,7 +77,7 @@ def test_the_script_runs_as_the_page_says() -> None:
 
 def test_the_page_says_whose_responses_stand_beside_ours() -> None:
     """Nobody published them: they were computed with the code of Project Chrono."""
-    page = (ROOT / "docs" / "public-hmmwv.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "public-hmmwv.md").read_text(encoding="utf-8")
     assert "were published" not in page
     assert ", published |" not in page
     assert len(re.findall(r", Chrono \|", page)) == len(WRITER["CHRONO"]) + len(WRITER["JUDGED"])

@@ -9,14 +9,14 @@ from foreign.faulty import FAULTS
 from pages import ROOT
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_scoreboard.py"))
-PAGE = (ROOT / "docs" / "check-scoreboard.md").read_text()
+PAGE = (ROOT / "docs" / "reference" / "check-scoreboard.md").read_text()
 FAULTY, CLEAN = (WRITER["rows_of"](part) for part in PAGE.split("\n## ")[1:])
 
 
 def test_every_fault_has_its_row_in_the_versions_that_can_have_it() -> None:
     hint = (
         "run `build-fmus && python docs/write_scoreboard.py NAME ...` for the faults that are new or changed, and"
-        " commit docs/check-scoreboard.md"
+        " commit docs/reference/check-scoreboard.md"
     )
     assert list(FAULTY) == list(FAULTS), hint
     versions = {name: tuple(map(int, row.split("|")[2].split(","))) for name, row in FAULTY.items()}

@@ -133,7 +133,8 @@ def test_tutorials_were_run(site: Path) -> None:
         assert printed
         shown = [code.text_content().strip() for code in html.parse(site / f"{name}.html").getroot().find_class("out")]
         assert shown == [text.strip() for text in printed]
-    assert re.search(r"body moves 0\.1\d\d m on a road of 0\.040 m", (site / "tutorial.html").read_text())
+    page = (site / "tutorials" / "first-component.html").read_text()
+    assert re.search(r"body moves 0\.1\d\d m on a road of 0\.040 m", page)
 
 
 @pytest.mark.full
@@ -158,8 +159,8 @@ def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path, monkeypatch: pyte
     page = tmp_path / "docs"
     page.mkdir()
     pages = WRITE["Pages"]()
-    with pytest.raises(FileNotFoundError, match=r"docs/tutorial.md: the link examples/gone.py leads nowhere"):
-        pages.add("docs/tutorial.md", "See [this](examples/gone.py).\n")
+    with pytest.raises(FileNotFoundError, match=r"docs/tutorials/a.md: the link ../gone.py leads nowhere"):
+        pages.add("docs/tutorials/a.md", "See [this](../gone.py).\n")
     texts: dict[str, Any] = {"index.md": "# A\n", "orphan.md": "# B\n"}
     monkeypatch.setitem(WRITE["build"].__globals__, "gather", lambda *_: (texts, {}))
     with pytest.raises(Abort):
@@ -169,5 +170,5 @@ def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path, monkeypatch: pyte
 def test_code_is_left_as_it_is() -> None:
     pages = WRITE["Pages"]()
     code = "```python\nnames[0](of.py)\n```\n"
-    pages.add("docs/ssp.md", f"[a](../README.md#run-it), [b](https://example.org/x)\n{code}")
-    assert pages.texts["ssp.md"] == f"[a](index.md#run-it), [b](https://example.org/x)\n{code}"
+    pages.add("docs/how-to/ssp.md", f"[a](../../README.md#run-it), [b](https://example.org/x)\n{code}")
+    assert pages.texts["how-to/ssp.md"] == f"[a](../index.md#run-it), [b](https://example.org/x)\n{code}"

@@ -19,17 +19,17 @@ pytestmark = pytest.mark.pages
 SCRIPT = Path(__file__).with_name("browse.mjs")
 PAGES = (
     "index",
-    "tutorial",
+    "tutorials/first-component",
     "results",
     "claims",
-    "compatibility",
+    "reference/compatibility",
     "reports",
-    "live",
+    "how-to/live",
     "fmus/index",
     "fmus/FullCarHmmwv",
     "python/cosim",
-    "architecture",
-    "sweeps",
+    "explanation/architecture",
+    "how-to/sweeps",
 )
 """One of every kind."""
 

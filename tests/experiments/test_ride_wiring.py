@@ -175,7 +175,7 @@ def test_tires_that_envelop_get_the_course_as_it_is(fmus: FmuSet) -> None:
         )  # as long as the obstacle, on which it loses some speed
         assert runs.measure(run)["seat_peak"] == pytest.approx(
             13.1, abs=0.3
-        )  # docs/public-hmmwv.md, over a half-round elsewhere
+        )  # docs/reference/public-hmmwv.md, over a half-round elsewhere
 
 
 def test_a_car_that_envelops_over_a_course_from_a_file(tmp_path: Path, fmus: FmuSet) -> None:

@@ -1,5 +1,5 @@
 """How the full car depends on how time is divided into steps: solver am2 restarts at every doStep
-(docs/architecture.md).
+(docs/explanation/architecture.md).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CARS = {"FullCarHmmwv": "hmmwv", "FullCarHmmwvModified": "hmmwv_modified"}
 ROW = 0.01  # s; inputs are held as long
 CUTS = (0.5, 1.0, 2.0, 5.0, 10.0)  # ms
 RIDE = re.compile(r"body\.(z|vz|az|pitch|roll)|wheel\..*\.(z|vz|az)|tire\..*\.force|suspension\..*")
-ARCHITECTURE = Path(__file__).parents[2] / "docs" / "architecture.md"
+ARCHITECTURE = Path(__file__).parents[2] / "docs" / "explanation" / "architecture.md"
 
 
 @lru_cache
@@ -55,7 +55,7 @@ def documented() -> dict[str, list[float]]:
     """The table's rows, without their first column."""
     text = ARCHITECTURE.read_text()
     head = re.search(r"^\| 1 s in doSteps of \|(.+)\|$", text, re.MULTILINE)
-    assert head, "docs/architecture.md has no table of 1 s in doSteps"
+    assert head, "docs/explanation/architecture.md has no table of 1 s in doSteps"
     assert [float(c.split()[0]) for c in head[1].split("|")] == [c for c in CUTS if c != 1.0]
     rows = {}
     for key in ("motion", "any output"):
@@ -82,7 +82,7 @@ def test_the_documented_error_of_the_solver_step() -> None:
     """What halving solver.step moves at doSteps of 1 ms, to compare with."""
     text = " ".join(ARCHITECTURE.read_text().split())
     said = re.search(r"Halving `solver\.step` at 1 ms moves motion by (\S+) and any output by (\S+) of its range", text)
-    assert said, "docs/architecture.md does not say what halving solver.step moves"
+    assert said, "docs/explanation/architecture.md does not say what halving solver.step moves"
     found = worst(1.0, 2.5e-4)
     assert found["motion"] == pytest.approx(float(said[1]), rel=0.1)
     assert found["any output"] == pytest.approx(float(said[2]), rel=0.1)

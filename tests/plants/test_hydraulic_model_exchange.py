@@ -159,10 +159,10 @@ def test_kinks_need_no_events(name: str, path: str, monkeypatch: pytest.MonkeyPa
 
 
 def documented() -> tuple[float, float]:
-    """Part of the range by which such an importer moves the force, from docs/other-tools.md."""
-    text = " ".join((DOCS / "other-tools.md").read_text().split())
+    """Part of the range by which such an importer moves the force, from docs/how-to/other-tools.md."""
+    text = " ".join((DOCS / "how-to" / "other-tools.md").read_text().split())
     found = re.search(r"moves the force by (\d+) to (\d+) % of its range", text)
-    assert found, "docs/other-tools.md does not say by how much the force is moved"
+    assert found, "docs/how-to/other-tools.md does not say by how much the force is moved"
     return float(found[1]) / 100, float(found[2]) / 100
 
 
