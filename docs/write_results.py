@@ -1,9 +1,9 @@
-"""Write what the studies found into ``results.md`` and the README, from the studies' own summaries.
+"""Write what the studies found into `results.md` and the README's table of papers, from the studies' own summaries.
 
 make studies
 python docs/write_results.py [results]
 
-Claims and figures of each ``summary.json`` are kept in ``docs/results/NAME.json``, from which both pages are made: a
+Claims and figures of each `summary.json` are kept in `docs/results/NAME.json`, from which both pages are made: a
 number on them is one that a run gave. The tests compare the pages with these files, and these files with studies run
 anew.
 """
@@ -40,6 +40,15 @@ _CLAIM = (
     "reason",
     "source",
 )
+
+FEATURED = {
+    "000": ("Brown et al.", "GPC of a HMMWV", "response cut, sine road", "gpc", "sine-explicit"),
+    "001": ("Donahue, Hedrick", "preview MPC", "off-road power, unlimited pump", "hmmwv", "off-road-mpc"),
+    "002": ("Das, Vinodh Kumar", "MPC of a quarter car", "force", "bench", "force-limit"),
+    "003": ("Kale", "6x6 over trenches", "passive crossings", "trench", "passive-verdicts"),
+    "004": ("Marzbanrad et al.", "preview LQ", "comfort index", "preview-lq", "index-both-preview"),
+}
+"""The README's row of each paper: authors, subject, quantity, and the experiment and claim that the numbers are of."""
 
 Summary = dict[str, Any]
 
@@ -91,17 +100,19 @@ def table(studies: list[Summary]) -> str:
 
 
 def section(studies: list[Summary]) -> str:
-    """The README's section: how many claims of each paper came out, and which did not."""
-    parts = [table(studies), *filter(None, [missing(studies)])]
-    for s in studies:
-        lines = [f"**`cosim study {s['experiment']}`**: {s['title']}. {_figures(s)}".rstrip()]
-        for verdict in OUTCOMES[1:]:
-            lines += [f"- {verdict}: {_short(c)}" for c in s["claims"] if c["verdict"] == verdict]
-        lines += [
-            f"- own check that does not hold: {_short(c)}" for c in s["claims"] if c["verdict"] == "does not hold"
-        ]
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts)
+    """The README's section: for each paper its subject, one published number beside ours, and the reproduced claims."""
+    head = ["paper", "subject", "one number", "published", "here", "[claims reproduced](docs/results.md)", "studies"]
+    rows = []
+    for number, (authors, subject, quantity, *which) in FEATURED.items():
+        own = [s for s in studies if paper(s["experiment"]) == number]
+        claims = [c for s in own for c in s["claims"] if not c["own"]]
+        featured = [c for s in own for c in s["claims"] if [s["experiment"], c["id"]] == which]
+        reproduced = f"{sum(c['verdict'] == 'reproduced' for c in claims)} of {len(claims)}"
+        names = ", ".join(f"`{s['experiment']}`" for s in own)
+        title = f"{number} {authors}"
+        rows += [[title, subject, quantity, c["published"], _ours(c), reproduced, names] for c in featured]
+    lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]
+    return "\n\n".join(["\n".join(lines), *filter(None, [missing(studies)])])
 
 
 def page(studies: list[Summary]) -> str:
@@ -205,10 +216,9 @@ def _unit(unit: str) -> str:
     return f" {unit}" if unit and unit != "-" else ""
 
 
-def _short(c: dict[str, Any]) -> str:
-    """A claim in one line, with the pump that would carry it where its reason names one."""
-    pump = next((f"; {part}" for part in c["reason"].split("; ") if part.startswith("holds with: ")), "")
-    return f"{c['claim']} (published: {c['published']}; here: {c['ours']}{pump})"
+def _ours(c: dict[str, Any]) -> str:
+    """Our number for a claim; its words where it is not one number."""
+    return c["ours"] if c["value"] is None else f"{c['value']:.3g}{_unit(c['unit'])}"
 
 
 def _judged(c: dict[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ settings.register_profile("fixed", derandomize=True)  # the same examples everyw
 settings.load_profile("fixed")
 
 import awkward  # noqa: E402
-from built import BuiltFmus, build_all  # noqa: E402
+from built import FMUS, BuiltFmus, build_all  # noqa: E402
 from foreign import followers  # noqa: E402
 
 
@@ -35,6 +36,15 @@ from foreign import followers  # noqa: E402
 def built_fmus() -> BuiltFmus:
     """All FMUs under test, for this machine, up to date."""
     return build_all()
+
+
+@pytest.fixture
+def workplace(built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:  # noqa: ARG001
+    """The current folder while the code of a page runs, with the FMUs in `fmus/`."""
+    (tmp_path / "fmus").symlink_to(FMUS, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        yield tmp_path
 
 
 @pytest.fixture(scope="session")

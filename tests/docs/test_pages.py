@@ -10,20 +10,16 @@ import re
 import runpy
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
-from pages import PAGES, ROOT, blocks, headings, links, transcripts
+from pages import PAGES, ROOT, blocks, headings, help_of, links, same, transcripts, words
 from pyarrow import parquet as pq
-from typer.testing import CliRunner
 
 from cosim import Recording
-from cosim.cli import app
 from cosim.experiments import EXPERIMENTS
 
 BIN = Path(sys.executable).parent
-LINES_OF_WIRING = 20
 LINES_OF_A_STUDY = 50
 
 
@@ -33,19 +29,6 @@ def run_blocks(page: Path) -> dict[str, object]:
     for number, code in enumerate(blocks(page, "python"), start=1):
         exec(compile(code, f"{page.name}, block {number}", "exec"), namespace)
     return namespace
-
-
-@pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
-def test_readme_wires_a_foreign_fmu(seat: Path, workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert seat == workplace / "path" / "to" / "Seat.fmu"
-    (code,) = blocks(ROOT / "README.md", "python")
-    assert len([line for line in code.splitlines() if line.strip()]) <= LINES_OF_WIRING
-    recording = run_blocks(ROOT / "README.md")["recording"]
-    printed = capsys.readouterr().out
-    assert "seat (Seat) every 0.005 s" in printed
-    assert "peak at the driver" in printed
-    assert (workplace / "ride.csv").is_file()
-    assert abs(recording["seat.acceleration"]).max() > 1.0  # the seat felt the road
 
 
 TUTORIAL = ROOT / "docs" / "tutorials" / "first-component.md"
@@ -292,18 +275,6 @@ def files_shown(page: Path) -> dict[str, str]:
     return found
 
 
-def words(text: str) -> list[str]:
-    text = re.sub(r"\d+x real time|\(\d+(\.\d+)? s\)", "", text)
-    return text.split()
-
-
-def same(shown: str, printed: str) -> bool:
-    try:
-        return math.isclose(float(shown), float(printed), rel_tol=0.02, abs_tol=2e-5)
-    except ValueError:
-        return shown == printed
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in links(page):
@@ -319,8 +290,10 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_commands_named_in_a_page_exist(page: Path) -> None:
     """Options of our programs in running text are options that they have; those of a user's file are the file's own."""
     text = page.read_text(encoding="utf-8")
-    for program, words, options in re.findall(r"(?<![\w/.-])(cosim|build-fmus)((?: +(?!--)[\w./-]+)*)([^`\n|]*)", text):
-        command = ["build"] if program == "build-fmus" else words.split()[:2]
+    for program, called, options in re.findall(
+        r"(?<![\w/.-])(cosim|build-fmus)((?: +(?!--)[\w./-]+)*)([^`\n|]*)", text
+    ):
+        command = ["build"] if program == "build-fmus" else called.split()[:2]
         if not command or (len(command) == 2 and command[1] not in EXPERIMENTS):
             continue
         for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", options):
@@ -340,11 +313,3 @@ def test_what_a_page_says_to_run_exists(page: Path) -> None:
         assert (ROOT / file).is_file(), f"{page.name}: {file}"
         imports = re.search(r"^from (?:tests|benchmarks)", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
         assert not imports, f"{page.name}: {file} imports from the repository, so it is a module: python -m"
-
-
-@cache
-def help_of(*command: str) -> str:
-    """What ``cosim COMMAND --help`` prints; of a command that needs the name of an experiment, with one."""
-    result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "200"})
-    assert result.exit_code == 0, result.output
-    return help_of(*command, min(EXPERIMENTS)) if "COMMAND [ARGS]" in result.output else result.output

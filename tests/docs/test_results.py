@@ -12,6 +12,7 @@ import pytest
 from pages import ROOT, headings
 
 from cosim.cli import NAMES
+from fmu_sources.catalog import PAPERS
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_results.py"))
 STUDIES = WRITER["kept"]()
@@ -32,12 +33,35 @@ def test_the_pages_are_up_to_date() -> None:
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
 
 
-def test_the_readme_names_the_pump_with_which_a_claim_holds() -> None:
+def test_the_page_names_the_pump_with_which_a_claim_holds() -> None:
     hmmwv = next(s for s in STUDIES if s["experiment"] == "hmmwv")
     pumps = [c["reason"].split("holds with: ")[1] for c in hmmwv["claims"] if "holds with: " in c["reason"]]
-    text = WRITER["section"]([hmmwv])
+    text = WRITER["page"]([hmmwv])
     assert pumps
-    assert [pump for pump in pumps if f"; holds with: {pump})" not in text] == []
+    assert [pump for pump in pumps if f"holds with: {pump} |" not in text] == []
+
+
+def test_the_readme_shows_one_number_of_each_paper_and_its_reproduced_claims() -> None:
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in WRITER["section"](STUDIES).splitlines()]
+    head, _, *rows = [row for row in rows if len(row) > 1]
+    assert "(docs/results.md)" in head[5]
+    assert [row[0].split()[0] for row in rows] == sorted(PAPERS)
+    for title, _, _, published, here, reproduced, names in rows:
+        number, _, authors = title.partition(" ")
+        assert all(name in PAPERS[number] for name in authors.removesuffix(" et al.").split(", "))
+        own = [s for s in STUDIES if f"`{s['experiment']}`" in names]
+        assert [s for s in STUDIES if WRITER["paper"](s["experiment"]) == number] == own
+        claims = [c for s in own for c in s["claims"] if not c["own"]]
+        assert reproduced == f"{sum(c['verdict'] == 'reproduced' for c in claims)} of {len(claims)}"
+        assert [c for c in claims if c["published"] == published and shows(here, c)]
+
+
+def shows(text: str, claim: dict) -> bool:
+    """Whether a cell has a claim's number to three digits, or its words where it has no number."""
+    if claim["value"] is None:
+        return text == claim["ours"]
+    number = float(re.match(r"[\d.]+", text)[0])  # type: ignore[index]
+    return number == pytest.approx(claim["value"], rel=5e-3) and text.endswith(claim["unit"])
 
 
 def test_counts_are_those_of_the_claims() -> None:
@@ -59,10 +83,18 @@ def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
         (c for c in changed["claims"] if not c["own"]), changed["claims"][0]
     )  # of no paper: one of our own checks
     claim["ours"], claim["verdict"] = "quite another figure", "does not hold" if claim["own"] else "not reproduced"
-    for make in ("section", "page"):
-        assert "quite another figure" in WRITER[make]([changed])
-        assert WRITER[make]([changed]) != WRITER[make]([study])
+    assert "quite another figure" in WRITER["page"]([changed])
     assert ("quite another figure" in WRITER["one_table"]([changed])) == (not claim["own"])
+
+
+@pytest.mark.parametrize("number", sorted(PAPERS))
+def test_a_number_or_verdict_that_changes_changes_the_readme(number: str) -> None:
+    *_, experiment, identifier = WRITER["FEATURED"][number]
+    for change in ({"value": 123.0}, {"published": "quite another figure"}, {"verdict": "open"}):
+        changed = json.loads(json.dumps(STUDIES))
+        claims = next(s for s in changed if s["experiment"] == experiment)["claims"]
+        next(c for c in claims if c["id"] == identifier).update(change)
+        assert WRITER["section"](changed) != WRITER["section"](STUDIES)
 
 
 def test_every_published_claim_is_in_the_one_table() -> None:

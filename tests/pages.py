@@ -1,11 +1,13 @@
-"""Code blocks, command lines and links of the Markdown pages."""
+"""Code blocks, command lines and links of the Markdown pages, and what programs print."""
 
 from __future__ import annotations
 
+import math
 import re
+from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -46,3 +48,31 @@ def section(page: str, title: str) -> str:
     found = re.search(rf"^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
     assert found is not None, f"{page} has no section {title!r}"
     return found[1]
+
+
+def words(text: str) -> list[str]:
+    """Words of an output without times and speeds of the machine."""
+    text = re.sub(r"\d+x real time|\(\d+(\.\d+)? s\)", "", text)
+    return text.split()
+
+
+def same(shown: str, printed: str) -> bool:
+    """Whether two words are equal, or numbers that are close: platforms differ in the last digits."""
+    try:
+        return math.isclose(float(shown), float(printed), rel_tol=0.02, abs_tol=2e-5)
+    except ValueError:
+        return shown == printed
+
+
+@cache
+def help_of(*command: str) -> str:
+    """What `cosim COMMAND --help` prints; of a command that needs the name of an experiment, with one."""
+    from typer.testing import CliRunner
+
+    from cosim.cli import app
+    from cosim.experiments import EXPERIMENTS, IDENTIFY
+
+    result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    names = IDENTIFY if command == ("identify",) else EXPERIMENTS
+    return help_of(*command, min(names)) if "COMMAND [ARGS]" in result.output else result.output
