@@ -3,7 +3,7 @@
     pip install pythonfmu
     pythonfmu build -f docs/examples/seat.py
 
-It stands for any FMU that you already have; the README connects it to the car.
+It stands for any FMU that you already have; `docs/how-to/third-party-fmus.md` connects it to a car.
 """
 
 import math

@@ -73,8 +73,19 @@ def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert len(set(names["rms"].tolist())) == 100  # type: ignore[attr-defined]
 
 
-def test_an_isolated_fmu_gives_the_same_numbers(workplace: Path) -> None:  # noqa: ARG001
-    assert len(run_blocks(ROOT / "docs" / "how-to" / "third-party-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
+@pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
+def test_a_third_party_fmu_runs_connected_and_isolated(
+    seat: Path, workplace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The connected one feels the road; the isolated one gives the same numbers, as the page itself compares."""
+    assert seat == workplace / "path" / "to" / "Seat.fmu"
+    names = run_blocks(ROOT / "docs" / "how-to" / "third-party-fmus.md")
+    printed = capsys.readouterr().out
+    assert "seat (Seat) every 0.005 s" in printed
+    assert "peak at the driver" in printed
+    assert (workplace / "ride.csv").is_file()
+    assert abs(names["recording"]["seat.acceleration"]).max() > 1.0  # type: ignore[index]
+    assert len(names["at_arms_length"]) == 1001  # type: ignore[arg-type]
 
 
 COMPLIANCE = ROOT / "docs" / "how-to" / "check-an-fmu.md"
