@@ -117,6 +117,9 @@ def test_search_knows_fmus_and_functions(site: Path) -> None:
     found = json.loads((site / "search" / "search_index.json").read_text())["docs"]
     places = {d["location"] for d in found}
     assert {"fmus/MpcHmmwv.html", "python/cosim.html#cosim.System.run"} <= places
+    assert [d["location"] for d in found if "own controller" in d["title"].lower()] == [
+        "how-to/controller-in-python.html"
+    ]
 
 
 @pytest.mark.full
