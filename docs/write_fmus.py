@@ -10,6 +10,7 @@ Their variables are in pages that are made of the FMUs where they are read: the 
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -75,7 +76,8 @@ def _about(fmus: Path, name: str) -> Description:
 
 
 def _head(how: str) -> str:
-    return _HEAD.format(how=how, papers="\n".join(f"- {number}: {title}" for number, title in sorted(PAPERS.items())))
+    papers = (f"- {number}: {title}" for number, title in sorted(PAPERS.items()))
+    return _HEAD.format(how=how, papers="\n".join(textwrap.fill(p, 120, subsequent_indent="  ") for p in papers))
 
 
 def _kind(about: Description) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import textwrap
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,7 @@ def page(studies: list[Summary]) -> str:
     """All claims of all papers with published figure, ours, verdict and the rule behind it."""
     parts = [
         "# What the papers say and what came out",
-        (
+        _wrapped(
             "Written by `docs/write_results.py` from the summaries of the studies; do not edit. Each claim is judged as"
             " its paper words it: whether what it says holds and, where it gives a number, whether ours lies in a band"
             " around it. Checks of our own, which no paper states, are counted apart. Reports with figures and tables:"
@@ -131,7 +132,7 @@ def page(studies: list[Summary]) -> str:
     for s in studies:
         parts.append(f"## {_heading(s)}")
         if s["results"]:
-            parts.append(_figures(s))
+            parts.append(_wrapped(_figures(s)))
         for own, title in ((False, "claim"), (True, "check of our own")):
             claims = [c for c in s["claims"] if c["own"] == own]
             if claims:
@@ -206,6 +207,10 @@ def with_section(readme: str, text: str) -> str:
 def _figures(s: Summary) -> str:
     figures = [f"{name} {_number(r['value'])}{_unit(r['unit'])}" for name, r in s["results"].items()]
     return f"{'; '.join(figures)}." if figures else ""
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
 
 
 def _number(value: Any) -> str:

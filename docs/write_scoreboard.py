@@ -144,7 +144,8 @@ without a fault it reports. `cosim check` was written together with these faults
 command does what it promises, not that it finds faults that nobody has thought of. The other checkers promise less:
 they read the model description and run nothing.
 
-Versions: {named}. Other checkers (FMUComplianceChecker, VDMCheck) are on no package index.
+Versions: {named}.
+Other checkers (FMUComplianceChecker, VDMCheck) are on no package index.
 
 | checker | faults noticed | FMUs without a fault accused |
 |---|---|---|

@@ -1,11 +1,16 @@
-"""`make test` runs all tests that there are."""
+"""`make test` runs all tests that there are, and the lines of all pages are short."""
 
 from __future__ import annotations
 
+import re
 from fnmatch import fnmatch
+from pathlib import Path
 
 import pytest
-from pages import ROOT
+from pages import PAGES, ROOT
+
+LONGEST_LINE = 120  # as of code, see pyproject.toml
+NO_TEXT = re.compile(r"\]\([^)]*\)")  # a link's target cannot be broken
 
 
 def test_no_folder_of_tests_is_passed_over(pytestconfig: pytest.Config) -> None:
@@ -15,3 +20,10 @@ def test_no_folder_of_tests_is_passed_over(pytestconfig: pytest.Config) -> None:
     for file in (ROOT / "tests").rglob("test_*.py"):
         for folder in file.relative_to(ROOT).parts[:-1]:
             assert not [p for p in passed_over if fnmatch(folder, p)], file
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "benchmarks" / "README.md"], ids=lambda p: f"{p.parent.name}/{p.name}")
+def test_lines_of_markdown_are_short(page: Path) -> None:
+    """Rows of tables have no limit: Markdown has no way to break them."""
+    lines = enumerate(page.read_text(encoding="utf-8").splitlines(), start=1)
+    assert [n for n, line in lines if line[:1] != "|" and len(NO_TEXT.sub("]()", line)) > LONGEST_LINE] == []
