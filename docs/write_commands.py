@@ -141,6 +141,7 @@ def _item(names: str, text: str) -> str:
     if len(names) > LONGEST:
         names, _, choices = names.rpartition(" ")
         text = f"{text}; one of {', '.join(f'`{c}`' for c in choices.split('|'))}"
+    text = re.sub(r"\[(default: [^]]*)]", r"(\1)", text)  # after a unit in brackets it would be a link
     return _wrapped(f"`{names}`: {text}", "- ")
 
 
