@@ -50,7 +50,9 @@ OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "doc
 _SHIM = (  # what the theme would fetch for search without a server; ours does the same
     "https://unpkg.com/iframe-worker/shim"
 )
-_LIVE = re.compile(r"^\[!\[.*\(images/live/.*$", re.MULTILINE)  # a picture of a live page that leads to more
+_START_ENDS = (
+    "## Run an experiment\n"  # what follows in the README is a page of its own: the start page fits three screens
+)
 _SEARCH = (  # a dialog needs a name, which the theme does not give
     '<div class="md-search" data-md-component="search" role="dialog"'
 )
@@ -190,10 +192,8 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
     )
 
 
-def live_cards(live: Path, files: dict[str, Path], root: str = "") -> str:
-    """Links to the live pages in ``live`` (copied beside the site, into ``files``); empty without any. ``root`` leads
-    from the page to the root of the site.
-    """
+def live_cards(live: Path, files: dict[str, Path]) -> str:
+    """Links from ``how-to/`` to the live pages in ``live``, which are copied (into ``files``); empty without any."""
     cards = []
     for page in sorted(live.glob("*.html")):
         files[f"live/{page.name}"] = page
@@ -209,7 +209,15 @@ def live_cards(live: Path, files: dict[str, Path], root: str = "") -> str:
         cards.append(
             (f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures.values()) else {})
         )
-    return _cards(cards, files, root) if cards else ""
+    return _cards(cards, files, "../") if cards else ""
+
+
+def start_pages(readme: str) -> dict[str, str]:
+    """The start page, which is the beginning of the README, and a page with the rest of it."""
+    start, heading, rest = readme.partition(_START_ENDS)
+    more = "[Run an experiment; the papers, further features, limits and how to cite](about.md)"
+    about = "# Experiments, papers and limits"
+    return {"index.md": f"{start}{more}\n", "about.md": f"{about}\n\n{heading}{rest}"} if rest else {"index.md": readme}
 
 
 def with_cards(text: str, cards: str, said: str) -> str:
@@ -287,10 +295,9 @@ def gather(
     pages.texts |= module_pages()
     pages.texts["claims.md"] = claims_page()
     pages.texts["reports.md"] = report_page(results, files)
+    pages.texts |= start_pages(pages.texts["index.md"])
     how_to = "how-to/live.md"
-    pages.texts[how_to] = with_cards(pages.texts[how_to], live_cards(live, files, "../"), "Open one of these pages:")
-    if cards := live_cards(live, files):  # in place of the picture of one of them
-        pages.texts["index.md"] = _LIVE.sub(lambda _: cards, pages.texts["index.md"])
+    pages.texts[how_to] = with_cards(pages.texts[how_to], live_cards(live, files), "Open one of these pages:")
     return pages.texts, files | pages.images
 
 

@@ -25,12 +25,13 @@ for (const colorScheme of ["light", "dark"]) {
       await page.waitForTimeout(200);
       await page.screenshot({ path: join(folder, `${basename(file, ".html")}-${width}-${colorScheme}.png`) });
       const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      const screens = await page.evaluate(() => document.documentElement.scrollHeight / innerHeight);
       const dark = await page.evaluate(() => getComputedStyle(document.body).getPropertyValue("--md-default-bg-color"));
       await page.evaluate(axe.source);
       const { violations } = await page.evaluate(() => window.axe.run({ preload: false }));
       const harms = violations.filter(({ impact }) => ["serious", "critical"].includes(impact))
         .map(({ id, help, nodes }) => ({ id, help, count: nodes.length, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
-      found.push({ page: basename(file), width, scheme: colorScheme, errors, asked, overflow, dark, harms });
+      found.push({ page: basename(file), width, scheme: colorScheme, errors, asked, overflow, screens, dark, harms });
       await page.close();
     }
     await context.close();

@@ -68,13 +68,24 @@ def test_live_pages_are_shown_and_copied(tmp_path: Path) -> None:
     files: dict[str, Path] = {}
     cards = WRITE["live_cards"](tmp_path, files)
     assert (
-        cards == '<div class="cards">\n<a class="card" href="live/a.html"><b>Drive &amp; see</b> <span>A'
+        cards == '<div class="cards">\n<a class="card" href="../live/a.html"><b>Drive &amp; see</b> <span>A'
         " car,\nlive.</span></a>\n</div>"
     )
     assert files == {"live/a.html": tmp_path / "a.html"}
     assert WRITE["with_cards"]("# Live\n\nText.\n", cards, "Here:") == f"# Live\n\nHere:\n\n{cards}\n\nText.\n"
     assert WRITE["live_cards"](tmp_path / "none", {}) == ""
     assert WRITE["with_cards"]("# Live\n", "", "Here:") == "# Live\n"
+
+
+def test_the_start_page_is_the_beginning_of_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    pages = WRITE["start_pages"](readme)
+    start, about = pages["index.md"], pages["about.md"]
+    assert len(start.splitlines()) < 80
+    assert [line for line in readme.splitlines() if line.startswith("#")] == [
+        line for line in (start + about).splitlines() if line.startswith("#") and line != about.splitlines()[0]
+    ]
+    assert WRITE["start_pages"]("# A\n") == {"index.md": "# A\n"}
 
 
 def test_there_is_a_picture_of_every_live_page_and_report() -> None:

@@ -57,6 +57,11 @@ def test_it_says_and_asks_nothing_and_fits(found: dict[str, Any]) -> None:
     assert len({(v["scheme"], v["dark"]) for v in found["views"]}) == 2  # it follows the colours that are asked for
 
 
+def test_the_start_page_fits_three_screens_of_a_phone(found: dict[str, Any]) -> None:
+    views = [v for v in found["views"][:: len(PAGES)] if v["width"] == 390]
+    assert [(v["page"], v["screens"] <= 3) for v in views] == 2 * [("index.html", True)]
+
+
 def test_search_needs_no_network(found: dict[str, Any]) -> None:
     assert found["hits"]
     assert all(hit.startswith("file:") for hit in found["hits"])
