@@ -263,6 +263,15 @@ def test_a_law_designed_on_an_fmu_does_what_was_designed(workplace: Path, capsys
     assert (workplace / "QuarterCarLqr.fmu").is_file()
 
 
+def test_the_glossary_is_in_order_and_complete() -> None:
+    """Each term has a definition in one or two sentences, and a source."""
+    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \*\*(.+?)\*\* \| (.+?) \| (.+?) \|$", text, re.MULTILINE)
+    assert len(rows) == len(re.findall(r"^\|", text, re.MULTILINE)) - 2 >= 60
+    assert [term.lower() for term, *_ in rows] == sorted(term.lower() for term, *_ in rows)
+    assert [term for term, definition, _ in rows if not definition.endswith(".") or definition.count(". ") > 1] == []
+
+
 COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
 
 
