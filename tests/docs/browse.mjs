@@ -25,18 +25,22 @@ for (const colorScheme of ["light", "dark"]) {
       await page.waitForTimeout(200);
       await page.screenshot({ path: join(folder, `${basename(file, ".html")}-${width}-${colorScheme}.png`) });
       const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-      const screens = await page.evaluate(() => document.documentElement.scrollHeight / innerHeight);
       const dark = await page.evaluate(() => getComputedStyle(document.body).getPropertyValue("--md-default-bg-color"));
       await page.evaluate(axe.source);
       const { violations } = await page.evaluate(() => window.axe.run({ preload: false }));
       const harms = violations.filter(({ impact }) => ["serious", "critical"].includes(impact))
         .map(({ id, help, nodes }) => ({ id, help, count: nodes.length, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
-      found.push({ page: basename(file), width, scheme: colorScheme, errors, asked, overflow, screens, dark, harms });
+      found.push({ page: basename(file), width, scheme: colorScheme, errors, asked, overflow, dark, harms });
       await page.close();
     }
     await context.close();
   }
 }
+
+// how many screens of a phone the first page takes
+const phone = await (await browser.newContext({ viewport: { width: 390, height: 900 } })).newPage();
+await phone.goto(pathToFileURL(resolve(files[0])).href);
+const screens = await phone.evaluate(() => document.documentElement.scrollHeight / innerHeight);
 
 // search without a network, and the choices above the table of claims
 const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
@@ -58,4 +62,4 @@ if (claims) {
   narrowed.said = await page.locator(".claims output").textContent();
 }
 await browser.close();
-console.log(JSON.stringify({ views: found, hits, narrowed }));
+console.log(JSON.stringify({ views: found, screens, hits, narrowed }));

@@ -58,8 +58,7 @@ def test_it_says_and_asks_nothing_and_fits(found: dict[str, Any]) -> None:
 
 
 def test_the_start_page_fits_three_screens_of_a_phone(found: dict[str, Any]) -> None:
-    views = [v for v in found["views"][:: len(PAGES)] if v["width"] == 390]
-    assert [(v["page"], v["screens"] <= 3) for v in views] == 2 * [("index.html", True)]
+    assert 1 < found["screens"] <= 3
 
 
 def test_search_needs_no_network(found: dict[str, Any]) -> None:
