@@ -1,5 +1,5 @@
-/* The least that a call into another process costs: two processes that hand a number back and forth in shared memory, looking for it all
- * the time. Prints nanoseconds per round, the median of all batches. */
+/* The least that a call into another process costs: two processes that hand a number back and forth in shared memory,
+ * looking for it all the time. Prints nanoseconds per round, the median of all batches. */
 #define _GNU_SOURCE
 #include <stdatomic.h>
 #include <stdint.h>
@@ -18,7 +18,9 @@ static double now(void) {
     return (double)t.tv_sec * 1e9 + (double)t.tv_nsec;
 }
 
-static int ascending(const void *a, const void *b) { return (*(const double *)a > *(const double *)b) - (*(const double *)a < *(const double *)b); }
+static int ascending(const void *a, const void *b) {
+    return (*(const double *)a > *(const double *)b) - (*(const double *)a < *(const double *)b);
+}
 
 int main(void) {
     typedef struct { _Alignas(64) _Atomic uint32_t there; _Alignas(64) _Atomic uint32_t back; } Shared;

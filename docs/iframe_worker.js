@@ -1,4 +1,7 @@
-/* Search runs in a worker, which browsers refuse to pages that are read from a folder: there its script runs in a frame instead. */
+/**
+ * Search runs in a worker, which browsers refuse to pages that are read from a folder: there its script runs in a frame
+ * instead.
+ */
 if (location.protocol === "file:") {
   window.Worker = class extends EventTarget {
     constructor(url) {
@@ -17,7 +20,8 @@ if (location.protocol === "file:") {
           script.onerror = () => reject(new Error(`${source} cannot be loaded`));
           inner.document.head.append(script);
         });
-      inner.importScripts = (...sources) => sources.reduce((before, source) => before.then(() => load(source)), Promise.resolve());
+      inner.importScripts = (...sources) =>
+        sources.reduce((before, source) => before.then(() => load(source)), Promise.resolve());
       inner.postMessage = (data) => this.answer(data);
       this.ready = load(base);
     }

@@ -1,4 +1,5 @@
-// Takes pictures of pages in Chromium: node pictures.mjs MODULES JOBS, a JSON list of {page, out, width, scheme, element, seconds}.
+// Takes pictures of pages in Chromium: node pictures.mjs MODULES JOBS, a JSON list of {page, out, width, scheme,
+// element, seconds}.
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -12,7 +13,11 @@ for (const { page: file, out, width, height, scheme, element, seconds } of JSON.
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: scheme });
   const page = await context.newPage();
   await page.goto(pathToFileURL(resolve(file)).href);
-  await page.waitForFunction(() => [...document.querySelectorAll("[data-plot]")].every((plot) => plot.querySelector(".main-svg")), null, { timeout: 60000 });
+  await page.waitForFunction(
+    () => [...document.querySelectorAll("[data-plot]")].every((plot) => plot.querySelector(".main-svg")),
+    null,
+    { timeout: 60000 },
+  );
   await page.waitForFunction(() => document.documentElement.dataset.state !== "loading", null, { timeout: 60000 });
   await page.waitForTimeout(1000 * seconds);
   const what = element ? page.locator(element).first() : page;

@@ -1,4 +1,5 @@
-/* An FMU that does what FMUs of this world do at `at` [s]; what, is the parameter `trouble`. y is the time it has reached. */
+/* An FMU that does what FMUs of this world do at `at` [s]; what, is the parameter `trouble`. y is the time it has
+ * reached. */
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -52,10 +53,18 @@ static Model *fresh(Model *m) {
 }
 
 #define DO(NAME, ...) int NAME(__VA_ARGS__)
-#define EACH(CALL) do { for (size_t i = 0; i < n; i++) { int status = CALL; if (status) return status; } return 0; } while (0)
+#define EACH(CALL)                                                                                                     \
+    do {                                                                                                               \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            int status = CALL;                                                                                         \
+            if (status) return status;                                                                                 \
+        }                                                                                                              \
+        return 0;                                                                                                      \
+    } while (0)
 
 #if FMI == 2
-void *fmi2Instantiate(const char *name, int type, const char *guid, const char *uri, const void *callbacks, int v, int l) {
+void *fmi2Instantiate(
+    const char *name, int type, const char *guid, const char *uri, const void *callbacks, int v, int l) {
     return fresh(malloc(sizeof(Model)));
 }
 void fmi2FreeInstance(void *m) { free(m); }
@@ -96,7 +105,10 @@ DO(fmi3Reset, void *m) { fresh(m); return 0; }
 DO(fmi3GetFloat64, void *m, const uint32_t *vr, size_t n, double *x, size_t k) { EACH(get_real(m, vr[i], x + i)); }
 DO(fmi3SetFloat64, void *m, const uint32_t *vr, size_t n, const double *x, size_t k) { EACH(set_real(m, vr[i], x[i])); }
 DO(fmi3GetInt32, void *m, const uint32_t *vr, size_t n, int32_t *x, size_t k) { *x = ((Model *)m)->flags; return 0; }
-DO(fmi3SetInt32, void *m, const uint32_t *vr, size_t n, const int32_t *x, size_t k) { ((Model *)m)->trouble = *x; return 0; }
+DO(fmi3SetInt32, void *m, const uint32_t *vr, size_t n, const int32_t *x, size_t k) {
+    ((Model *)m)->trouble = *x;
+    return 0;
+}
 DO(fmi3GetFMUState, void *m, void **s) {
     *s = *s ? *s : malloc(sizeof(Model));
     memcpy(*s, m, sizeof(Model));

@@ -1,4 +1,5 @@
-/* FMI 2.0 or 3.0 (-DFMI=2, -DFMI=3) under one set of names, for programs of the tests that are linked with the sources of one FMU. */
+/* FMI 2.0 or 3.0 (-DFMI=2, -DFMI=3) under one set of names, for programs of the tests that are linked with the sources
+ * of one FMU. */
 #ifndef FMI_CALLS_H
 #define FMI_CALLS_H
 
@@ -110,8 +111,9 @@ static Status derivative(Instance c, unsigned unknown, unsigned known, double *r
 #endif
 
 static double start_of(const FmuVariable *v) {
-    const int offset = v->role == FMU_PARAMETER ? 0 : v->role == FMU_INPUT ? fmu_model.n_parameters
-                                                                           : fmu_model.n_parameters + fmu_model.n_inputs;
+    const int offset = v->role == FMU_PARAMETER ? 0
+                       : v->role == FMU_INPUT   ? fmu_model.n_parameters
+                                                : fmu_model.n_parameters + fmu_model.n_inputs;
     return fmu_model.start[offset + v->slot];
 }
 

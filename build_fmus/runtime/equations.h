@@ -15,8 +15,8 @@ static inline double when(double condition, double a) { return condition != 0.0 
 /* a where the condition holds, else b; a -0 becomes 0, as in the sum of both values that it stands for */
 static inline double if_else(double condition, double a, double b) { return (condition != 0.0 ? a : b) + 0.0; }
 
-/* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C leaves
- * undefined. */
+/* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C
+ * leaves undefined. */
 static inline int index_of(double x) { return x >= -1.0 && x <= 2147483646.0 ? (int)x : x > 0.0 ? 2147483646 : -1; }
 
 /* Element of an array of n, NaN where there is none. */

@@ -43,21 +43,24 @@ static void log_message(void *adapter, FmuStatus status, const char *category, c
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID, fmi2String fmuResourceLocation,
-                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn) {
+fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
+    fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions, fmi2Boolean visible,
+    fmi2Boolean loggingOn) {
     (void)visible;
     const char *reason = NULL;
     if (!functions) return NULL;
     if (!instanceName || !*instanceName) reason = "fmi2Instantiate: instanceName is missing";
     else if (!fmuGUID || strcmp(fmuGUID, fmu_model.token) != 0)
-        reason = "fmi2Instantiate: fmuGUID is not that of this FMU; modelDescription.xml and binary do not belong together";
+        reason =
+            "fmi2Instantiate: fmuGUID is not that of this FMU; modelDescription.xml and binary do not belong together";
     else if (fmuType == fmi2ModelExchange && !fmu_model.is_continuous)
         reason = "fmi2Instantiate: this FMU offers Co-Simulation only";
     else if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation)
         reason = "fmi2Instantiate: fmuType is neither ModelExchange nor CoSimulation";
     if (reason) {
         if (functions->logger)
-            functions->logger(functions->componentEnvironment, instanceName ? instanceName : "", fmi2Error, "logStatusError", reason);
+            functions->logger(
+                functions->componentEnvironment, instanceName ? instanceName : "", fmi2Error, "logStatusError", reason);
         return NULL;
     }
     const size_t length = strlen(instanceName) + 1;
@@ -79,7 +82,8 @@ void fmi2FreeInstance(fmi2Component c) {
     if (c) fmu_free((FmuInstance *)c);
 }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories, const fmi2String categories[]) {
+fmi2Status fmi2SetDebugLogging(
+    fmi2Component c, fmi2Boolean loggingOn, size_t nCategories, const fmi2String categories[]) {
     ENTER(ANY_MODE);
     return (fmi2Status)fmu_set_logging(self, __func__, loggingOn, nCategories, categories);
 }
@@ -234,7 +238,8 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation) {
     (void)noSetFMUStatePriorToCurrentPoint;
     ENTER(MODE_CONTINUOUS_TIME);
-    if (!enterEventMode || !terminateSimulation) return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
+    if (!enterEventMode || !terminateSimulation)
+        return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
     *enterEventMode = *terminateSimulation = fmi2False;
     return fmi2OK;
 }
@@ -279,18 +284,19 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[
 
 /* ------------------------------------------------------------------ co-simulation */
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
-                                       const fmi2Real value[]) {
+fmi2Status fmi2SetRealInputDerivatives(
+    fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[], const fmi2Real value[]) {
     (void)vr;
     (void)nvr;
     (void)order;
     (void)value;
     ENTER(MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_STEP);
-    return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: inputs are not interpolated (canInterpolateInputs is false)", __func__);
+    return (fmi2Status)fmu_fail(
+        self, FMU_ERROR, "%s: inputs are not interpolated (canInterpolateInputs is false)", __func__);
 }
 
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
-                                        fmi2Real value[]) {
+fmi2Status fmi2GetRealOutputDerivatives(
+    fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[], fmi2Real value[]) {
     (void)vr;
     (void)nvr;
     (void)order;

@@ -36,7 +36,8 @@ static void log_message(void *adapter, FmuStatus status, const char *category, c
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories, const fmi3String categories[]) {
+fmi3Status fmi3SetDebugLogging(
+    fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories, const fmi3String categories[]) {
     ENTER(ANY_MODE);
     return (fmi3Status)fmu_set_logging(self, __func__, loggingOn, nCategories, categories);
 }
@@ -66,21 +67,19 @@ static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3Strin
     return self;
 }
 
-fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-                                          fmi3Boolean visible, fmi3Boolean loggingOn,
-                                          fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage) {
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+    fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
+    fmi3LogMessageCallback logMessage) {
     (void)visible;
     return instantiate(0, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
                        fmu_model.is_continuous ? NULL : "this FMU offers Co-Simulation only");
 }
 
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-                                         fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
-                                         fmi3Boolean earlyReturnAllowed,
-                                         const fmi3ValueReference requiredIntermediateVariables[],
-                                         size_t nRequiredIntermediateVariables,
-                                         fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
-                                         fmi3IntermediateUpdateCallback intermediateUpdate) {
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
+    fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
+    fmi3Boolean earlyReturnAllowed, const fmi3ValueReference requiredIntermediateVariables[],
+    size_t nRequiredIntermediateVariables, fmi3InstanceEnvironment instanceEnvironment,
+    fmi3LogMessageCallback logMessage, fmi3IntermediateUpdateCallback intermediateUpdate) {
     (void)visible;
     (void)earlyReturnAllowed;
     (void)requiredIntermediateVariables;
@@ -88,7 +87,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)intermediateUpdate;
     fmi3Instance instance =
         instantiate(1, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
-                    eventModeUsed && !fmu_model.has_clock ? "this FMU has no event mode (hasEventMode is false)" : NULL);
+            eventModeUsed && !fmu_model.has_clock ? "this FMU has no event mode (hasEventMode is false)" : NULL);
     if (instance && eventModeUsed) fmu_use_events((FmuInstance *)instance);
     return instance;
 }
@@ -160,13 +159,15 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         fmi3Int32 values[], size_t nValues) {
     ENTER(READABLE);
-    return (fmi3Status)fmu_get_as(self, __func__, FMU_INT32, valueReferences, nValueReferences, values, nValues, write_int);
+    return (fmi3Status)fmu_get_as(
+        self, __func__, FMU_INT32, valueReferences, nValueReferences, values, nValues, write_int);
 }
 
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           fmi3Boolean values[], size_t nValues) {
     ENTER(READABLE);
-    return (fmi3Status)fmu_get_as(self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, write_flag);
+    return (fmi3Status)fmu_get_as(
+        self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, write_flag);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
@@ -178,13 +179,15 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
 fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         const fmi3Int32 values[], size_t nValues) {
     ENTER(WRITABLE_DISCRETE);
-    return (fmi3Status)fmu_set_as(self, __func__, FMU_INT32, valueReferences, nValueReferences, values, nValues, read_int);
+    return (fmi3Status)fmu_set_as(
+        self, __func__, FMU_INT32, valueReferences, nValueReferences, values, nValues, read_int);
 }
 
 fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           const fmi3Boolean values[], size_t nValues) {
     ENTER(WRITABLE_DISCRETE);
-    return (fmi3Status)fmu_set_as(self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, read_flag);
+    return (fmi3Status)fmu_set_as(
+        self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, read_flag);
 }
 
 /* Types that no component here has: an empty request is fine, anything else is an error. */
@@ -193,20 +196,20 @@ static fmi3Status no_variables(FmuInstance *self, const char *function, size_t n
     return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: %s has no variables of this type", function, fmu_model.name);
 }
 
-#define NO_VARIABLES(type, writable)                                                                                     \
-    fmi3Status fmi3Get##type(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, \
-                             fmi3##type values[], size_t nValues) {                                                      \
-        (void)valueReferences;                                                                                           \
-        (void)values;                                                                                                    \
-        ENTER(READABLE);                                                                                                 \
-        return no_variables(self, __func__, nValueReferences + nValues);                                                 \
-    }                                                                                                                    \
-    fmi3Status fmi3Set##type(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, \
-                             const fmi3##type values[], size_t nValues) {                                                \
-        (void)valueReferences;                                                                                           \
-        (void)values;                                                                                                    \
-        ENTER(writable);                                                                                                 \
-        return no_variables(self, __func__, nValueReferences + nValues);                                                 \
+#define NO_VARIABLES(type, writable)                                                                                   \
+    fmi3Status fmi3Get##type(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
+        size_t nValueReferences, fmi3##type values[], size_t nValues) {                                                \
+        (void)valueReferences;                                                                                         \
+        (void)values;                                                                                                  \
+        ENTER(READABLE);                                                                                               \
+        return no_variables(self, __func__, nValueReferences + nValues);                                               \
+    }                                                                                                                  \
+    fmi3Status fmi3Set##type(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
+        size_t nValueReferences, const fmi3##type values[], size_t nValues) {                                          \
+        (void)valueReferences;                                                                                         \
+        (void)values;                                                                                                  \
+        ENTER(writable);                                                                                               \
+        return no_variables(self, __func__, nValueReferences + nValues);                                               \
     }
 
 NO_VARIABLES(Float32, WRITABLE)
@@ -265,7 +268,8 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference referenc
     return fmi3OK;
 }
 
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const fmi3Clock values[]) {
+fmi3Status fmi3SetClock(
+    fmi3Instance instance, const fmi3ValueReference references[], size_t n, const fmi3Clock values[]) {
     ENTER_CLOCK(EVENT_MODE, values, values);
     for (size_t i = 0; i < n; i++) {
         if (fmu_mode(self) == MODE_TICK && !values[i]) return not_offered(self, __func__, "canBeDeactivated is false");
@@ -274,8 +278,8 @@ fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference referenc
     return fmi3OK;
 }
 
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 intervals[],
-                                  fmi3IntervalQualifier qualifiers[]) {
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+    fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]) {
     ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, intervals, qualifiers);
     for (size_t i = 0; i < n; i++) {
         intervals[i] = fmu_model.sample_time;
@@ -284,8 +288,8 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReferenc
     return fmi3OK;
 }
 
-fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 counters[],
-                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+    fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
     ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, counters, qualifiers);
     if (n && !resolutions) return not_offered(self, __func__, "NULL argument");
     for (size_t i = 0; i < n; i++) {
@@ -296,14 +300,15 @@ fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReferen
     return fmi3OK;
 }
 
-fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 shifts[]) {
+fmi3Status fmi3GetShiftDecimal(
+    fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 shifts[]) {
     ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, shifts, shifts);
     for (size_t i = 0; i < n; i++) shifts[i] = 0.0;
     return fmi3OK;
 }
 
-fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 counters[],
-                                fmi3UInt64 resolutions[]) {
+fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+    fmi3UInt64 counters[], fmi3UInt64 resolutions[]) {
     ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, counters, resolutions);
     for (size_t i = 0; i < n; i++) {
         counters[i] = 0;
@@ -312,7 +317,8 @@ fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
     return fmi3OK;
 }
 
-/* ------------------------------------------------------------------ what is not offered: setting clocks, configuration, ... */
+/* ------------------------------------------------------------------ what is not offered: setting clocks,
+ * configuration, ... */
 
 #define NOT_OFFERED(function, parameters, what)        \
     fmi3Status function parameters {                   \
@@ -325,8 +331,9 @@ fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 
-NOT_OFFERED(fmi3SetIntervalDecimal, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[]),
-            "no interval and no shift of a clock can be set")
+NOT_OFFERED(fmi3SetIntervalDecimal,
+    (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[]),
+    "no interval and no shift of a clock can be set")
 NOT_OFFERED(fmi3SetIntervalFraction,
             (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[], const fmi3UInt64 s[]),
             "no interval and no shift of a clock can be set")
@@ -339,7 +346,8 @@ NOT_OFFERED(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReferen
             "Scheduled Execution is not offered")
 NOT_OFFERED(fmi3EnterConfigurationMode, (fmi3Instance instance), "there are no structural parameters")
 NOT_OFFERED(fmi3ExitConfigurationMode, (fmi3Instance instance), "there are no structural parameters")
-NOT_OFFERED(fmi3EvaluateDiscreteStates, (fmi3Instance instance), "not offered (providesEvaluateDiscreteStates is false)")
+NOT_OFFERED(
+    fmi3EvaluateDiscreteStates, (fmi3Instance instance), "not offered (providesEvaluateDiscreteStates is false)")
 NOT_OFFERED(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference r, size_t *n),
             "not offered (providesPerElementDependencies is false)")
 NOT_OFFERED(fmi3GetVariableDependencies,
@@ -351,8 +359,8 @@ NOT_OFFERED(fmi3GetAdjointDerivative,
              const fmi3Float64 seed[], size_t ns, fmi3Float64 s[], size_t n),
             "not offered (providesAdjointDerivatives is false)")
 NOT_OFFERED(fmi3GetOutputDerivatives,
-            (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[], fmi3Float64 v[], size_t nv),
-            "output derivatives are not provided")
+    (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[], fmi3Float64 v[], size_t nv),
+    "output derivatives are not provided")
 
 #ifdef __GNUC__
 #pragma GCC diagnostic pop
@@ -361,7 +369,8 @@ NOT_OFFERED(fmi3GetOutputDerivatives,
 fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
     ENTER(ANY_MODE);
     if (!fmu_uses_events(self)) return not_offered(self, __func__, "the instance was created without event mode");
-    if (fmu_allowed(self, MODE_EVENT, __func__) != FMU_OK) return fmi3Error; /* while the clock ticks states have to be updated first */
+    if (fmu_allowed(self, MODE_EVENT, __func__) != FMU_OK)
+        return fmi3Error; /* while the clock ticks states have to be updated first */
     fmu_set_mode(self, MODE_STEP);
     return fmi3OK;
 }
@@ -388,7 +397,8 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUSta
     return (fmi3Status)fmu_serialized_size(self, __func__, FMUState, size);
 }
 
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size) {
+fmi3Status fmi3SerializeFMUState(
+    fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size) {
     ENTER(ANY_MODE);
     return (fmi3Status)fmu_serialize(self, __func__, FMUState, serializedState, size);
 }
@@ -433,7 +443,8 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
                                        fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation) {
     (void)noSetFMUStatePriorToCurrentPoint;
     ENTER(MODE_CONTINUOUS_TIME);
-    if (!enterEventMode || !terminateSimulation) return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
+    if (!enterEventMode || !terminateSimulation)
+        return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
     *enterEventMode = *terminateSimulation = false;
     return fmi3OK;
 }
@@ -443,12 +454,14 @@ fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
     return (fmi3Status)fmu_set_time(self, __func__, time);
 }
 
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[], size_t nContinuousStates) {
+fmi3Status fmi3SetContinuousStates(
+    fmi3Instance instance, const fmi3Float64 continuousStates[], size_t nContinuousStates) {
     ENTER(MODE_CONTINUOUS_TIME);
     return (fmi3Status)fmu_set_states(self, __func__, continuousStates, nContinuousStates);
 }
 
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates) {
+fmi3Status fmi3GetContinuousStateDerivatives(
+    fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates) {
     ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi3Status)fmu_get_derivatives(self, __func__, derivatives, nContinuousStates);
 }

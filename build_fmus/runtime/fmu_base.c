@@ -92,7 +92,8 @@ uint64_t fmu_hash(const void *data, size_t n) {
     size_t i = 0;
     for (; n - i >= sizeof word; i += sizeof word) {
         memcpy(&word, bytes + i, sizeof word);
-        h = (h ^ word ^ (word >> 32)) * 1099511628211ull; /* the highest bits, such as signs, would reach no other bit */
+        h = (h ^ word ^ (word >> 32)) *
+            1099511628211ull; /* the highest bits, such as signs, would reach no other bit */
     }
     for (; i < n; i++) h = (h ^ bytes[i]) * 1099511628211ull;
     return h;

@@ -26,7 +26,8 @@ enum { WARNED_LIMIT = 1, WARNED_CONSTANT = 2 };
 struct FmuInstance {
     FmuBase base;
     int uses_events;  /* event mode: the clock may tick */
-    unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
+    unsigned warned; /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend
+                        on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
     double *of_role[FMU_OUTPUT + 1];        /* the same by role, and time */
@@ -102,8 +103,13 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->seed = part[4];
     self->sensitivity = part[5];
     self->w = part[6];
-    self->integrator = (Integrator){.method = M->solver, .n = M->n_states, .system = self, .rhs = rhs, .jacobian = jacobian,
-                                    .nominals = M->nominals, .velocity_of = M->velocity_of};
+    self->integrator = (Integrator){.method = M->solver,
+        .n = M->n_states,
+        .system = self,
+        .rhs = rhs,
+        .jacobian = jacobian,
+        .nominals = M->nominals,
+        .velocity_of = M->velocity_of};
     if (M->is_continuous) integrator_use(&self->integrator, part[7]);
     self->qp_memory = self->y + ny;
     self->qp_data = part[8];
@@ -253,7 +259,8 @@ static FmuStatus refresh_outputs(FmuInstance *self) {
         solve_programs(self, t, self->qp_trial);
         const FmuArguments at = arguments(self, t, self->x);
         if (M->outputs) M->outputs(&at, self->y);
-        if (M->sample) M->sample(&at, self->y, self->next); /* the next states are those of a sample that is not taken yet */
+        if (M->sample)
+            M->sample(&at, self->y, self->next); /* the next states are those of a sample that is not taken yet */
         status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;
     }
@@ -340,7 +347,8 @@ static const char *solver_name(FmuSolver solver) {
     }
 }
 
-/* Whether the solver follows the dynamics that the parameters make, which the build has found for their start values. */
+/* Whether the solver follows the dynamics that the parameters make, which the build has found for their start values.
+ */
 static FmuStatus check_solver_step(FmuInstance *self) {
     if (!M->is_continuous || !self->base.is_co_simulation || !M->n_states) return FMU_OK;
     if (memcmp(self->p, M->start, (size_t)M->n_parameters * sizeof(double)) == 0) return FMU_OK;
@@ -352,13 +360,15 @@ static FmuStatus check_solver_step(FmuInstance *self) {
     Instability wrong = {0, 0, 0.0, 0.0, 0.0};
     if (stability_check(&self->stability, step, shortest, &wrong)) return FMU_OK;
     char where[128] = "the present state", advice[64] = "no solver.step within its limits would do";
-    if (wrong.point < M->n_points) (void)snprintf(where, sizeof where, "operating point '%s'", M->points[wrong.point].name);
+    if (wrong.point < M->n_points)
+        (void)snprintf(where, sizeof where, "operating point '%s'", M->points[wrong.point].name);
     if (wrong.step > 0.0) (void)snprintf(advice, sizeof advice, "a solver.step of %.3g s would do", wrong.step);
     if (!wrong.found)
-        return fmu_fail(self, FMU_ERROR, "with the parameters set, the dynamics of %s at %s are not finite", M->name, where);
+        return fmu_fail(
+            self, FMU_ERROR, "with the parameters set, the dynamics of %s at %s are not finite", M->name, where);
     return fmu_fail(self, FMU_ERROR,
-                    "with the parameters set, solver %s with solver.step %g s is unstable at %s (eigenvalue %.4g%+.4gi 1/s); %s",
-                    solver_name(M->solver), step, where, wrong.real, wrong.imag, advice);
+        "with the parameters set, solver %s with solver.step %g s is unstable at %s (eigenvalue %.4g%+.4gi 1/s); %s",
+        solver_name(M->solver), step, where, wrong.real, wrong.imag, advice);
 }
 
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
@@ -374,10 +384,13 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
 
 /* ------------------------------------------------------------------ values */
 
-static inline double *storage(const FmuInstance *self, const FmuVariable *v) { return self->of_role[v->role] + v->slot; }
+static inline double *storage(const FmuInstance *self, const FmuVariable *v) {
+    return self->of_role[v->role] + v->slot;
+}
 
 /* The variable behind reference i, or NULL after an error. */
-static inline const FmuVariable *lookup(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
+static inline const FmuVariable *lookup(
+    FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
     if (refs[i] >= (unsigned)M->n_variables) {
         (void)fmu_fail(self, FMU_ERROR, "%s: unknown value reference %u", function, refs[i]);
         return NULL;
@@ -394,16 +407,18 @@ static double read_double(const void *values, size_t i) { return ((const double 
 static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
 
 /* Inlined below with the conversion of the type, so that no number of a real variable is passed by a call. */
-static inline FmuStatus get_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
-                                 void *values, size_t count, FmuWrite write) {
+static inline FmuStatus get_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs,
+    size_t n_refs, void *values, size_t count, FmuWrite write) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
-    unsigned fresh = self->state->mode == MODE_ERROR ? ~0u : 0u; /* one bit per role; after an error: the values as they are */
+    unsigned fresh =
+        self->state->mode == MODE_ERROR ? ~0u : 0u; /* one bit per role; after an error: the values as they are */
     size_t k = 0;
     for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
         const FmuVariable *v = lookup(self, function, type, refs, i);
         if (!v) return FMU_ERROR;
         if (k + (size_t)v->size > count)
-            return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
+            return fmu_fail(
+                self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
         if (!(fresh >> v->role & 1u)) {
             status = v->role == FMU_OUTPUT       ? refresh_outputs(self)
                      : v->role == FMU_DERIVATIVE ? refresh_derivatives(self)
@@ -426,10 +441,11 @@ static inline FmuStatus check_settable(FmuInstance *self, const char *function, 
     unsigned modes = 0;
     switch (v->role) {
         case FMU_PARAMETER:
-            modes = before | (v->is_tunable ? (self->uses_events ? MODE_EVENT | MODE_TICK : MODE_EVENT | MODE_STEP) : 0u);
+            modes =
+                before | (v->is_tunable ? (self->uses_events ? MODE_EVENT | MODE_TICK : MODE_EVENT | MODE_STEP) : 0u);
             break;
-        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only. With a clock, between its ticks too, for
-                            importers that do not tick it: the next sample sees what was set last. */
+        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only. With a clock, between its
+                           ticks too, for importers that do not tick it: the next sample sees what was set last. */
             modes = before | MODE_EVENT | MODE_TICK | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u);
             break;
         case FMU_STATE: modes = v->is_exact ? before : 0u; break;
@@ -446,27 +462,28 @@ static int in_range(const FmuVariable *v, double value) { return value >= v->min
 /* Real inputs are signals: what overshoots a limit is clipped by the equations, and is no error. */
 static int is_signal(const FmuVariable *v) { return v->role == FMU_INPUT && v->type == FMU_FLOAT64; }
 
-/* Tell once per instance that an input goes beyond its limits, and once that a constant is not the expected one. The call
- * succeeds all the same: there are tools that end a simulation at Warning. */
+/* Tell once per instance that an input goes beyond its limits, and once that a constant is not the expected one. The
+ * call succeeds all the same: there are tools that end a simulation at Warning. */
 static void warn_of_input(FmuInstance *self, const char *function, const FmuVariable *v, double value) {
     if (!in_range(v, value) && !(self->warned & WARNED_LIMIT)) {
         self->warned |= WARNED_LIMIT;
         (void)fmu_fail(self, FMU_WARNING,
-                       "%s: value %.9g for %s is outside its range [%.9g, %.9g]; the equations take the nearest value inside, "
-                       "for every real input, and say so only once",
-                       function, value, v->name, v->min, v->max);
+            "%s: value %.9g for %s is outside its range [%.9g, %.9g]; the equations take the nearest value inside, "
+            "for every real input, and say so only once",
+            function, value, v->name, v->min, v->max);
     }
-    if (value != 0.0 && v->tolerance > 0.0 && !(fabs(value - v->must_equal) <= v->tolerance) && !(self->warned & WARNED_CONSTANT)) {
+    if (value != 0.0 && v->tolerance > 0.0 && !(fabs(value - v->must_equal) <= v->tolerance) &&
+        !(self->warned & WARNED_CONSTANT)) {
         self->warned |= WARNED_CONSTANT;
         (void)fmu_fail(self, FMU_WARNING,
-                       "%s: %s is %.9g, but %s is made for a source where it is %.9g: take one, or build this FMU for the "
-                       "source; 0 for none (said only once)",
-                       function, v->name, value, M->name, v->must_equal);
+            "%s: %s is %.9g, but %s is made for a source where it is %.9g: take one, or build this FMU for the "
+            "source; 0 for none (said only once)",
+            function, v->name, value, M->name, v->must_equal);
     }
 }
 
-static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
-                                 const void *values, size_t count, FmuRead read) {
+static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs,
+    size_t n_refs, const void *values, size_t count, FmuRead read) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
     if (status != FMU_OK) return status;
     /* First look at everything, then store: a call that fails changes nothing. */
@@ -479,14 +496,15 @@ static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuTyp
         status = check_settable(self, function, v);
         if (status != FMU_OK) return status;
         if (k + (size_t)v->size > count)
-            return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
+            return fmu_fail(
+                self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
         for (int j = 0; j < v->size; j++, k++) {
             const double value = read(values, k);
             if (!isfinite(value))
                 return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
             if (!in_range(v, value) && !is_signal(v))
-                return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value,
-                                v->name, v->min, v->max);
+                return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function,
+                    value, v->name, v->min, v->max);
         }
     }
     if (k != count) return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
@@ -511,8 +529,8 @@ static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuTyp
     return FMU_OK;
 }
 
-FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, double *values,
-                  size_t count) {
+FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+    double *values, size_t count) {
     return get_with(self, function, type, refs, n_refs, values, count, write_double);
 }
 
@@ -543,9 +561,9 @@ static const double *sensitivity_of(const FmuInstance *self, const FmuVariable *
     }
 }
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
-                                     const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
-                                     double *sensitivity, size_t n_sensitivity) {
+FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
+    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
+    size_t n_sensitivity) {
     if (!M->is_continuous)
         return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no directional derivatives", function);
     FmuStatus status = fmu_check_arrays(self, function, knowns, n_knowns, seed, n_seed);
@@ -565,10 +583,12 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
                      : v->role == FMU_PARAMETER                            ? sp
                      : v->role == FMU_STATE && (v->is_exact || !starting) ? sx
                                                                            : NULL;
-        if (!to) return fmu_fail(self, FMU_ERROR, "%s: %s is not a known (state, input or parameter)", function, v->name);
+        if (!to)
+            return fmu_fail(self, FMU_ERROR, "%s: %s is not a known (state, input or parameter)", function, v->name);
         if (k + (size_t)v->size > n_seed) return fmu_fail(self, FMU_ERROR, "%s: too few seed values", function);
         for (int j = 0; j < v->size; j++, k++) {
-            if (!isfinite(seed[k])) return fmu_fail(self, FMU_ERROR, "%s: seed for %s is not finite", function, v->name);
+            if (!isfinite(seed[k]))
+                return fmu_fail(self, FMU_ERROR, "%s: seed for %s is not finite", function, v->name);
             to[v->slot + j] = seed[k];
         }
     }
@@ -595,8 +615,8 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
         if (k > n_sensitivity) return fmu_fail(self, FMU_ERROR, "%s: too few sensitivity values", function);
         for (int j = 0; j < v->size; j++)
             if (!isfinite(from[j]))
-                return fmu_fail(self, FMU_ERROR, "%s: the directional derivative of %s is not finite at time %.9g s", function, v->name,
-                                self->state->time);
+                return fmu_fail(self, FMU_ERROR, "%s: the directional derivative of %s is not finite at time %.9g s",
+                    function, v->name, self->state->time);
     }
     if (k != n_sensitivity)
         return fmu_fail(self, FMU_ERROR, "%s: %zu sensitivity values for %zu unknowns", function, n_sensitivity, k);
@@ -625,7 +645,8 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
                             function, M->name, ti, name_of(FMU_STATE, found), dt);
         }
         int within = 1;
-        for (int j = 0; j < M->n_states; j++) within &= fabs(self->x[j]) <= M->bounds[j]; /* all of them without a branch */
+        for (int j = 0; j < M->n_states; j++)
+            within &= fabs(self->x[j]) <= M->bounds[j]; /* all of them without a branch */
         for (int j = 0; !within && j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= M->bounds[j])) {
                 self->state->time = ti + dt;
@@ -659,7 +680,8 @@ FmuStatus fmu_tick(FmuInstance *self, const char *function) {
     const State *s = self->state;
     const double instant = next_sample(s);
     if (!(fabs(s->time - instant) <= 1e-6 * M->sample_time + 1e-9 * (1.0 + fabs(instant))))
-        return fmu_fail(self, FMU_ERROR, "%s: the clock ticks at %.12g s, and the instance is at %.12g s", function, instant, s->time);
+        return fmu_fail(self, FMU_ERROR, "%s: the clock ticks at %.12g s, and the instance is at %.12g s", function,
+            instant, s->time);
     self->state->mode = MODE_TICK;
     self->state->outputs_valid = 0;
     return FMU_OK;
@@ -678,9 +700,11 @@ static FmuStatus advance_discrete(FmuInstance *self, const char *function, doubl
     const double Ts = M->sample_time, end = t + h - 1e-6 * Ts;
     const double first = next_sample(s);
     if (!(first + 0.5 * Ts > first))
-        return fmu_fail(self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
     if ((end - first) / Ts > MAX_STEPS_PER_CALL)
-        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end, (end - first) / Ts);
+        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end,
+            (end - first) / Ts);
     /* With event mode these are the samples that no tick of the clock has taken: an importer need not tick it. */
     while (next_sample(s) < end) {
         const FmuStatus status = take_sample(self);
@@ -695,18 +719,20 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
         return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g is not a positive number", function, step);
     const double tolerance = fmin(1e-9 * (1.0 + fabs(s->time)), 0.5 * step);
     if (!(fabs(time - s->time) <= tolerance))
-        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.12g, but the instance is at %.12g", function, time,
-                        s->time);
+        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.12g, but the instance is at %.12g", function,
+            time, s->time);
     if (!(time + 0.5 * step > time))
-        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s is lost beside the time, %g s", function, step, time);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: communicationStepSize %g s is lost beside the time, %g s", function, step, time);
     if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
-        return fmu_fail(self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
     const double pieces = step / (M->is_continuous ? self->p[FMU_SOLVER_STEP_SLOT] : M->sample_time);
     if (pieces > MAX_STEPS_PER_CALL)
         return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g %s", function, step, pieces,
                         M->is_continuous ? "solver steps" : "samples");
-    const FmuStatus status =
-        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, function, time, step);
+    const FmuStatus status = M->is_continuous ? advance_continuous(self, function, time, step)
+                                              : advance_discrete(self, function, time, step);
     s->outputs_valid = M->is_continuous ? 0 : status == FMU_OK && s->started;
     s->derivatives_valid = 0;
     if (status == FMU_OK) s->time = time + step;
@@ -724,7 +750,8 @@ FmuStatus fmu_set_time(FmuInstance *self, const char *function, double time) {
 }
 
 static FmuStatus check_states(FmuInstance *self, const char *function, const void *values, size_t n) {
-    if (n != (size_t)M->n_states) return fmu_fail(self, FMU_ERROR, "%s: %zu states, expected %d", function, n, M->n_states);
+    if (n != (size_t)M->n_states)
+        return fmu_fail(self, FMU_ERROR, "%s: %zu states, expected %d", function, n, M->n_states);
     return fmu_check_arrays(self, function, NULL, 0, values, n);
 }
 
@@ -777,12 +804,15 @@ static FmuStatus check_header(FmuInstance *self, const char *function, const voi
     if (h.magic != SNAPSHOT_MAGIC || (!bytes && h.checksum != (uint64_t)(uintptr_t)snapshot))
         return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
     if (h.version != SNAPSHOT_VERSION)
-        return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
     if (h.model != fmu_hash(M->token, strlen(M->token)) || h.length != state_size())
-        return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
     if (h.is_co_simulation != interface_of(self))
         return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance%s", function,
-                        h.is_co_simulation ? "Co-Simulation" : "Model Exchange", h.is_co_simulation == 3u ? " with event mode" : "");
+            h.is_co_simulation ? "Co-Simulation" : "Model Exchange",
+            h.is_co_simulation == 3u ? " with event mode" : "");
     return FMU_OK;
 }
 
@@ -790,8 +820,8 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
     return check_header(self, function, snapshot, 0);
 }
 
-/* Whether a discrete component can have come as far as its state says: the last sample before the present time, the next one
- * not (advance_discrete), so that no step has more to catch up than its own length. */
+/* Whether a discrete component can have come as far as its state says: the last sample before the present time, the
+ * next one not (advance_discrete), so that no step has more to catch up than its own length. */
 static int sample_ok(const State *s, unsigned mode) {
     const double Ts = M->sample_time, next = s->start_time + (double)s->sample * Ts;
     if (s->sample < 0 || s->sample > INT64_MAX / 2) return 0;
@@ -801,8 +831,9 @@ static int sample_ok(const State *s, unsigned mode) {
     return next <= s->time + Ts + 1e-8 * (1.0 + fabs(s->time));
 }
 
-/* What of a state block cannot be of this component, as whatever the equations and solvers take for granted must be; NULL when
- * there is nothing. After an error numbers are as the error left them, and nothing is computed from them any more. */
+/* What of a state block cannot be of this component, as whatever the equations and solvers take for granted must be;
+ * NULL when there is nothing. After an error numbers are as the error left them, and nothing is computed from them any
+ * more. */
 static const char *wrong_in(const State *s, uint32_t interface) {
     const unsigned own = interface == 1u   ? MODE_STEP
                          : interface == 3u ? MODE_STEP | MODE_EVENT | MODE_TICK
@@ -817,7 +848,8 @@ static const char *wrong_in(const State *s, uint32_t interface) {
     if (s->has_stop && s->stop_time < s->start_time) return "its stop time";
     if (!sample_ok(s, mode)) return "its number of samples";
 
-    const double *p = s->v, *u = p + M->n_parameters, *x = u + M->n_inputs, *dx = x + M->n_states, *y = dx + M->n_states;
+    const double *p = s->v, *u = p + M->n_parameters, *x = u + M->n_inputs, *dx = x + M->n_states,
+                 *y = dx + M->n_states;
     for (int i = 0; i < M->n_variables; i++) {
         const FmuVariable *v = &M->variables[i];
         if (v->role != FMU_PARAMETER && v->role != FMU_INPUT) continue;
@@ -851,8 +883,8 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
         *snapshot = malloc(sizeof(FmuSnapshot) + state_size());
         if (!*snapshot) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
     }
-    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, interface_of(self), 0, fmu_hash(M->token, strlen(M->token)), state_size(),
-                           (uint64_t)(uintptr_t)*snapshot};
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, interface_of(self), 0,
+        fmu_hash(M->token, strlen(M->token)), state_size(), (uint64_t)(uintptr_t)*snapshot};
     memcpy(*snapshot, &h, sizeof h);
     memcpy(snapshot_state(*snapshot), self->state, state_size());
     return FMU_OK;
@@ -881,7 +913,8 @@ FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const voi
     return status;
 }
 
-FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
+FmuStatus fmu_serialize(
+    FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
     FmuStatus status = check_snapshot(self, function, snapshot);
     if (status != FMU_OK) return status;
     if (!bytes || size < sizeof(FmuSnapshot) + state_size())
@@ -895,10 +928,12 @@ FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *sna
     return FMU_OK;
 }
 
-FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
+FmuStatus fmu_deserialize(
+    FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
     if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
     const size_t need = sizeof(FmuSnapshot) + state_size();
-    if (size < sizeof(FmuSnapshot)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
+    if (size < sizeof(FmuSnapshot))
+        return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
     FmuStatus status = check_header(self, function, bytes, 1);
     if (status != FMU_OK) return status;
     FmuSnapshot h;

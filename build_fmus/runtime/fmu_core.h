@@ -61,15 +61,16 @@ FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, cons
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read);
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
-                                     const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
-                                     double *sensitivity, size_t n_sensitivity);
+FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
+    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
+    size_t n_sensitivity);
 
 /* Co-Simulation. */
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step);
 double fmu_time(const FmuInstance *self);
 
-/* Event mode of Co-Simulation, where the model has a clock: a sample is taken when it ticks, else by the step that passes its instant. */
+/* Event mode of Co-Simulation, where the model has a clock: a sample is taken when it ticks, else by the step that
+ * passes its instant. */
 void fmu_use_events(FmuInstance *self);
 int fmu_uses_events(const FmuInstance *self);
 FmuStatus fmu_tick(FmuInstance *self, const char *function);
@@ -88,7 +89,9 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
 FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot);
 FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snapshot);
 FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const void *snapshot, size_t *size);
-FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size);
-FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot);
+FmuStatus fmu_serialize(
+    FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size);
+FmuStatus fmu_deserialize(
+    FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot);
 
 #endif

@@ -1,8 +1,8 @@
 /* The mathematical library inside every FMU: functions of musl under names of their own.
  *
- * Mathematical libraries differ in the last digits, and compilers compute functions of constants with one of theirs. With
- * these names all code that includes this header gives the same bits on every platform and with every compiler. Functions
- * that are not here (sqrt, fabs, copysign) are exact operations of the processor.
+ * Mathematical libraries differ in the last digits, and compilers compute functions of constants with one of theirs.
+ * With these names all code that includes this header gives the same bits on every platform and with every compiler.
+ * Functions that are not here (sqrt, fabs, copysign) are exact operations of the processor.
  */
 #ifndef FMU_MATH_H
 #define FMU_MATH_H
@@ -89,7 +89,8 @@ FMU_HIDDEN double fmu_sinh(double x);
 FMU_HIDDEN double fmu_tan(double x);
 FMU_HIDDEN double fmu_tanh(double x);
 
-/* The larger one; +0 is larger than -0, and a NaN counts for nothing. Inlined: some components have thousands of calls. */
+/* The larger one; +0 is larger than -0, and a NaN counts for nothing. Inlined: some components have thousands of calls.
+ */
 static inline double fmu_fmax(double x, double y) {
     if (FMU_IS_CONSTANT(x) && x == x && !(x == 0.0 && signbit(x))) return y > x ? y : x; /* one instruction */
     if (x > y) return x;

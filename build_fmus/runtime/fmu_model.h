@@ -30,7 +30,8 @@ typedef struct {
     int is_exact;    /* state with a start value that may be set before and during initialization */
     int is_tunable;  /* parameter that may be set after initialization */
     double min, max;
-    double must_equal, tolerance; /* input that takes a constant of its source: which one, to within; both 0 for others */
+    double must_equal,
+        tolerance; /* input that takes a constant of its source: which one, to within; both 0 for others */
 } FmuVariable;
 
 #define FMU_NO_LIMITS .min = -INFINITY, .max = INFINITY
@@ -46,7 +47,8 @@ typedef struct {
     size_t (*scratch_size)(void);   /* bytes */
     void (*setup)(void *scratch);   /* once, on zeroed scratch */
     void (*solve)(void *scratch, double *memory, const double *data, double *solution);
-    int (*memory_ok)(const double *memory); /* whether `memory` can be what `solve` left: that of a state from elsewhere */
+    int (*memory_ok)(
+        const double *memory); /* whether `memory` can be what `solve` left: that of a state from elsewhere */
 } FmuQpFunctions;
 
 extern const FmuQpFunctions fmu_qp_functions;
@@ -70,7 +72,7 @@ typedef struct {
     int is_continuous;
     FmuSolver solver;
     double sample_time;                    /* [s], discrete components */
-    int has_clock;                         /* FMI 3.0: samples can be taken in event mode, when a clock ticks; its reference is n_variables */
+    int has_clock; /* FMI 3.0: samples can be taken in event mode, when a clock ticks; its reference is n_variables */
     unsigned long long clock_counter, clock_resolution; /* sample_time as a fraction */
     const FmuVariable *variables;
     int n_variables;
@@ -85,9 +87,10 @@ typedef struct {
     FmuFunctions sample;                   /* discrete: t, x, u, p, s -> y, next x */
     FmuFunctions directional;              /* continuous: t, x, u, p, dx, du, dp -> d(dx/dt), dy */
     FmuFunction directional_start;         /* x, u, p, dx, du, dp -> dx; NULL where no start is calculated */
-    FmuFunctions jacobian;                 /* t, x, u, p -> d(dx/dt)/dx column by column, d(dx/dt)/dt; may be NULL but for ros2 */
-    const double *nominals, *bounds;       /* of the states of continuous components: beyond their bounds they have blown up */
-    const int *velocity_of;                /* semi_implicit: for each state the index of its derivative among the states, or -1 */
+    FmuFunctions jacobian; /* t, x, u, p -> d(dx/dt)/dx column by column, d(dx/dt)/dt; may be NULL but for ros2 */
+    const double *nominals,
+        *bounds; /* of the states of continuous components: beyond their bounds they have blown up */
+    const int *velocity_of; /* semi_implicit: for each state the index of its derivative among the states, or -1 */
     const FmuPoint *points;                /* continuous components */
     int n_points;
     FmuFunction checks;                    /* t, x, u, p -> values that must be > 0 after initialization */

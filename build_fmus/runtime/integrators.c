@@ -55,9 +55,9 @@ static void step_am2(Integrator *self, double t, double h, int first, double *x)
     memcpy(before, now, (size_t)n * sizeof(double));
 }
 
-/* Stoermer-Verlet (drift, kick, drift): positions move half a step with the old velocities, everything else a whole step by
- * the explicit midpoint rule at these positions, then positions the other half with the new velocities. Order 2; an
- * undamped vibration keeps its energy where explicit methods feed it. */
+/* Stoermer-Verlet (drift, kick, drift): positions move half a step with the old velocities, everything else a whole
+ * step by the explicit midpoint rule at these positions, then positions the other half with the new velocities. Order
+ * 2; an undamped vibration keeps its energy where explicit methods feed it. */
 static void step_semi_implicit(Integrator *self, double t, double h, double *x) {
     const int n = self->n, *v = self->velocity_of;
     double *s = self->stage, *k1 = self->k1, *k2 = self->k2;
@@ -73,9 +73,9 @@ static void step_semi_implicit(Integrator *self, double t, double h, double *x) 
         if (v[i] >= 0) x[i] += 0.5 * h * x[v[i]];
 }
 
-/* Replace the column-major n x n matrix a by its LU factors with row exchanges. `scale` holds for each column the size that
- * its elements had before they were added up: a pivot that is only rounding of it counts as zero. Returns the column
- * without a pivot, or n. */
+/* Replace the column-major n x n matrix a by its LU factors with row exchanges. `scale` holds for each column the size
+ * that its elements had before they were added up: a pivot that is only rounding of it counts as zero. Returns the
+ * column without a pivot, or n. */
 static int factorize(double *a, int n, const double *scale, int *pivots) {
     for (int k = 0; k < n; k++) {
         double *ak = a + (size_t)k * (size_t)n;

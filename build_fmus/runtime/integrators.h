@@ -1,4 +1,5 @@
-/* Fixed-step integrators of ordinary differential equations dx/dt = f(t, x): one step, in memory that the caller gives. */
+/* Fixed-step integrators of ordinary differential equations dx/dt = f(t, x): one step, in memory that the caller gives.
+ */
 #ifndef INTEGRATORS_H
 #define INTEGRATORS_H
 

@@ -40,8 +40,8 @@ static double larger(double a, double b) { return a > b ? a : b; }
 
 /* Largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms); ay: n
  * numbers of scratch. */
-static double residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
-                       const double *y, double *ay) {
+static double residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u,
+    const double *z, const double *y, double *ay) {
     const int n = qp->n, m = qp->m;
     double primal = 0.0, primal_size = 1.0, gap = 0.0, gap_size = 1.0, dual = 0.0, dual_size = 1.0;
     memset(ay, 0, (size_t)n * sizeof(double));

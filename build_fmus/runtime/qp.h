@@ -1,8 +1,8 @@
 /* Quadratic programs: minimise 1/2 z'Hz + q'z subject to l <= Az <= u, with constant H and A, solved at each sample.
  *
- * qp.c checks data, keeps the warm start and judges the result; a back end (qp_daqp.c, qp_osqp.c) solves. What changes from
- * sample to sample lies in the caller's memory; scratch holds nothing that outlives a call of `solve`, except what `setup`
- * wrote there. */
+ * qp.c checks data, keeps the warm start and judges the result; a back end (qp_daqp.c, qp_osqp.c) solves. What changes
+ * from sample to sample lies in the caller's memory; scratch holds nothing that outlives a call of `solve`, except what
+ * `setup` wrote there. */
 #ifndef QP_H
 #define QP_H
 
@@ -23,9 +23,9 @@ typedef struct Qp Qp;
 typedef struct {
     size_t (*scratch_size)(const Qp *qp); /* bytes */
     void (*setup)(const Qp *qp, void *scratch); /* once, on zeroed scratch */
-    /* z comes with the start value (memory of the last solution), y with zeros. On QP_SOLVED and QP_LIMIT_REACHED both are
-     * results, otherwise they may hold anything. `memory` is the back end's warm start; all zeros is a cold one. Finite
-     * bounds lie within +-QP_INFINITY, absent ones are +-QP_INFINITY, no lower bound exceeds its upper one. */
+    /* z comes with the start value (memory of the last solution), y with zeros. On QP_SOLVED and QP_LIMIT_REACHED both
+     * are results, otherwise they may hold anything. `memory` is the back end's warm start; all zeros is a cold one.
+     * Finite bounds lie within +-QP_INFINITY, absent ones are +-QP_INFINITY, no lower bound exceeds its upper one. */
     QpStatus (*solve)(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations);
     /* Whether `memory` may be used as a warm start; its numbers are finite. */
@@ -39,15 +39,16 @@ struct Qp {
     const QpCase *cases;
     const QpBackend *backend;
     const void *settings;
-    const Qp *fallback; /* the same program for the solver that takes over at this one's limit of iterations; NULL for none */
+    const Qp *
+        fallback; /* the same program for the solver that takes over at this one's limit of iterations; NULL for none */
 };
 
 /* Bytes and layout of scratch: the bounds as the back end gets them, the trial solution, then the back end's own. */
 size_t qp_scratch_size(const Qp *qp);
 void qp_setup(const Qp *qp, void *scratch);
 
-/* Solve one program. `data` holds q, l, u and the case; `solution` receives z, the multipliers, status, iterations, residual.
- * `memory` (n + n_memory numbers) carries the last solution and the warm start. */
+/* Solve one program. `data` holds q, l, u and the case; `solution` receives z, the multipliers, status, iterations,
+ * residual. `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
 
 /* Whether `memory` can be what qp_solve left there. */

@@ -2,7 +2,8 @@
  *
  * The program becomes a least-distance problem in the coordinates R z + v: minimise |w|^2 subject to bounds on rows of
  * M = A inv(R). M is constant; v and the bounds follow q, l, u. Memory: the number of active rows, then each as
- * +-(1 + row), negative at its lower bound. Nothing else of a solve survives it, so a restored state continues exactly. */
+ * +-(1 + row), negative at its lower bound. Nothing else of a solve survives it, so a restored state continues exactly.
+ */
 
 #include "qp_daqp.h"
 
@@ -33,10 +34,13 @@ static size_t lay_out(const Qp *qp, DAQPWorkspace *w, char *base) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m, real = sizeof(c_float);
     size_t offset = 0;
     const size_t lam = take(&offset, (n + 1) * real), lam_star = take(&offset, (n + 1) * real);
-    const size_t D = take(&offset, (n + 1) * real), xldl = take(&offset, (n + 1) * real), zldl = take(&offset, (n + 1) * real);
-    const size_t L = take(&offset, (n + 1) * (n + 2) / 2 * real), u = take(&offset, n * real), x = take(&offset, n * real);
+    const size_t D = take(&offset, (n + 1) * real), xldl = take(&offset, (n + 1) * real),
+                 zldl = take(&offset, (n + 1) * real);
+    const size_t L = take(&offset, (n + 1) * (n + 2) / 2 * real), u = take(&offset, n * real),
+                 x = take(&offset, n * real);
     const size_t v = take(&offset, n * real), upper = take(&offset, m * real), lower = take(&offset, m * real);
-    const size_t Mu = take(&offset, m * real), WS = take(&offset, (n + 1) * sizeof(int)), sense = take(&offset, m * sizeof(int));
+    const size_t Mu = take(&offset, m * real), WS = take(&offset, (n + 1) * sizeof(int)),
+                 sense = take(&offset, m * sizeof(int));
     if (base) {
         w->lam = (c_float *)(void *)(base + lam);
         w->lam_star = (c_float *)(void *)(base + lam_star);
@@ -160,7 +164,8 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     memcpy(z, w->x, (size_t)qp->n * sizeof(double));
     for (int k = 0; k < w->n_active; k++) y[w->WS[k]] = w->lam_star[k];
     memory[0] = (double)w->n_active;
-    for (int k = 0; k < w->n_active; k++) memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + w->WS[k]);
+    for (int k = 0; k < w->n_active; k++)
+        memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + w->WS[k]);
     return flag > 0 ? QP_SOLVED : QP_LIMIT_REACHED;
 }
 

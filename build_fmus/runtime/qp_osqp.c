@@ -1,8 +1,9 @@
-/* Back end OSQP, an operator-splitting solver (Stellato, Banjac, Goulart, Bemporad, Boyd 2020); its C sources lie in osqp/.
+/* Back end OSQP, an operator-splitting solver (Stellato, Banjac, Goulart, Bemporad, Boyd 2020); its C sources lie in
+ * osqp/.
  *
- * OSQP's own code generator writes a workspace of global variables for one instance. Here the same workspace is laid out in
- * the caller's scratch, so that instances share nothing but constants. The linear system of each iteration is solved with
- * constant factors of its reduced form, which is dense and small because the programs are condensed.
+ * OSQP's own code generator writes a workspace of global variables for one instance. Here the same workspace is laid
+ * out in the caller's scratch, so that instances share nothing but constants. The linear system of each iteration is
+ * solved with constant factors of its reduced form, which is dense and small because the programs are condensed.
  * Memory: the last iterate z and its multipliers, from which the next solve starts.
  *
  * A fallback takes over at the limit of iterations. It has its own part of scratch, and no warm start of its own. */
@@ -201,15 +202,16 @@ static void multiply(const double *T, int transposed, int n, const double *from,
     }
 }
 
-/* Solve by the fallback; a solution becomes the start of the next solve, in place of the iterate that lies in memory. */
-static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *memory, const double *q, const double *l,
-                          const double *u, double *z, double *y, int *iterations) {
+/* Solve by the fallback; a solution becomes the start of the next solve, in place of the iterate that lies in memory.
+ */
+static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *memory, const double *q,
+    const double *l, const double *u, double *z, double *y, int *iterations) {
     const Qp *f = qp->fallback;
     int more = 0;
     memset(s->fallback_memory, 0, memory_bytes(f));
     memset(y, 0, (size_t)qp->m * sizeof(double));
-    const QpStatus status = f->backend->solve(f, f->cases + (data - qp->cases), s->fallback_scratch, s->fallback_memory, q, l,
-                                              u, z, y, &more);
+    const QpStatus status = f->backend->solve(
+        f, f->cases + (data - qp->cases), s->fallback_scratch, s->fallback_memory, q, l, u, z, y, &more);
     *iterations += more;
     if (status == QP_SOLVED) {
         memcpy(memory, z, (size_t)qp->n * sizeof(double));
@@ -230,7 +232,8 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
 
     const double *e = f->row_scale, *multipliers = memory + n;
     double *turned = s->of_n[TURNED].values, *start = s->of_n[START].values;
-    double *lower = s->of_m[SOLUTION_Y].values, *upper = s->of_m[CERTIFICATE_Y].values; /* free until the end of the solve */
+    double *lower = s->of_m[SOLUTION_Y].values,
+           *upper = s->of_m[CERTIFICATE_Y].values; /* free until the end of the solve */
     multiply(f->transform, 1, n, q, turned);
     for (int i = 0; i < m; i++) {
         lower[i] = l[i] <= -QP_INFINITY ? -OSQP_INFTY : e[i] * l[i];

@@ -1,4 +1,5 @@
-/* Constants of a program for the back end OSQP: the program in w and v, where z = T w and row i of A is multiplied by e[i]. */
+/* Constants of a program for the back end OSQP: the program in w and v, where z = T w and row i of A is multiplied by
+ * e[i]. */
 #ifndef QP_OSQP_H
 #define QP_OSQP_H
 
@@ -9,7 +10,8 @@ typedef struct {
     const double *p_values;
     const int *a_columns, *a_rows;      /* e A T by columns */
     const double *a_values;
-    const double *lower, *inverse_diagonal; /* L D L' = T'HT + sigma I + rho (eAT)'(eAT); L packed below its ones, row by row */
+    const double *lower,
+        *inverse_diagonal; /* L D L' = T'HT + sigma I + rho (eAT)'(eAT); L packed below its ones, row by row */
 } QpOsqpFactors;
 
 typedef struct {

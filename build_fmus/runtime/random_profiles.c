@@ -1,7 +1,8 @@
 /* Sums of waves with random phases, by a fast Fourier transform.
  *
- * A profile of n nodes has waves at the multiples of 1 / (n step). At each of them there are two: one lifts left and right alike, the
- * other lifts the left and lowers the right. Amplitudes follow from the spectra, phases from the seed. */
+ * A profile of n nodes has waves at the multiples of 1 / (n step). At each of them there are two: one lifts left and
+ * right alike, the other lifts the left and lowers the right. Amplitudes follow from the spectra, phases from the seed.
+ */
 
 #include "random_profiles.h"
 
@@ -68,8 +69,10 @@ static void compute(const FmuProfiles *of, const FmuArguments *at, double *left,
         if (here.t > of->highest) break;
         of->spectra(&here, spectra);
         const double both = sqrt(2.0 * spectra[0] / period), opposite = sqrt(2.0 * spectra[1] / period);
-        const double first = TURN * uniform(sequence, 2u * (uint64_t)m), second = TURN * uniform(sequence, 2u * (uint64_t)m + 1u);
-        const double br = both * cos(first), bi = both * sin(first), dr = opposite * cos(second), di = opposite * sin(second);
+        const double first = TURN * uniform(sequence, 2u * (uint64_t)m),
+                     second = TURN * uniform(sequence, 2u * (uint64_t)m + 1u);
+        const double br = both * cos(first), bi = both * sin(first), dr = opposite * cos(second),
+                     di = opposite * sin(second);
         const double lr = br + dr, li = bi + di, rr = br - dr, ri = bi - di;
         left[m] = 0.5 * (lr - ri), right[m] = 0.5 * (li + rr);
         left[n - m] = 0.5 * (lr + ri), right[n - m] = 0.5 * (rr - li);

@@ -1,4 +1,5 @@
-/* How a saved state is laid out: a header, then the state. Linear models and lanes read this file for where things are. */
+/* How a saved state is laid out: a header, then the state. Linear models and lanes read this file for where things are.
+ */
 
 #ifndef SAVED_STATE_H
 #define SAVED_STATE_H
@@ -15,7 +16,8 @@ struct FmuSnapshot {
     uint32_t is_co_simulation, reserved; /* the modes of the two interfaces differ */
     uint64_t model;    /* hash of the instantiation token */
     uint64_t length;   /* of the state block */
-    uint64_t checksum; /* of the state block, once serialized; until then the address of this header, so that no bytes pass for a state */
+    uint64_t checksum; /* of the state block, once serialized; until then the address of this header, so that no bytes
+                          pass for a state */
 };
 
 /* Everything that changes while simulating. No pointers: a copy is a saved state. */

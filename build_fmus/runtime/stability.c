@@ -15,7 +15,9 @@ static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 
 static size_t n_matrices(FmuSolver method) { return method == FMU_SEMI_IMPLICIT ? 3 : 2; }
 
-static int n_tried(FmuSolver method, int n) { return method == FMU_SEMI_IMPLICIT ? n : 2; } /* states of a step that is tried */
+static int n_tried(FmuSolver method, int n) {
+    return method == FMU_SEMI_IMPLICIT ? n : 2;
+} /* states of a step that is tried */
 
 static size_t matrices_size(FmuSolver method, int n) {
     const size_t side = (size_t)n;
@@ -34,7 +36,8 @@ void stability_use(Stability *self, void *memory) {
     self->matrix = at + 2 * n;
     self->scratch = self->matrix + n * n;
     self->step_matrix = n_matrices(self->method) == 3 ? self->scratch + n * n : NULL;
-    self->solver = (Integrator){.method = self->method, .n = n_tried(self->method, self->n), .velocity_of = self->velocity_of};
+    self->solver =
+        (Integrator){.method = self->method, .n = n_tried(self->method, self->n), .velocity_of = self->velocity_of};
     integrator_use(&self->solver, (char *)memory + matrices_size(self->method, self->n));
 }
 
@@ -58,8 +61,9 @@ static void exchange(double *a, int n, int k, int m) {
     }
 }
 
-/* Order states so that those which nothing drives come last and those which drive nothing come first, as often as there is
- * one: the diagonal there is eigenvalues, exactly, however many of them are equal. Left are rows and columns low .. high. */
+/* Order states so that those which nothing drives come last and those which drive nothing come first, as often as there
+ * is one: the diagonal there is eigenvalues, exactly, however many of them are equal. Left are rows and columns low ..
+ * high. */
 static void isolate(double *a, int n, int *low, int *high) {
     *low = 0;
     *high = n - 1;
@@ -77,7 +81,8 @@ static void isolate(double *a, int n, int *low, int *high) {
     }
 }
 
-/* Scale rows and columns by powers of two until they have similar sizes (Parlett and Reinsch 1969): units no longer matter. */
+/* Scale rows and columns by powers of two until they have similar sizes (Parlett and Reinsch 1969): units no longer
+ * matter. */
 static void balance(double *a, int n, int low, int high) {
     for (int done = 0; !done;) {
         done = 1;
@@ -164,7 +169,8 @@ static void sweep(double *a, int n, int low, int high, int exceptional) {
         r /= size;
         if (first == low) break;
         const double left = fabs(A(first, first - 1)) * (fabs(q) + fabs(r));
-        if (left <= DBL_EPSILON * fabs(p) * (fabs(A(first - 1, first - 1)) + fabs(z) + fabs(A(first + 1, first + 1)))) break;
+        if (left <= DBL_EPSILON * fabs(p) * (fabs(A(first - 1, first - 1)) + fabs(z) + fabs(A(first + 1, first + 1))))
+            break;
     }
     for (int k = first; k < high; k++) { /* reflections of three rows and columns chase the bulge down */
         const int three = k < high - 1;
@@ -320,7 +326,8 @@ static double amplification(Integrator *solver, double h, Complex lambda) {
     const Complex c = stepped(solver, h, 0, 0.0), b = stepped(solver, h, 0, 1.0);
     const Complex half = {0.5 * b.re, 0.5 * b.im}, square = times(half, half); /* r^2 = b r + c */
     const Complex root = root_of((Complex){square.re + c.re, square.im + c.im});
-    const double one = magnitude(half.re + root.re, half.im + root.im), other = magnitude(half.re - root.re, half.im - root.im);
+    const double one = magnitude(half.re + root.re, half.im + root.im),
+                 other = magnitude(half.re - root.re, half.im - root.im);
     return fmax(first, fmax(one, other));
 }
 
@@ -347,8 +354,9 @@ static void fill_step_matrix(Stability *self, double h) {
     }
 }
 
-/* Eigenvalues of the matrix at hand; whether the solver follows all of them with this step, and else the largest that it
- * cannot follow (semi_implicit, which has no factor for each: the largest of all). Returns -1 when there are none. */
+/* Eigenvalues of the matrix at hand; whether the solver follows all of them with this step, and else the largest that
+ * it cannot follow (semi_implicit, which has no factor for each: the largest of all). Returns -1 when there are none.
+ */
 static int suits(Stability *self, double h, Instability *wrong) {
     const int n = self->n;
     const size_t bytes = (size_t)n * (size_t)n * sizeof(double);
@@ -385,7 +393,8 @@ static int all_suit(Stability *self, double h, Instability *wrong) {
         const int verdict = suits(self, h, &here);
         if (verdict > 0) continue;
         here.found = verdict == 0;
-        if (good || !here.found || (wrong->found && magnitude(here.real, here.imag) > magnitude(wrong->real, wrong->imag)))
+        if (good || !here.found ||
+            (wrong->found && magnitude(here.real, here.imag) > magnitude(wrong->real, wrong->imag)))
             *wrong = here;
         good = 0;
     }

@@ -13,12 +13,13 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
-/* An instant is one function without calls but those of the members. What calls save on the stack are stores, and a processor that has
- * no room for more of them waits, instead of computing one member while it finishes another: a third of the time of a chain of small FMUs. */
+/* An instant is one function without calls but those of the members. What calls save on the stack are stores, and a
+ * processor that has no room for more of them waits, instead of computing one member while it finishes another: a third
+ * of the time of a chain of small FMUs. */
 #if defined(__GNUC__)
 #define RARELY(condition) __builtin_expect(condition, 0)
 #define INLINE static inline __attribute__((always_inline))
-#define APART static __attribute__((noinline))       /* what only some systems need stays out of the way of what all do */
+#define APART static __attribute__((noinline)) /* what only some systems need stays out of the way of what all do */
 #define ASIDE static __attribute__((noinline, cold)) /* and so does what hardly ever runs */
 #else
 #define RARELY(condition) (condition)
@@ -30,7 +31,8 @@
 enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */
 
 double engine_time(const Engine *e, int64_t tick) {
-    return (double)(tick * e->a + e->b) / (double)e->d; /* both exact below 2^53, so the quotient is the nearest double */
+    return (double)(tick * e->a + e->b) /
+           (double)e->d; /* both exact below 2^53, so the quotient is the nearest double */
 }
 
 /* ------------------------------------------------------------------ values */
@@ -173,7 +175,9 @@ ASIDE void put_back(Engine *e, const EngineMember *m) {
 /* One communication step of a member: inputs as they stand, doStep, outputs. */
 INLINE int run_member(Engine *e, const EngineMember *m, double t) {
     gather(e->values, m, t);
-    const int result = !m->direct ? (m->fmi ? run_parts(e, m, t) : run_back(e, m, t)) : m->fmi == 3 ? run3(e, m, t) : run2(e, m, t);
+    const int result = !m->direct    ? (m->fmi ? run_parts(e, m, t) : run_back(e, m, t))
+                       : m->fmi == 3 ? run3(e, m, t)
+                                     : run2(e, m, t);
     if (RARELY(environment_looks_changed() & m->foreign)) put_back(e, m);
     if (RARELY(result)) e->member = (int32_t)(m - e->members);
     return result;
@@ -187,12 +191,14 @@ INLINE bool all_finite(const double *y, size_t n) {
     for (size_t i = 0; i < n; i++) {
         uint64_t bits;
         memcpy(&bits, &y[i], sizeof bits);
-        found |= (bits & exponent) + (UINT64_C(1) << 52); /* into the highest bit, where all bits of the exponent are set */
+        found |=
+            (bits & exponent) + (UINT64_C(1) << 52); /* into the highest bit, where all bits of the exponent are set */
     }
     return !(found >> 63);
 }
 
-/* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their list. */
+/* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their
+ * list. */
 ASIDE int look_at(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = first; k < end; k++) {
@@ -209,12 +215,13 @@ ASIDE int look_at(Engine *e, int32_t first, int32_t end) {
 INLINE int look_at_reached(Engine *e) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = 0; k < e->n_reached; k++)
-        if (!all_finite(e->values + e->reached[k].from, e->reached[k].n)) return look_at(e, e->n_due_discrete, e->n_due);
+        if (!all_finite(e->values + e->reached[k].from, e->reached[k].n))
+            return look_at(e, e->n_due_discrete, e->n_due);
     return ENGINE_AT_END;
 }
 
-/* A few values are copied one by one: what was stored as doubles a moment ago and is loaded in larger pieces has to wait until it has
- * left the processor's store buffer. */
+/* A few values are copied one by one: what was stored as doubles a moment ago and is loaded in larger pieces has to
+ * wait until it has left the processor's store buffer. */
 INLINE void copy(double *values, const EngineCopy *c) {
     if (c->n > 32) memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the two never overlap */
     else

@@ -1,8 +1,8 @@
 /* The plan of a system's exchange as flat arrays, and the engine that executes it.
  *
- * The rule of exchange is that of cosim/master (its specification is written there); the Python master and this engine give the
- * same bits. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and there are no globals.
- * Lines that do not begin with # are also read by cffi. */
+ * The rule of exchange is that of cosim/master (its specification is written there); the Python master and this engine
+ * give the same bits. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and there are
+ * no globals. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_H
 #define ENGINE_H
 
@@ -30,8 +30,8 @@ typedef enum {
 typedef uint32_t (*EngineValues2)(void *instance, const uint32_t *references, size_t n, void *values);
 typedef uint32_t (*EngineValues3)(void *instance, const uint32_t *references, size_t n, void *values, size_t n_values);
 typedef uint32_t (*EngineStep2)(void *instance, double t, double h, int no_set_prior);
-typedef uint32_t (*EngineStep3)(void *instance, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
-                                double *last);
+typedef uint32_t (*EngineStep3)(
+    void *instance, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last);
 typedef int (*EngineBack)(void *context, int32_t member, double t);
 
 /* One call that sets or gets all connected variables of one type. */
@@ -44,7 +44,8 @@ typedef struct {
     size_t n_data;
     EngineType type;
     size_t n;                        /* values that are moved */
-    const uint32_t *element, *place; /* data[element[i]] belongs to u[place[i]] or y[place[i]]; NULL: data is a part of u or y */
+    const uint32_t *element,
+        *place; /* data[element[i]] belongs to u[place[i]] or y[place[i]]; NULL: data is a part of u or y */
 } EngineTransfer;
 
 /* values[to + i] = values[from + i] for i < n. */
@@ -52,7 +53,8 @@ typedef struct {
     uint32_t to, from, n;
 } EngineCopy;
 
-/* An input that is extrapolated: u[input] += (values[now] - values[before]) * ((t + shift - values[reached]) / period). */
+/* An input that is extrapolated: u[input] += (values[now] - values[before]) * ((t + shift - values[reached]) / period).
+ */
 typedef struct {
     uint32_t input, now, before, reached;
     double period, shift;
@@ -135,12 +137,12 @@ typedef struct {
     EngineBack back;
     void *context;
     int64_t tick;               /* where it stands */
-    int32_t member, call;       /* what failed; call: 0 its step, k > 0 sets[k - 1], k < 0 gets[-k - 1]; or which stop */
+    int32_t member, call; /* what failed; call: 0 its step, k > 0 sets[k - 1], k < 0 gets[-k - 1]; or which stop */
     uint32_t status;
 } Engine;
 
-/* All instants from `tick`, of which nothing is done yet, up to but not including `end`. Returns why it came back, with `tick` at the
- * instant where that happened, or at `end`. */
+/* All instants from `tick`, of which nothing is done yet, up to but not including `end`. Returns why it came back, with
+ * `tick` at the instant where that happened, or at `end`. */
 int engine_run(Engine *e, int64_t end);
 
 /* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. */

@@ -1,5 +1,5 @@
-/* Signals from a table as a component: the step of one is a function of C, so that the engine need not call Python back.
- * Lines that do not begin with # are also read by cffi. */
+/* Signals from a table as a component: the step of one is a function of C, so that the engine need not call Python
+ * back. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_TABLE_H
 #define ENGINE_TABLE_H
 

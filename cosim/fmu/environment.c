@@ -28,8 +28,8 @@ static void at_exit(void) {
 }
 #endif
 
-/* An `exit` of C code, which Python does not see, ends with this sentence and exit code 1; NULL: no longer. Not on Windows, where each
- * library may have an `exit` of its own. */
+/* An `exit` of C code, which Python does not see, ends with this sentence and exit code 1; NULL: no longer. Not on
+ * Windows, where each library may have an `exit` of its own. */
 EXPORT void cosim_guard_exit(const char *text) {
     static bool guarded;
     sentence = text;

@@ -1,6 +1,6 @@
-/* The floating-point environment that an FMU shares with whoever calls it: rounding, flushing of subnormal numbers, traps. By the
- * processor's own instructions: <fenv.h> knows nothing of flushing, and is in a library that FMUs do not link. On other processors
- * than these nothing is seen and nothing restored. */
+/* The floating-point environment that an FMU shares with whoever calls it: rounding, flushing of subnormal numbers,
+ * traps. By the processor's own instructions: <fenv.h> knows nothing of flushing, and is in a library that FMUs do not
+ * link. On other processors than these nothing is seen and nothing restored. */
 #ifndef ENVIRONMENT_H
 #define ENVIRONMENT_H
 
@@ -24,8 +24,9 @@ static inline uint32_t environment_bits(void) {
 #endif
 }
 
-/* Whether rounding or subnormal numbers are other than IEEE 754's defaults, found by sums that show it: reading the processor's control
- * register waits until all arithmetic before it is done, which costs more than the step of a small FMU. */
+/* Whether rounding or subnormal numbers are other than IEEE 754's defaults, found by sums that show it: reading the
+ * processor's control register waits until all arithmetic before it is done, which costs more than the step of a small
+ * FMU. */
 static inline int environment_looks_changed(void) {
 #if defined(__SSE2__) && defined(__GNUC__)
     typedef float Four __attribute__((vector_size(16)));
@@ -52,7 +53,8 @@ static inline uint32_t environment_restore(uint32_t before) {
     __builtin_ia32_ldmxcsr(before >> 16);
     __asm__ volatile("fnclex\n\tfldcw %0" : : "m"(x87)); /* without the traps of what was pending */
     return ((sse & 0x6000u) || (changed & 0x0f00u) ? ENVIRONMENT_ROUNDING : 0u) |
-           (sse & 0x8040u ? ENVIRONMENT_FLUSHING : 0u) | ((sse & 0x1f80u) || (changed & 0x3fu) ? ENVIRONMENT_TRAPS : 0u);
+           (sse & 0x8040u ? ENVIRONMENT_FLUSHING : 0u) |
+           ((sse & 0x1f80u) || (changed & 0x3fu) ? ENVIRONMENT_TRAPS : 0u);
 #elif defined(__aarch64__) && defined(__GNUC__)
     const uint64_t fpcr = before;
     __asm__ volatile("msr fpcr, %0" : : "r"(fpcr));

@@ -26,7 +26,8 @@ static void read_all(Instance c) {
 static void set_all(Instance c) {
     for (int i = 0; i < fmu_model.n_variables; i++) {
         const FmuVariable *v = &fmu_model.variables[i];
-        if (v->role == FMU_PARAMETER || v->role == FMU_INPUT || v->is_exact) EXPECT(set(c, (unsigned)i, v, start_of(v)) == 0);
+        if (v->role == FMU_PARAMETER || v->role == FMU_INPUT || v->is_exact)
+            EXPECT(set(c, (unsigned)i, v, start_of(v)) == 0);
         else EXPECT(set(c, (unsigned)i, v, 0.0) == 3);
         if (v->type == FMU_FLOAT64) {
             EXPECT(set(c, (unsigned)i, v, NAN) == 3);
@@ -44,7 +45,8 @@ static void set_inputs(Instance c, double t) {
     }
 }
 
-/* Derivatives of all pairs of variables; of FMUs with hundreds of them every so manieth pair, each variable on both sides. */
+/* Derivatives of all pairs of variables; of FMUs with hundreds of them every so manieth pair, each variable on both
+ * sides. */
 static void differentiate(Instance c) {
     const int stride = 1 + fmu_model.n_variables / 100;
     for (int i = 0; i < fmu_model.n_variables; i++)
@@ -99,8 +101,9 @@ static void look(Instance c) {
     }
 }
 
-/* States with odd numbers and a checksum that fits (the last 8 bytes of the header, FNV-1a of what follows): refused, or good
- * for a step. A number here and there, and all numbers of the warm starts of quadratic programs, which end the block. */
+/* States with odd numbers and a checksum that fits (the last 8 bytes of the header, FNV-1a of what follows): refused,
+ * or good for a step. A number here and there, and all numbers of the warm starts of quadratic programs, which end the
+ * block. */
 static void hostile_states(Instance c, double t) {
     enum { HEADER = 40, CHECKSUM = 32 };
     const double odd[] = {NAN, 1.7e308, -1.0, 0.5, 2.0, 1099511627776.0};
@@ -141,7 +144,8 @@ static void extreme_inputs(void) {
         (void)F(ExitInitializationMode)(c);
         for (int i = 0; i < fmu_model.n_variables; i++) {
             const FmuVariable *v = &fmu_model.variables[i];
-            if (v->role == FMU_INPUT && v->type == FMU_FLOAT64) EXPECT(set(c, (unsigned)i, v, i % 3 ? far[k] : -far[k]) == 0);
+            if (v->role == FMU_INPUT && v->type == FMU_FLOAT64)
+                EXPECT(set(c, (unsigned)i, v, i % 3 ? far[k] : -far[k]) == 0);
             if (v->role == FMU_INPUT && v->type == FMU_BOOLEAN) EXPECT(set(c, (unsigned)i, v, 1.0) == 0);
         }
         (void)do_step(c, 0.0, step);

@@ -1,10 +1,10 @@
-/* A host for the FMUs of one platform, made for that platform by a cross compiler: it loads each library that a job names, replays the
- * stimulus of its documentation and writes the outputs, exactly. In the middle the state travels as bytes into a second instance, which
- * goes on.
+/* A host for the FMUs of one platform, made for that platform by a cross compiler: it loads each library that a job
+ * names, replays the stimulus of its documentation and writes the outputs, exactly. In the middle the state travels as
+ * bytes into a second instance, which goes on.
  *
- * host JOB...: a job is a text of words: fmi, library, token, resources, step, n_steps, then n_inputs and n_outputs, each followed by
- * that many pairs of type (r, i, b) and value reference, then (n_steps + 1) rows of inputs as bits of doubles in hexadecimal. The
- * outputs, as such bits too, go to JOB.out. Ends with the number of jobs that failed. */
+ * host JOB...: a job is a text of words: fmi, library, token, resources, step, n_steps, then n_inputs and n_outputs,
+ * each followed by that many pairs of type (r, i, b) and value reference, then (n_steps + 1) rows of inputs as bits of
+ * doubles in hexadecimal. The outputs, as such bits too, go to JOB.out. Ends with the number of jobs that failed. */
 #include <inttypes.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -89,16 +89,19 @@ static Variable *read_variables(FILE *file, int *n) {
 /* ------------------------------------------------------------------ FMI 2.0 */
 
 static int run2(Job *job, FILE *out) {
-    FIND(fmi2Instantiate) FIND(fmi2SetupExperiment) FIND(fmi2EnterInitializationMode) FIND(fmi2ExitInitializationMode)
-    FIND(fmi2DoStep) FIND(fmi2SetReal) FIND(fmi2SetInteger) FIND(fmi2SetBoolean) FIND(fmi2GetReal) FIND(fmi2GetInteger)
-    FIND(fmi2GetBoolean) FIND(fmi2GetFMUstate) FIND(fmi2SetFMUstate) FIND(fmi2FreeFMUstate) FIND(fmi2SerializedFMUstateSize)
-    FIND(fmi2SerializeFMUstate) FIND(fmi2DeSerializeFMUstate) FIND(fmi2Terminate) FIND(fmi2FreeInstance) FIND(fmi2GetVersion)
-    MUST(!strcmp(fmi2GetVersion(), fmi2Version));
+    FIND(fmi2Instantiate)
+    FIND(fmi2SetupExperiment) FIND(fmi2EnterInitializationMode) FIND(fmi2ExitInitializationMode) FIND(fmi2DoStep)
+        FIND(fmi2SetReal) FIND(fmi2SetInteger) FIND(fmi2SetBoolean) FIND(fmi2GetReal) FIND(fmi2GetInteger)
+            FIND(fmi2GetBoolean) FIND(fmi2GetFMUstate) FIND(fmi2SetFMUstate) FIND(fmi2FreeFMUstate)
+                FIND(fmi2SerializedFMUstateSize) FIND(fmi2SerializeFMUstate) FIND(fmi2DeSerializeFMUstate)
+                    FIND(fmi2Terminate) FIND(fmi2FreeInstance) FIND(fmi2GetVersion)
+                        MUST(!strcmp(fmi2GetVersion(), fmi2Version));
     fmi2Component one = NULL;
     for (int k = 0; k <= job->n_steps; k++) {
         const double *row = job->rows + (size_t)(k ? k - 1 : 0) * (size_t)job->n_inputs;
         if (k == 0 || k == job->n_steps / 2 + 1) {
-            fmi2Component other = fmi2Instantiate("platform", fmi2CoSimulation, job->token, job->resources, &callbacks, fmi2False, fmi2False);
+            fmi2Component other = fmi2Instantiate(
+                "platform", fmi2CoSimulation, job->token, job->resources, &callbacks, fmi2False, fmi2False);
             MUST(other);
             MUST(fmi2SetupExperiment(other, fmi2False, 0.0, 0.0, fmi2False, 0.0) == fmi2OK);
             MUST(fmi2EnterInitializationMode(other) == fmi2OK);
@@ -109,7 +112,8 @@ static int run2(Job *job, FILE *out) {
                 MUST(fmi2GetFMUstate(one, &state) == fmi2OK && fmi2SerializedFMUstateSize(one, state, &size) == fmi2OK);
                 fmi2Byte *bytes = malloc(size);
                 MUST(fmi2SerializeFMUstate(one, state, bytes, size) == fmi2OK);
-                MUST(fmi2DeSerializeFMUstate(other, bytes, size, &copy) == fmi2OK && fmi2SetFMUstate(other, copy) == fmi2OK);
+                MUST(fmi2DeSerializeFMUstate(other, bytes, size, &copy) == fmi2OK &&
+                     fmi2SetFMUstate(other, copy) == fmi2OK);
                 MUST(fmi2FreeFMUstate(one, &state) == fmi2OK && fmi2FreeFMUstate(other, &copy) == fmi2OK);
                 free(bytes);
                 MUST(fmi2Terminate(one) == fmi2OK);
@@ -145,17 +149,18 @@ static int run2(Job *job, FILE *out) {
 /* ------------------------------------------------------------------ FMI 3.0 */
 
 static int run3(Job *job, FILE *out) {
-    FIND(fmi3InstantiateCoSimulation) FIND(fmi3EnterInitializationMode) FIND(fmi3ExitInitializationMode) FIND(fmi3DoStep)
-    FIND(fmi3SetFloat64) FIND(fmi3SetInt32) FIND(fmi3SetBoolean) FIND(fmi3GetFloat64) FIND(fmi3GetInt32) FIND(fmi3GetBoolean)
-    FIND(fmi3GetFMUState) FIND(fmi3SetFMUState) FIND(fmi3FreeFMUState) FIND(fmi3SerializedFMUStateSize) FIND(fmi3SerializeFMUState)
-    FIND(fmi3DeserializeFMUState) FIND(fmi3Terminate) FIND(fmi3FreeInstance) FIND(fmi3GetVersion)
-    MUST(!strcmp(fmi3GetVersion(), fmi3Version));
+    FIND(fmi3InstantiateCoSimulation)
+    FIND(fmi3EnterInitializationMode) FIND(fmi3ExitInitializationMode) FIND(fmi3DoStep) FIND(fmi3SetFloat64)
+        FIND(fmi3SetInt32) FIND(fmi3SetBoolean) FIND(fmi3GetFloat64) FIND(fmi3GetInt32) FIND(fmi3GetBoolean)
+            FIND(fmi3GetFMUState) FIND(fmi3SetFMUState) FIND(fmi3FreeFMUState) FIND(fmi3SerializedFMUStateSize)
+                FIND(fmi3SerializeFMUState) FIND(fmi3DeserializeFMUState) FIND(fmi3Terminate) FIND(fmi3FreeInstance)
+                    FIND(fmi3GetVersion) MUST(!strcmp(fmi3GetVersion(), fmi3Version));
     fmi3Instance one = NULL;
     for (int k = 0; k <= job->n_steps; k++) {
         const double *row = job->rows + (size_t)(k ? k - 1 : 0) * (size_t)job->n_inputs;
         if (k == 0 || k == job->n_steps / 2 + 1) {
-            fmi3Instance other = fmi3InstantiateCoSimulation("platform", job->token, job->resources, false, false, false, false, NULL, 0,
-                                                             NULL, message3, NULL);
+            fmi3Instance other = fmi3InstantiateCoSimulation(
+                "platform", job->token, job->resources, false, false, false, false, NULL, 0, NULL, message3, NULL);
             MUST(other);
             MUST(fmi3EnterInitializationMode(other, false, 0.0, 0.0, false, 0.0) == fmi3OK);
             if (k) {
@@ -165,7 +170,8 @@ static int run3(Job *job, FILE *out) {
                 MUST(fmi3GetFMUState(one, &state) == fmi3OK && fmi3SerializedFMUStateSize(one, state, &size) == fmi3OK);
                 fmi3Byte *bytes = malloc(size);
                 MUST(fmi3SerializeFMUState(one, state, bytes, size) == fmi3OK);
-                MUST(fmi3DeserializeFMUState(other, bytes, size, &copy) == fmi3OK && fmi3SetFMUState(other, copy) == fmi3OK);
+                MUST(fmi3DeserializeFMUState(other, bytes, size, &copy) == fmi3OK &&
+                     fmi3SetFMUState(other, copy) == fmi3OK);
                 MUST(fmi3FreeFMUState(one, &state) == fmi3OK && fmi3FreeFMUState(other, &copy) == fmi3OK);
                 free(bytes);
                 MUST(fmi3Terminate(one) == fmi3OK);

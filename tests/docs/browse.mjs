@@ -1,4 +1,5 @@
-// Looks at pages of a site in Chromium: node browse.mjs MODULES FOLDER PAGE... Prints what it found as JSON, leaves pictures in FOLDER.
+// Looks at pages of a site in Chromium: node browse.mjs MODULES FOLDER PAGE... Prints what it found as JSON, leaves
+// pictures in FOLDER.
 import { mkdirSync } from "node:fs";
 import { createRequire } from "node:module";
 import { basename, join, resolve } from "node:path";
@@ -17,10 +18,15 @@ for (const colorScheme of ["light", "dark"]) {
     const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme });
     for (const file of files) {
       const page = await context.newPage();
-      const errors = [], asked = [];
+      const errors = [],
+        asked = [];
       page.on("pageerror", (error) => errors.push(error.message));
-      page.on("console", (message) => { if (message.type() === "error") errors.push(message.text()); });
-      page.on("request", (request) => { if (!/^(file|data|blob):/.test(request.url())) asked.push(request.url()); });
+      page.on("console", (message) => {
+        if (message.type() === "error") errors.push(message.text());
+      });
+      page.on("request", (request) => {
+        if (!/^(file|data|blob):/.test(request.url())) asked.push(request.url());
+      });
       await page.goto(pathToFileURL(resolve(file)).href);
       await page.waitForTimeout(200);
       await page.screenshot({ path: join(folder, `${basename(file, ".html")}-${width}-${colorScheme}.png`) });
@@ -28,8 +34,14 @@ for (const colorScheme of ["light", "dark"]) {
       const dark = await page.evaluate(() => getComputedStyle(document.body).getPropertyValue("--md-default-bg-color"));
       await page.evaluate(axe.source);
       const { violations } = await page.evaluate(() => window.axe.run({ preload: false }));
-      const harms = violations.filter(({ impact }) => ["serious", "critical"].includes(impact))
-        .map(({ id, help, nodes }) => ({ id, help, count: nodes.length, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
+      const harms = violations
+        .filter(({ impact }) => ["serious", "critical"].includes(impact))
+        .map(({ id, help, nodes }) => ({
+          id,
+          help,
+          count: nodes.length,
+          nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)),
+        }));
       found.push({ page: basename(file), width, scheme: colorScheme, errors, asked, overflow, dark, harms });
       await page.close();
     }
@@ -53,7 +65,10 @@ const claims = files.find((file) => basename(file) === "claims.html");
 let narrowed = null;
 if (claims) {
   await page.goto(pathToFileURL(resolve(claims)).href);
-  const shown = () => page.locator(".claims tbody tr:visible").evaluateAll((rows) => rows.map((row) => [row.cells[0].textContent, row.cells[5].textContent]));
+  const shown = () =>
+    page
+      .locator(".claims tbody tr:visible")
+      .evaluateAll((rows) => rows.map((row) => [row.cells[0].textContent, row.cells[5].textContent]));
   narrowed = { all: await shown() };
   await page.getByLabel("paper").selectOption("003");
   narrowed.paper = await shown();

@@ -27,3 +27,18 @@ def test_lines_of_markdown_are_short(page: Path) -> None:
     """Rows of tables have no limit: Markdown has no way to break them."""
     lines = enumerate(page.read_text(encoding="utf-8").splitlines(), start=1)
     assert [n for n, line in lines if line[:1] != "|" and len(NO_TEXT.sub("]()", line)) > LONGEST_LINE] == []
+
+
+def test_lines_of_code_other_than_python_are_short() -> None:
+    """ruff checks those of Python."""
+    folders = ("build_fmus", "cosim", "fmu_sources", "benchmarks", "docs", "tests")
+    files = [f for d in folders for e in ("c", "h", "js", "mjs", "css") for f in (ROOT / d).rglob(f"*.{e}")]
+    others = {"vendor", "musl"}  # third-party code
+    own = [f for f in files if not others & set(f.parts)]
+    assert len(own) > 50
+    assert [
+        f"{f.relative_to(ROOT)}:{n}"
+        for f in own
+        for n, line in enumerate(f.read_text(encoding="utf-8").splitlines(), start=1)
+        if len(line) > LONGEST_LINE
+    ] == []

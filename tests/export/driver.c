@@ -1,5 +1,6 @@
-/* A stand-alone host for a system's FMU of FMI 3.0, linked with its sources under sanitizers: the whole life, wrong calls, saved states and
- * damaged ones, in two threads at once where -DTHREADS. Ends with 0 when every call returned what it should. */
+/* A stand-alone host for a system's FMU of FMI 3.0, linked with its sources under sanitizers: the whole life, wrong
+ * calls, saved states and damaged ones, in two threads at once where -DTHREADS. Ends with 0 when every call returned
+ * what it should. */
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -21,10 +22,13 @@ static double step;
         }                                                          \
     } while (0)
 
-static void quiet(void *e, fmi3Status status, const char *category, const char *message) { (void)e, (void)status, (void)category, (void)message; }
+static void quiet(void *e, fmi3Status status, const char *category, const char *message) {
+    (void)e, (void)status, (void)category, (void)message;
+}
 
 static fmi3Instance instantiate(void) {
-    return fmi3InstantiateCoSimulation("driver", fmu_model.token, resources, false, true, false, false, NULL, 0, NULL, quiet, NULL);
+    return fmi3InstantiateCoSimulation(
+        "driver", fmu_model.token, resources, false, true, false, false, NULL, 0, NULL, quiet, NULL);
 }
 
 static fmi3Status advance(fmi3Instance c, double t, double h) {
@@ -118,7 +122,8 @@ static void *live(void *unused) {
         EXPECT(fmi3Reset(c) == fmi3OK);
     }
     fmi3FreeInstance(c);
-    EXPECT(fmi3InstantiateCoSimulation("driver", "another", resources, false, true, false, false, NULL, 0, NULL, quiet, NULL) == NULL);
+    EXPECT(fmi3InstantiateCoSimulation(
+               "driver", "another", resources, false, true, false, false, NULL, 0, NULL, quiet, NULL) == NULL);
     return NULL;
 }
 
@@ -127,7 +132,8 @@ int main(int argc, char **argv) {
     step = atof(argv[1]);
     resources = argv[2];
 #ifdef THREADS
-    fmi3Instance keeps = instantiate(); /* libraries of members open: the loader's own memory is none of ours, and its lock is hidden */
+    fmi3Instance keeps =
+        instantiate(); /* libraries of members open: the loader's own memory is none of ours, and its lock is hidden */
     pthread_t threads[3];
     for (int i = 0; i < 3; i++) pthread_create(&threads[i], NULL, live, NULL);
     for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);

@@ -1,4 +1,5 @@
-// Runs a live page in Chromium: node live.mjs MODULES PAGE FOLDER SECONDS. Prints what it found as JSON, leaves pictures in FOLDER.
+// Runs a live page in Chromium: node live.mjs MODULES PAGE FOLDER SECONDS. Prints what it found as JSON, leaves
+// pictures in FOLDER.
 import { mkdirSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
@@ -10,13 +11,20 @@ const { chromium } = require("playwright-core");
 const axe = require("axe-core");
 mkdirSync(folder, { recursive: true });
 
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox", "--js-flags=--expose-gc", "--enable-precise-memory-info"] });
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM,
+  args: ["--no-sandbox", "--js-flags=--expose-gc", "--enable-precise-memory-info"],
+});
 const found = { errors: [], asked: [], views: [], groups: [] };
 const open = async (context, more = "") => {
   const page = await context.newPage();
   page.on("pageerror", (error) => found.errors.push(error.message));
-  page.on("console", (message) => { if (["error", "warning"].includes(message.type())) found.errors.push(message.text()); });
-  page.on("request", (request) => { if (!/^(file|data|blob):/.test(request.url())) found.asked.push(request.url()); });
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type())) found.errors.push(message.text());
+  });
+  page.on("request", (request) => {
+    if (!/^(file|data|blob):/.test(request.url())) found.asked.push(request.url());
+  });
   await page.goto(pathToFileURL(resolve(file)).href + more);
   await page.waitForFunction(() => document.documentElement.dataset.state !== "loading", null, { timeout: 60000 });
   return page;
@@ -26,24 +34,38 @@ for (const colorScheme of ["light", "dark"]) {
   for (const width of [390, 1400]) {
     const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme });
     const page = await open(context);
-    const clock = () => page.evaluate(() => new Promise((done) => requestAnimationFrame((now) => done([page.time, now / 1000]))));
+    const clock = () =>
+      page.evaluate(() => new Promise((done) => requestAnimationFrame((now) => done([page.time, now / 1000]))));
     await page.waitForTimeout(1000); // until the browser has compiled what runs often
     const from = await clock();
-    const frames = await page.evaluate(() => new Promise((done) => { // drawn in three seconds
-      const before = page.frames, begun = performance.now();
-      const look = (now) => (now - begun < 3000 ? requestAnimationFrame(look) : done((page.frames - before) / (now - begun) * 1000));
-      requestAnimationFrame(look);
-    }));
+    const frames = await page.evaluate(
+      () =>
+        new Promise((done) => {
+          // drawn in three seconds
+          const before = page.frames,
+            begun = performance.now();
+          const look = (now) =>
+            now - begun < 3000 ? requestAnimationFrame(look) : done(((page.frames - before) / (now - begun)) * 1000);
+          requestAnimationFrame(look);
+        }),
+    );
     const to = await clock();
     const view = await page.evaluate(() => ({
-      state: document.documentElement.dataset.state, ready: performance.getEntriesByName("ready")[0].startTime / 1000,
-      overflow: document.documentElement.scrollWidth - innerWidth, running: page.running,
+      state: document.documentElement.dataset.state,
+      ready: performance.getEntriesByName("ready")[0].startTime / 1000,
+      overflow: document.documentElement.scrollWidth - innerWidth,
+      running: page.running,
       labels: [...document.querySelectorAll("canvas")].map((c) => c.getAttribute("aria-label")),
     }));
     await page.screenshot({ path: join(folder, `${width}-${colorScheme}.png`), fullPage: true });
     await page.evaluate(axe.source);
     const { violations } = await page.evaluate(() => window.axe.run());
-    view.violations = violations.map(({ id, impact, help, nodes }) => ({ id, impact, help, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
+    view.violations = violations.map(({ id, impact, help, nodes }) => ({
+      id,
+      impact,
+      help,
+      nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)),
+    }));
     found.views.push({ width, scheme: colorScheme, frames, pace: (to[0] - from[0]) / (to[1] - from[1]), ...view });
     await context.close();
   }
@@ -53,10 +75,16 @@ for (const colorScheme of ["light", "dark"]) {
 {
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 } });
   const page = await open(context, "#paused");
-  const seen = () => page.evaluate(() => ({
-    view: document.getElementById("view").value, azimuth: page.camera.azimuth, zoom: page.camera.zoom, time: page.time, running: page.running,
-    picture: page.views[0].canvas.toDataURL(), label: page.views[0].canvas.getAttribute("aria-label"),
-  }));
+  const seen = () =>
+    page.evaluate(() => ({
+      view: document.getElementById("view").value,
+      azimuth: page.camera.azimuth,
+      zoom: page.camera.zoom,
+      time: page.time,
+      running: page.running,
+      picture: page.views[0].canvas.toDataURL(),
+      label: page.views[0].canvas.getAttribute("aria-label"),
+    }));
   const box = await page.locator("#scenes canvas").first().boundingBox();
   const drag = async (far) => {
     await page.mouse.move(box.x + 200, box.y + 80);
@@ -86,28 +114,41 @@ found.waits = await page.evaluate(() => !page.running);
 const groups = await page.evaluate(() => page.data.groups.length);
 const memory = async () => {
   await page.waitForTimeout(500); // pictures that are due hold on to what they show
-  return page.evaluate(() => { gc(); gc(); return performance.memory.usedJSHeapSize; });
+  return page.evaluate(() => {
+    gc();
+    gc();
+    return performance.memory.usedJSHeapSize;
+  });
 };
 const first = await memory();
 for (let k = 1; k <= 4; k++) await page.evaluate((g) => page.choose(g), k % groups);
-found.memory = await memory() / first;
+found.memory = (await memory()) / first;
 for (let group = 0; group < groups; group++) {
-  found.groups.push(await page.evaluate(([g, end]) => {
-    page.choose(g);
-    const begun = performance.now();
-    page.advance(Math.round(end / page.data.interval));
-    return {
-      seconds: (performance.now() - begun) / 1000,
-      systems: page.variants.map((v) => {
-        const row = v.row;
+  found.groups.push(
+    await page.evaluate(
+      ([g, end]) => {
+        page.choose(g);
+        const begun = performance.now();
+        page.advance(Math.round(end / page.data.interval));
         return {
-          title: v.title, failure: v.failure, verdict: v.score.verdict, steps: v.steps,
-          names: [...v.instance.place.keys()], bits: [...new BigInt64Array(row.buffer)].map(String), // JSON has no -0
-          measures: v.score.measures.map((m, i) => v.score.value(i)),
+          seconds: (performance.now() - begun) / 1000,
+          systems: page.variants.map((v) => {
+            const row = v.row;
+            return {
+              title: v.title,
+              failure: v.failure,
+              verdict: v.score.verdict,
+              steps: v.steps,
+              names: [...v.instance.place.keys()],
+              bits: [...new BigInt64Array(row.buffer)].map(String), // JSON has no -0
+              measures: v.score.measures.map((m, i) => v.score.value(i)),
+            };
+          }),
         };
-      }),
-    };
-  }, [group, Number(seconds)]));
+      },
+      [group, Number(seconds)],
+    ),
+  );
 }
 await browser.close();
 console.log(JSON.stringify(found));

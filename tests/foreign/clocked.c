@@ -1,7 +1,9 @@
-/* A small FMI 3.0 FMU with a clock, which owes nothing to this project but its description (clocked.py): from the standard's headers alone.
+/* A small FMI 3.0 FMU with a clock, which owes nothing to this project but its description (clocked.py): from the
+ * standard's headers alone.
  *
- * When the clock ticks, x := x + u and y := x; z is the integral of y. It is strict: whatever the standard does not allow in a state is an Error, clocked
- * variables outside of their ticks and steps beyond a tick included. KIND says how its interval is known; `pulse` ticks at every third tick. */
+ * When the clock ticks, x := x + u and y := x; z is the integral of y. It is strict: whatever the standard does not
+ * allow in a state is an Error, clocked variables outside of their ticks and steps beyond a tick included. KIND says
+ * how its interval is known; `pulse` ticks at every third tick. */
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -56,10 +58,9 @@ static void start(Model *m) {
 static bool due(const Model *m) { return m->v.known && fabs(m->v.next - m->v.now) < 1e-9; }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
-                                         fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-                                         fmi3InstanceEnvironment environment, fmi3LogMessageCallback message,
-                                         fmi3IntermediateUpdateCallback update) {
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
     Model *m = calloc(1, sizeof *m);
     if (!m || early || n || update) return NULL; /* nobody has asked for these */
     m->log = message;
@@ -69,8 +70,11 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     return m;
 }
 void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) { return fmi3OK; }
-fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) {
+    return fmi3OK;
+}
+fmi3Status fmi3EnterInitializationMode(
+    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
     IN(BIT(INSTANTIATED));
     m->v.now = begin;
     m->v.state = INITIALIZATION;
@@ -78,7 +82,8 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean a, dou
 }
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     IN(BIT(INITIALIZATION));
-    if (m->v.events && KIND >= FIXED && KIND <= COUNTDOWN && !m->v.told) return error(m, "nobody has asked for the interval");
+    if (m->v.events && KIND >= FIXED && KIND <= COUNTDOWN && !m->v.told)
+        return error(m, "nobody has asked for the interval");
     m->v.state = m->v.events ? EVENT : STEP;
     if (KIND == COUNTDOWN) return fmi3OK;
     m->v.next = m->v.now + (KIND == CHANGING ? m->v.period : KIND == FIXED ? m->v.shift : 0.0);
@@ -126,7 +131,8 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], si
     return fmi3OK;
 }
 static double following(Model *m) { return KIND == CHANGING ? 0.01 * (1 + m->v.ticks % 3) : m->v.period; }
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], fmi3IntervalQualifier q[]) {
+fmi3Status fmi3GetIntervalDecimal(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], fmi3IntervalQualifier q[]) {
     IN(BIT(INITIALIZATION) | BIT(EVENT));
     m->v.told = true;
     if (KIND == COUNTDOWN) {
@@ -138,12 +144,13 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReferenc
     }
     if (KIND == CHANGING && m->v.state == EVENT && !m->v.ticking) return error(m, "the clock does not tick");
     value[0] = m->v.state == INITIALIZATION ? m->v.period : following(m);
-    q[0] = m->v.state == INITIALIZATION || KIND == TUNABLE || KIND == CHANGING ? fmi3IntervalChanged : fmi3IntervalUnchanged;
+    q[0] = m->v.state == INITIALIZATION || KIND == TUNABLE || KIND == CHANGING ? fmi3IntervalChanged
+                                                                               : fmi3IntervalUnchanged;
     if (KIND == TUNABLE && m->v.state == EVENT) m->v.next = m->v.now + m->v.period;
     return fmi3OK;
 }
-fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[],
-                                   fmi3IntervalQualifier q[]) {
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[],
+    uint64_t resolution[], fmi3IntervalQualifier q[]) {
     return error(instance, "no fractions here");
 }
 fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[]) {
@@ -151,11 +158,12 @@ fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference v
     value[0] = m->v.shift;
     return fmi3OK;
 }
-fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[]) {
+fmi3Status fmi3GetShiftFraction(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[]) {
     return error(instance, "no fractions here");
 }
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
-                                    fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
+    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
     IN(BIT(EVENT));
     *terminate = *nominals = *values = *has_next = false;
     *again = KIND == ENDLESS;
@@ -186,12 +194,15 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
                 break;
             default:
                 if (!m->v.ticking && !initializing) return error(m, "%u is read while its clock does not tick", vr[i]);
-                value[i] = vr[i] == LAST ? (m->v.ticking ? m->v.now : m->v.last) : initializing ? m->v.x : m->v.x + m->v.u;
+                value[i] = vr[i] == LAST  ? (m->v.ticking ? m->v.now : m->v.last)
+                           : initializing ? m->v.x
+                                          : m->v.x + m->v.u;
         }
     }
     return fmi3OK;
 }
-fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+fmi3Status fmi3SetFloat64(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
     for (size_t i = 0; i < n; i++) {
         const bool before = m->v.state <= INITIALIZATION;
@@ -199,7 +210,8 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
             if (!before && !m->v.ticking) return error(m, "u is set while its clock does not tick");
             m->v.u = value[i];
         } else if (vr[i] == PERIOD) {
-            if (!before && (KIND != TUNABLE || m->v.state != EVENT)) return error(m, "period is set in state %d", m->v.state);
+            if (!before && (KIND != TUNABLE || m->v.state != EVENT))
+                return error(m, "period is set in state %d", m->v.state);
             m->v.period = value[i];
         } else {
             if (!before) return error(m, "shift is fixed");
@@ -214,7 +226,8 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], si
     for (size_t i = 0; i < n; i++) value[i] = m->v.ticks + m->v.ticking;
     return fmi3OK;
 }
-fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const bool value[], size_t k) {
+fmi3Status fmi3SetBoolean(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const bool value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT)); /* discrete: not in step mode */
     for (size_t i = 0; i < n; i++) {
         m->v.start |= value[i] && !m->v.begin; /* a rising edge */
@@ -240,11 +253,12 @@ fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
     *state = NULL;
     return fmi3OK;
 }
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event, fmi3Boolean *terminate,
-                      fmi3Boolean *early, double *last) {
+fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
+    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
     IN(BIT(STEP));
     if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
-    if (m->v.events && m->v.known && m->v.next < t + h - 1e-9) return error(m, "a step to %.12g passes the tick at %.12g", t + h, m->v.next);
+    if (m->v.events && m->v.known && m->v.next < t + h - 1e-9)
+        return error(m, "a step to %.12g passes the tick at %.12g", t + h, m->v.next);
     if (KIND == EARLY) h *= 0.5;
     m->v.z += h * m->v.y;
     m->v.now = t + h;

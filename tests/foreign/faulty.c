@@ -1,9 +1,10 @@
-/* A small FMU that keeps to the standard but for one fault, or with one oddity that the standard allows: `resources/fault.txt` names it (faulty.py
- * has the lists). FMI 2.0 or 3.0, Co-Simulation
- * and Model Exchange, from the standard's headers alone.
+/* A small FMU that keeps to the standard but for one fault, or with one oddity that the standard allows:
+ * `resources/fault.txt` names it (faulty.py has the lists). FMI 2.0 or 3.0, Co-Simulation and Model Exchange, from the
+ * standard's headers alone.
  *
- * A mass on a spring: der(x) = v, der(v) = force - d v, force = gain u - k x while `on`. `count` counts steps or events, z is an event
- * indicator, c a constant. Co-Simulation takes steps of 1 ms at most of the classical Runge-Kutta method; with `adaptive` Euler's with error control. */
+ * A mass on a spring: der(x) = v, der(v) = force - d v, force = gain u - k x while `on`. `count` counts steps or
+ * events, z is an event indicator, c a constant. Co-Simulation takes steps of 1 ms at most of the classical Runge-Kutta
+ * method; with `adaptive` Euler's with error control. */
 #include <fenv.h>
 #include <math.h>
 #include <stdbool.h>
@@ -187,13 +188,17 @@ static double real(Model *m, Reference vr) {
 
 static bool is_real(Reference vr) { return vr < N_VARIABLES && vr != COUNT && vr != GAIN && vr != ON; }
 
-static Model *instantiate(Text name, Text token, bool co_simulation, bool logging, Logger logger, void *environment, const char *resources) {
+static Model *instantiate(
+    Text name, Text token, bool co_simulation, bool logging, Logger logger, void *environment, const char *resources) {
     Model *m = calloc(1, sizeof *m);
     if (!m) return NULL;
     m->logger = logger, m->environment = environment, m->co_simulation = co_simulation, m->logging = logging;
     snprintf(m->name, sizeof m->name, "%s", name ? name : "");
     char path[4096];
-    snprintf(path, sizeof path, "%s/fault.txt", resources && strncmp(resources, "file://", 7) == 0 ? resources + 7 : resources ? resources : "");
+    snprintf(path, sizeof path, "%s/fault.txt",
+        resources && strncmp(resources, "file://", 7) == 0 ? resources + 7
+        : resources                                        ? resources
+                                                           : "");
     FILE *file = fopen(path, "r");
     if (file) {
         if (fscanf(file, "%39s", m->fault) != 1) m->fault[0] = 0;
@@ -251,7 +256,8 @@ Status F(SetDebugLogging)(Instance c, Flag on, size_t n, const Text categories[]
     REQUIRE(ANY, "SetDebugLogging");
     if (n && !categories) return fail(m, "no categories");
     for (size_t i = 0; i < n; i++)
-        if (!categories[i] || strcmp(categories[i], "logStatusError") != 0 || has(m, "logging")) return fail(m, "no such category");
+        if (!categories[i] || strcmp(categories[i], "logStatusError") != 0 || has(m, "logging"))
+            return fail(m, "no such category");
     m->logging = on;
     return OK;
 }
@@ -274,11 +280,13 @@ static Status set_real(Model *m, const Reference vr[], size_t n, const double va
     const int mode = m->data.mode;
     for (size_t i = 0; i < n; i++) {
         const bool before = mode & (INSTANTIATED | INITIALIZATION), states = before && (vr[i] == X || vr[i] == V);
-        const bool parameter = (vr[i] == K && before) || (vr[i] == D && mode & (INSTANTIATED | INITIALIZATION | EVENT | STEP));
+        const bool parameter =
+            (vr[i] == K && before) || (vr[i] == D && mode & (INSTANTIATED | INITIALIZATION | EVENT | STEP));
         const bool free_for_all = has(m, "readonly") && is_real(vr[i]);
         if (vr[i] >= N_VARIABLES && has(m, "unknown-accepted")) continue;
         if (!is_real(vr[i]) || !(vr[i] == U || parameter || states || free_for_all)) return fail(m, "cannot be set");
-        if (has(m, "no-early-inputs") && vr[i] == U && mode == INSTANTIATED) return fail(m, "inputs have no attribute initial");
+        if (has(m, "no-early-inputs") && vr[i] == U && mode == INSTANTIATED)
+            return fail(m, "inputs have no attribute initial");
         if (has(m, "fatal") && vr[i] == U && mode == STEP) return m->corrupted = true, FATAL;
         if (!isfinite(value[i])) {
             while (has(m, "hang-on-nan")) {}
@@ -288,8 +296,15 @@ static Status set_real(Model *m, const Reference vr[], size_t n, const double va
     m->stale_valid = m->stale_valid && has(m, "stale");
     for (size_t i = 0; i < n; i++) {
         Data *q = &m->data;
-        double *place = vr[i] == U ? &q->u : vr[i] == K ? &q->k : vr[i] == D ? &q->d : vr[i] == X ? &q->x : vr[i] == V ? &q->v : NULL;
-        if (!place || (has(m, "set-ignored") && vr[i] == K) || (has(m, "input-ignored") && vr[i] == U && mode & RUNNING)) continue;
+        double *place = vr[i] == U   ? &q->u
+                        : vr[i] == K ? &q->k
+                        : vr[i] == D ? &q->d
+                        : vr[i] == X ? &q->x
+                        : vr[i] == V ? &q->v
+                                     : NULL;
+        if (!place || (has(m, "set-ignored") && vr[i] == K) ||
+            (has(m, "input-ignored") && vr[i] == U && mode & RUNNING))
+            continue;
         *place = value[i];
         if (vr[i] == U && has(m, "shared")) shared.u = value[i];
     }
@@ -325,7 +340,8 @@ static Status set_flag(Model *m, const Reference vr[], size_t n, const Flag valu
     if (n && (!vr || !value)) return fail(m, "NULL");
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != ON || m->data.mode & (CONTINUOUS | TERMINATED)) return fail(m, "cannot be set");
-        if (has(m, "no-early-inputs") && m->data.mode == INSTANTIATED) return fail(m, "inputs have no attribute initial");
+        if (has(m, "no-early-inputs") && m->data.mode == INSTANTIATED)
+            return fail(m, "inputs have no attribute initial");
         m->data.on = value[i] != 0;
     }
     m->stale_valid = false;
@@ -359,7 +375,8 @@ static Status restore(Model *m, Saved saved) {
     if (!s) return fail(m, "NULL");
     const Data old = m->data;
     m->data = has(m, "one-buffer") ? one_buffer : s->data;
-    if (has(m, "serialized-pointer")) m->data = m->kept == s->pointer ? *s->pointer : (Data){.mode = s->data.mode, .time = s->data.time};
+    if (has(m, "serialized-pointer"))
+        m->data = m->kept == s->pointer ? *s->pointer : (Data){.mode = s->data.mode, .time = s->data.time};
     if (has(m, "state-forgets-velocity") || has(m, "adaptive-forgets-velocity")) m->data.v = old.v;
     m->guess = 1e-4; /* the integrator begins from scratch */
     if (has(m, "state-forgets-input")) m->data.u = old.u;
@@ -398,7 +415,8 @@ static Status deserialize(Model *m, const Byte bytes[], size_t size, Saved *save
 }
 
 /* d unknown / d known. */
-static Status partial(Model *m, const Reference z[], size_t nz, const Reference v[], size_t nv, const double seed[], double result[], bool adjoint) {
+static Status partial(Model *m, const Reference z[], size_t nz, const Reference v[], size_t nv, const double seed[],
+    double result[], bool adjoint) {
     if ((nz && !z) || (nv && !v) || !seed || !result) return fail(m, "NULL");
     for (size_t i = 0; i < (adjoint ? nv : nz); i++) result[i] = 0.0;
     for (size_t i = 0; i < nz; i++)
@@ -426,10 +444,13 @@ static Status do_step(Model *m, double t, double h) {
         return fail(m, "no step");
     }
     if (fabs(t - q->time) > 1e-9 * (1.0 + fabs(t))) return fail(m, "another time");
-    if (q->has_stop && t + h > q->stop * (1.0 + 1e-12) + 1e-12 && !has(m, "beyond-stop")) return fail(m, "beyond the end");
+    if (q->has_stop && t + h > q->stop * (1.0 + 1e-12) + 1e-12 && !has(m, "beyond-stop"))
+        return fail(m, "beyond the end");
     if (has(m, "step-fails")) {
 #if FMI == 2
-        if (m->logger) m->logger(m->environment, m->name, fmi2Error, "logStatusError", "%s cannot step: %d of %.1f, %g %%", "model", -3, 4.25, 1e-3);
+        if (m->logger)
+            m->logger(m->environment, m->name, fmi2Error, "logStatusError", "%s cannot step: %d of %.1f, %g %%",
+                "model", -3, 4.25, 1e-3);
         return ERROR;
 #else
         return fail(m, "cannot step");
@@ -460,10 +481,12 @@ static Status do_step(Model *m, double t, double h) {
 #if FMI == 2
 const char *fmi2GetVersion(void) { return VERSION; }
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources, const fmi2CallbackFunctions *functions,
-                              fmi2Boolean visible, fmi2Boolean log) {
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+    const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean log) {
     (void)visible;
-    return functions ? instantiate(name, guid, type == fmi2CoSimulation, log, functions->logger, functions->componentEnvironment, resources) : NULL;
+    return functions ? instantiate(name, guid, type == fmi2CoSimulation, log, functions->logger,
+                           functions->componentEnvironment, resources)
+                     : NULL;
 }
 Status fmi2SetupExperiment(Instance c, Flag a, double tolerance, double begin, Flag b, double end) {
     REQUIRE(INSTANTIATED, "SetupExperiment");
@@ -474,21 +497,43 @@ Status fmi2EnterInitializationMode(Instance c) {
     m->data.mode = INITIALIZATION;
     return OK;
 }
-#define ACCESS(NAME, GET, SET, TYPE)                                                                                                            \
-    Status fmi2Get##NAME(Instance c, const Reference vr[], size_t n, TYPE value[]) { REQUIRE(ANY ^ INSTANTIATED, "Get"); return GET(m, vr, n, value); } \
-    Status fmi2Set##NAME(Instance c, const Reference vr[], size_t n, const TYPE value[]) { REQUIRE(ANY ^ TERMINATED, "Set"); return SET(m, vr, n, value); }
+#define ACCESS(NAME, GET, SET, TYPE)                                                                                   \
+    Status fmi2Get##NAME(Instance c, const Reference vr[], size_t n, TYPE value[]) {                                   \
+        REQUIRE(ANY ^ INSTANTIATED, "Get");                                                                            \
+        return GET(m, vr, n, value);                                                                                   \
+    }                                                                                                                  \
+    Status fmi2Set##NAME(Instance c, const Reference vr[], size_t n, const TYPE value[]) {                             \
+        REQUIRE(ANY ^ TERMINATED, "Set");                                                                              \
+        return SET(m, vr, n, value);                                                                                   \
+    }
 ACCESS(Real, get_real, set_real, fmi2Real)
 ACCESS(Integer, get_whole, set_whole, fmi2Integer)
 ACCESS(Boolean, get_flag, set_flag, fmi2Boolean)
-Status fmi2GetString(Instance c, const Reference vr[], size_t n, fmi2String value[]) { REQUIRE(ANY, "Get"); return (void)vr, (void)value, n ? fail(m, "no strings") : OK; }
-Status fmi2SetString(Instance c, const Reference vr[], size_t n, const fmi2String value[]) { REQUIRE(ANY, "Set"); return (void)vr, (void)value, n ? fail(m, "no strings") : OK; }
+Status fmi2GetString(Instance c, const Reference vr[], size_t n, fmi2String value[]) {
+    REQUIRE(ANY, "Get");
+    return (void)vr, (void)value, n ? fail(m, "no strings") : OK;
+}
+Status fmi2SetString(Instance c, const Reference vr[], size_t n, const fmi2String value[]) {
+    REQUIRE(ANY, "Set");
+    return (void)vr, (void)value, n ? fail(m, "no strings") : OK;
+}
 Status fmi2GetFMUstate(Instance c, Saved *s) { REQUIRE(ANY, "GetFMUstate"); return save(m, s); }
 Status fmi2SetFMUstate(Instance c, Saved s) { REQUIRE(ANY, "SetFMUstate"); return restore(m, s); }
 Status fmi2FreeFMUstate(Instance c, Saved *s) { REQUIRE(ANY, "FreeFMUstate"); return release(m, s); }
-Status fmi2SerializedFMUstateSize(Instance c, Saved s, size_t *size) { REQUIRE(ANY, "SerializedFMUstateSize"); return size_of(m, s, size); }
-Status fmi2SerializeFMUstate(Instance c, Saved s, Byte b[], size_t size) { REQUIRE(ANY, "SerializeFMUstate"); return serialize(m, s, b, size); }
-Status fmi2DeSerializeFMUstate(Instance c, const Byte b[], size_t size, Saved *s) { REQUIRE(ANY, "DeSerializeFMUstate"); return deserialize(m, b, size, s); }
-Status fmi2GetDirectionalDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv, const fmi2Real dv[], fmi2Real dz[]) {
+Status fmi2SerializedFMUstateSize(Instance c, Saved s, size_t *size) {
+    REQUIRE(ANY, "SerializedFMUstateSize");
+    return size_of(m, s, size);
+}
+Status fmi2SerializeFMUstate(Instance c, Saved s, Byte b[], size_t size) {
+    REQUIRE(ANY, "SerializeFMUstate");
+    return serialize(m, s, b, size);
+}
+Status fmi2DeSerializeFMUstate(Instance c, const Byte b[], size_t size, Saved *s) {
+    REQUIRE(ANY, "DeSerializeFMUstate");
+    return deserialize(m, b, size, s);
+}
+Status fmi2GetDirectionalDerivative(
+    Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv, const fmi2Real dv[], fmi2Real dz[]) {
     REQUIRE(INITIALIZATION | RUNNING, "GetDirectionalDerivative");
     return partial(m, z, nz, v, nv, dv, dz, false);
 }
@@ -509,26 +554,42 @@ Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *info) {
     return OK;
 }
 #ifndef LACKING
-Status fmi2GetStatus(Instance c, const fmi2StatusKind kind, fmi2Status *value) { return (void)c, (void)kind, (void)value, DISCARD; }
+Status fmi2GetStatus(Instance c, const fmi2StatusKind kind, fmi2Status *value) {
+    return (void)c, (void)kind, (void)value, DISCARD;
+}
 #endif
-Status fmi2GetRealStatus(Instance c, const fmi2StatusKind kind, fmi2Real *value) { return (void)c, (void)kind, (void)value, DISCARD; }
-Status fmi2GetIntegerStatus(Instance c, const fmi2StatusKind kind, fmi2Integer *value) { return (void)c, (void)kind, (void)value, DISCARD; }
-Status fmi2GetBooleanStatus(Instance c, const fmi2StatusKind kind, fmi2Boolean *value) { return (void)c, (void)kind, (void)value, DISCARD; }
-Status fmi2GetStringStatus(Instance c, const fmi2StatusKind kind, fmi2String *value) { return (void)c, (void)kind, (void)value, DISCARD; }
+Status fmi2GetRealStatus(Instance c, const fmi2StatusKind kind, fmi2Real *value) {
+    return (void)c, (void)kind, (void)value, DISCARD;
+}
+Status fmi2GetIntegerStatus(Instance c, const fmi2StatusKind kind, fmi2Integer *value) {
+    return (void)c, (void)kind, (void)value, DISCARD;
+}
+Status fmi2GetBooleanStatus(Instance c, const fmi2StatusKind kind, fmi2Boolean *value) {
+    return (void)c, (void)kind, (void)value, DISCARD;
+}
+Status fmi2GetStringStatus(Instance c, const fmi2StatusKind kind, fmi2String *value) {
+    return (void)c, (void)kind, (void)value, DISCARD;
+}
 Status fmi2CancelStep(Instance c) { return (void)c, ERROR; }
-Status fmi2SetRealInputDerivatives(Instance c, const Reference vr[], size_t n, const fmi2Integer order[], const fmi2Real value[]) { return (void)c, (void)vr, (void)n, (void)order, (void)value, ERROR; }
-Status fmi2GetRealOutputDerivatives(Instance c, const Reference vr[], size_t n, const fmi2Integer order[], fmi2Real value[]) { return (void)c, (void)vr, (void)n, (void)order, (void)value, ERROR; }
+Status fmi2SetRealInputDerivatives(
+    Instance c, const Reference vr[], size_t n, const fmi2Integer order[], const fmi2Real value[]) {
+    return (void)c, (void)vr, (void)n, (void)order, (void)value, ERROR;
+}
+Status fmi2GetRealOutputDerivatives(
+    Instance c, const Reference vr[], size_t n, const fmi2Integer order[], fmi2Real value[]) {
+    return (void)c, (void)vr, (void)n, (void)order, (void)value, ERROR;
+}
 #define GET_DERIVATIVES fmi2GetDerivatives
 #else
 const char *fmi3GetVersion(void) { return VERSION; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
-                                         fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-                                         fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
     (void)visible, (void)events, (void)early, (void)required, (void)n, (void)update;
     return instantiate(name, token, true, log, message, environment, resources);
 }
-fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
-                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback message) {
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean log, fmi3InstanceEnvironment environment, fmi3LogMessageCallback message) {
     (void)visible;
     return instantiate(name, token, false, log, message, environment, resources);
 }
@@ -553,20 +614,30 @@ ACCESS(Boolean, get_flag, set_flag, fmi3Boolean)
 Status fmi3GetFMUState(Instance c, Saved *s) { REQUIRE(ANY, "GetFMUState"); return save(m, s); }
 Status fmi3SetFMUState(Instance c, Saved s) { REQUIRE(ANY, "SetFMUState"); return restore(m, s); }
 Status fmi3FreeFMUState(Instance c, Saved *s) { REQUIRE(ANY, "FreeFMUState"); return release(m, s); }
-Status fmi3SerializedFMUStateSize(Instance c, Saved s, size_t *size) { REQUIRE(ANY, "SerializedFMUStateSize"); return size_of(m, s, size); }
-Status fmi3SerializeFMUState(Instance c, Saved s, Byte b[], size_t size) { REQUIRE(ANY, "SerializeFMUState"); return serialize(m, s, b, size); }
-Status fmi3DeserializeFMUState(Instance c, const Byte b[], size_t size, Saved *s) { REQUIRE(ANY, "DeserializeFMUState"); return deserialize(m, b, size, s); }
-Status fmi3GetDirectionalDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv, const fmi3Float64 dv[], size_t ndv,
-                                    fmi3Float64 dz[], size_t ndz) {
+Status fmi3SerializedFMUStateSize(Instance c, Saved s, size_t *size) {
+    REQUIRE(ANY, "SerializedFMUStateSize");
+    return size_of(m, s, size);
+}
+Status fmi3SerializeFMUState(Instance c, Saved s, Byte b[], size_t size) {
+    REQUIRE(ANY, "SerializeFMUState");
+    return serialize(m, s, b, size);
+}
+Status fmi3DeserializeFMUState(Instance c, const Byte b[], size_t size, Saved *s) {
+    REQUIRE(ANY, "DeserializeFMUState");
+    return deserialize(m, b, size, s);
+}
+Status fmi3GetDirectionalDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv,
+    const fmi3Float64 dv[], size_t ndv, fmi3Float64 dz[], size_t ndz) {
     REQUIRE(INITIALIZATION | RUNNING, "GetDirectionalDerivative");
     return ndv != nv || ndz != nz ? fail(m, "sizes") : partial(m, z, nz, v, nv, dv, dz, false);
 }
-Status fmi3GetAdjointDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv, const fmi3Float64 dz[], size_t ndz,
-                                fmi3Float64 dv[], size_t ndv) {
+Status fmi3GetAdjointDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv,
+    const fmi3Float64 dz[], size_t ndz, fmi3Float64 dv[], size_t ndv) {
     REQUIRE(INITIALIZATION | RUNNING, "GetAdjointDerivative");
     return ndv != nv || ndz != nz ? fail(m, "sizes") : partial(m, z, nz, v, nv, dz, dv, true);
 }
-Status fmi3DoStep(Instance c, fmi3Float64 t, fmi3Float64 h, Flag no_set_prior, Flag *event, Flag *terminate, Flag *early, fmi3Float64 *last) {
+Status fmi3DoStep(Instance c, fmi3Float64 t, fmi3Float64 h, Flag no_set_prior, Flag *event, Flag *terminate,
+    Flag *early, fmi3Float64 *last) {
     REQUIRE(STEP, "DoStep");
     (void)no_set_prior;
     if (!event || !terminate || !early || !last) return fail(m, "NULL");
@@ -586,8 +657,14 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *a, Flag *b, Flag *d, Flag *e, 
     *next = 0.0;
     return OK;
 }
-Status fmi3GetNumberOfEventIndicators(Instance c, size_t *n) { REQUIRE(ANY, "GetNumberOfEventIndicators"); return *n = has(m, "indicators") ? 2 : 1, OK; }
-Status fmi3GetNumberOfContinuousStates(Instance c, size_t *n) { REQUIRE(ANY, "GetNumberOfContinuousStates"); return *n = 2, OK; }
+Status fmi3GetNumberOfEventIndicators(Instance c, size_t *n) {
+    REQUIRE(ANY, "GetNumberOfEventIndicators");
+    return *n = has(m, "indicators") ? 2 : 1, OK;
+}
+Status fmi3GetNumberOfContinuousStates(Instance c, size_t *n) {
+    REQUIRE(ANY, "GetNumberOfContinuousStates");
+    return *n = 2, OK;
+}
 #define GET_DERIVATIVES fmi3GetContinuousStateDerivatives
 #endif
 

@@ -1,8 +1,10 @@
-/* A small FMU that owes nothing to this project but its descriptions (followers.py): FMI 2.0 or 3.0, from the standard's headers alone.
+/* A small FMU that owes nothing to this project but its descriptions (followers.py): FMI 2.0 or 3.0, from the
+ * standard's headers alone.
  *
- * y follows u, dy/dt = rate (u - y), by implicit Euler with steps of 0.1 ms at most, as exported models do. Variables of other types are handed through, so that every type is
- * exchanged; `count` also counts steps, and `total` (FMI 3.0) is an array that adds up the array `w`. With a negative rate reading a
- * floating-point number is an error, below -1 a fatal one. */
+ * y follows u, dy/dt = rate (u - y), by implicit Euler with steps of 0.1 ms at most, as exported models do. Variables
+ * of other types are handed through, so that every type is exchanged; `count` also counts steps, and `total` (FMI 3.0)
+ * is an array that adds up the array `w`. With a negative rate reading a floating-point number is an error, below -1 a
+ * fatal one. */
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -20,7 +22,18 @@ typedef fmi3Status Status;
 typedef fmi3Boolean Flag;
 #endif
 
-enum { U, Y, RATE, COUNT_IN, COUNT, ON, OFF, W, TOTAL, SMALL }; /* value references; SMALL + 2 i and + 1: type i in and out */
+enum {
+    U,
+    Y,
+    RATE,
+    COUNT_IN,
+    COUNT,
+    ON,
+    OFF,
+    W,
+    TOTAL,
+    SMALL
+}; /* value references; SMALL + 2 i and + 1: type i in and out */
 
 typedef struct {
     double real[3], w[3], total[3];
@@ -104,7 +117,10 @@ Status fmi2SetBoolean(Instance c, const fmi2ValueReference vr[], size_t n, const
 Status fmi2GetFMUstate(Instance m, fmi2FMUstate *state) { return (*state = copy_of(m, *state)) ? fmi2OK : fmi2Error; }
 Status fmi2SetFMUstate(Instance m, fmi2FMUstate state) { memcpy(m, state, sizeof(Model)); return fmi2OK; }
 Status fmi2FreeFMUstate(Instance m, fmi2FMUstate *state) { free(*state); *state = NULL; return fmi2OK; }
-Status fmi2SerializedFMUstateSize(Instance m, fmi2FMUstate state, size_t *size) { *size = sizeof(Model); return fmi2OK; }
+Status fmi2SerializedFMUstateSize(Instance m, fmi2FMUstate state, size_t *size) {
+    *size = sizeof(Model);
+    return fmi2OK;
+}
 Status fmi2SerializeFMUstate(Instance m, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     memcpy(bytes, state, sizeof(Model));
     return fmi2OK;
@@ -117,17 +133,18 @@ Status fmi2GetRealStatus(Instance m, const fmi2StatusKind kind, fmi2Real *value)
 Status fmi2GetBooleanStatus(Instance m, const fmi2StatusKind kind, fmi2Boolean *value) { return fmi2Discard; }
 #else
 const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
-                                         fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-                                         fmi3InstanceEnvironment environment, fmi3LogMessageCallback message,
-                                         fmi3IntermediateUpdateCallback update) {
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
     Model *m = malloc(sizeof *m);
     if (m) start(m);
     return m;
 }
 void fmi3FreeInstance(Instance m) { free(m); }
 Status fmi3SetDebugLogging(Instance m, Flag on, size_t n, const fmi3String categories[]) { return fmi3OK; }
-Status fmi3EnterInitializationMode(Instance m, Flag a, double tolerance, double begin, Flag b, double end) { return fmi3OK; }
+Status fmi3EnterInitializationMode(Instance m, Flag a, double tolerance, double begin, Flag b, double end) {
+    return fmi3OK;
+}
 Status fmi3ExitInitializationMode(Instance m) { return fmi3OK; }
 Status fmi3Terminate(Instance m) { return fmi3OK; }
 Status fmi3Reset(Instance m) { start(m); return fmi3OK; }
@@ -185,7 +202,10 @@ ALIKE(UInt64, uint64_t, u64)
 Status fmi3GetFMUState(Instance m, fmi3FMUState *state) { return (*state = copy_of(m, *state)) ? fmi3OK : fmi3Error; }
 Status fmi3SetFMUState(Instance m, fmi3FMUState state) { memcpy(m, state, sizeof(Model)); return fmi3OK; }
 Status fmi3FreeFMUState(Instance m, fmi3FMUState *state) { free(*state); *state = NULL; return fmi3OK; }
-Status fmi3SerializedFMUStateSize(Instance m, fmi3FMUState state, size_t *size) { *size = sizeof(Model); return fmi3OK; }
+Status fmi3SerializedFMUStateSize(Instance m, fmi3FMUState state, size_t *size) {
+    *size = sizeof(Model);
+    return fmi3OK;
+}
 Status fmi3SerializeFMUState(Instance m, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
     memcpy(bytes, state, sizeof(Model));
     return fmi3OK;
@@ -193,7 +213,8 @@ Status fmi3SerializeFMUState(Instance m, fmi3FMUState state, fmi3Byte bytes[], s
 Status fmi3DeserializeFMUState(Instance m, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
     return size == sizeof(Model) && (*state = copy_of((const void *)bytes, *state)) ? fmi3OK : fmi3Error;
 }
-Status fmi3DoStep(Instance m, double t, double h, Flag no_set_prior, Flag *event, Flag *terminate, Flag *early, double *last) {
+Status fmi3DoStep(
+    Instance m, double t, double h, Flag no_set_prior, Flag *event, Flag *terminate, Flag *early, double *last) {
     advance(m, h);
     *event = *terminate = *early = false;
     *last = t + h;

@@ -1,5 +1,6 @@
-/* An FMU that does one bad deed in one phase of its life, FMI 2.0 or 3.0: `resources/deed.txt` says "PHASE DEED". y counts steps and
- * adds u; it does nothing wrong before its tenth step, or that of HOSTILE_STEP, and with HOSTILE_SLOW each takes a millisecond. */
+/* An FMU that does one bad deed in one phase of its life, FMI 2.0 or 3.0: `resources/deed.txt` says "PHASE DEED". y
+ * counts steps and adds u; it does nothing wrong before its tenth step, or that of HOSTILE_STEP, and with HOSTILE_SLOW
+ * each takes a millisecond. */
 #if !defined(_GNU_SOURCE)
 #define _GNU_SOURCE
 #endif
@@ -61,16 +62,18 @@ static void scribble(void) { /* over all memory that it shares with others */
     char line[512], how[8];
     unsigned long begin, end;
     while (maps && fgets(line, sizeof line, maps))
-        if (sscanf(line, "%lx-%lx %7s", &begin, &end, how) == 3 && strcmp(how, "rw-s") == 0) memset((void *)begin, 0xff, 1 << 18);
+        if (sscanf(line, "%lx-%lx %7s", &begin, &end, how) == 3 && strcmp(how, "rw-s") == 0)
+            memset((void *)begin, 0xff, 1 << 18);
     if (maps) fclose(maps);
 }
 
-/* Into every descriptor but the standard ones: a pickle that makes the file HOSTILE_PROOF in whatever process reads it, bare or behind its
- * length as a message; or bytes without end; or the beginning of a message of 2^62 bytes. */
+/* Into every descriptor but the standard ones: a pickle that makes the file HOSTILE_PROOF in whatever process reads it,
+ * bare or behind its length as a message; or bytes without end; or the beginning of a message of 2^62 bytes. */
 static void forge(const char *how) {
     char text[4200];
     const char *proof = getenv("HOSTILE_PROOF");
-    const uint64_t length = (uint64_t)snprintf(text, sizeof text, "cposix\nsystem\n(S'touch %s'\ntR.", proof ? proof : "");
+    const uint64_t length =
+        (uint64_t)snprintf(text, sizeof text, "cposix\nsystem\n(S'touch %s'\ntR.", proof ? proof : "");
     const uint64_t claimed = (uint64_t)1 << 62;
     for (int fd = 3; fd < 64; fd++) {
         if (fcntl(fd, F_GETFD) < 0) continue;
@@ -82,7 +85,8 @@ static void forge(const char *how) {
     _exit(0);
 }
 
-/* A process that is nobody's child, in a session of its own; its number is written into the file HOSTILE_PROOF before this returns. */
+/* A process that is nobody's child, in a session of its own; its number is written into the file HOSTILE_PROOF before
+ * this returns. */
 static void detach(void) {
     const char *proof = getenv("HOSTILE_PROOF");
     int there[2];
@@ -284,7 +288,9 @@ Status fmi2SerializeFMUstate(Instance i, void *s, char *b, size_t n) { return (v
 #else
 #define STATES(f) fmi3##f##FMUState
 Status fmi3SerializedFMUStateSize(Instance i, void *s, size_t *n) { return (void)i, (void)s, size_of(n); }
-Status fmi3DeserializeFMUState(Instance i, const uint8_t *b, size_t n, void **s) { return (void)i, deserialize(b, n, s); }
+Status fmi3DeserializeFMUState(Instance i, const uint8_t *b, size_t n, void **s) {
+    return (void)i, deserialize(b, n, s);
+}
 Status fmi3SerializeFMUState(Instance i, void *s, uint8_t *b, size_t n) { return (void)i, (void)n, serialize(s, b); }
 #endif
 Status STATES(Get)(Instance i, void **s) { return (void)i, save(s); }
@@ -294,7 +300,8 @@ Status STATES(Free)(Instance i, void **s) { return (void)i, forget(s); }
 #if FMI == 2
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
-Instance fmi2Instantiate(const char *n, fmi2Type t, const char *g, const char *r, const fmi2CallbackFunctions *c, int v, int l) {
+Instance fmi2Instantiate(
+    const char *n, fmi2Type t, const char *g, const char *r, const fmi2CallbackFunctions *c, int v, int l) {
     (void)n, (void)t, (void)g, (void)r, (void)v, (void)l;
     callbacks = c;
     return made();
@@ -305,7 +312,9 @@ Status fmi2SetupExperiment(Instance i, int d, double t, double a, int e, double 
     return (Status)status;
 }
 PLAIN(EnterInitializationMode, "enter")
-Status fmi2SetReal(Instance i, const unsigned *r, size_t n, const double *v) { return (void)i, (void)r, n ? set(v) : OK; }
+Status fmi2SetReal(Instance i, const unsigned *r, size_t n, const double *v) {
+    return (void)i, (void)r, n ? set(v) : OK;
+}
 Status fmi2GetReal(Instance i, const unsigned *r, size_t n, double *v) { return (void)i, (void)r, n ? get(v) : OK; }
 Status fmi2DoStep(Instance i, double t, double h, int p) {
     (void)i, (void)t, (void)p;
@@ -314,8 +323,8 @@ Status fmi2DoStep(Instance i, double t, double h, int p) {
 }
 #else
 const char *fmi3GetVersion(void) { return "3.0"; }
-Instance fmi3InstantiateCoSimulation(const char *n, const char *g, const char *r, bool v, bool l, bool e, bool early, const unsigned *q,
-                                     size_t m, void *env, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback up) {
+Instance fmi3InstantiateCoSimulation(const char *n, const char *g, const char *r, bool v, bool l, bool e, bool early,
+    const unsigned *q, size_t m, void *env, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback up) {
     (void)n, (void)g, (void)r, (void)v, (void)l, (void)e, (void)early, (void)q, (void)m, (void)env, (void)up;
     message = log;
     return made();
@@ -325,8 +334,12 @@ Status fmi3EnterInitializationMode(Instance i, bool d, double t, double a, bool 
     at("enter");
     return (Status)status;
 }
-Status fmi3SetFloat64(Instance i, const unsigned *r, size_t n, const double *v, size_t m) { return (void)i, (void)r, (void)m, n ? set(v) : OK; }
-Status fmi3GetFloat64(Instance i, const unsigned *r, size_t n, double *v, size_t m) { return (void)i, (void)r, (void)m, n ? get(v) : OK; }
+Status fmi3SetFloat64(Instance i, const unsigned *r, size_t n, const double *v, size_t m) {
+    return (void)i, (void)r, (void)m, n ? set(v) : OK;
+}
+Status fmi3GetFloat64(Instance i, const unsigned *r, size_t n, double *v, size_t m) {
+    return (void)i, (void)r, (void)m, n ? get(v) : OK;
+}
 Status fmi3DoStep(Instance i, double t, double h, bool p, bool *a, bool *b, bool *c, double *last) {
     (void)i, (void)p;
     *a = *b = *c = false;

@@ -1,4 +1,5 @@
-/* What follower.c does not offer, and a library must have all the same: functions that fail. Without the headers, so without arguments. */
+/* What follower.c does not offer, and a library must have all the same: functions that fail. Without the headers, so
+ * without arguments. */
 #define NOT_OFFERED(NAME) int NAME(void) { return 3; /* Error */ }
 
 #if FMI == 2

@@ -1,5 +1,6 @@
-/* Plays calls to one FMU that bytes spell out, under AddressSanitizer and UndefinedBehaviorSanitizer: any function, in any state, with odd
- * arguments. What is seen besides what the sanitizers see: a status that is none, Fatal, a number that is not finite with OK.
+/* Plays calls to one FMU that bytes spell out, under AddressSanitizer and UndefinedBehaviorSanitizer: any function, in
+ * any state, with odd arguments. What is seen besides what the sanitizers see: a status that is none, Fatal, a number
+ * that is not finite with OK.
  *
  * Cases come from the standard input, each as its length (uint32_t) and its bytes; after each one byte goes back. */
 #include "../fmi_calls.h"
@@ -30,7 +31,8 @@ static Status seen(Status status) {
     return status;
 }
 
-/* After a failed step an instance may be looked at, as FMI allows for debugging; nobody may go on with what it shows. */
+/* After a failed step an instance may be looked at, as FMI allows for debugging; nobody may go on with what it shows.
+ */
 static void finite(double value, const char *what) {
     if (isfinite(value) || do_step(c, now, step) > 1) return;
     printf("%s gives %g with OK, and goes on\n", what, value);
@@ -39,11 +41,13 @@ static void finite(double value, const char *what) {
 
 /* A number that somebody forgot to think of; of a variable: about its limits. */
 static double odd(const FmuVariable *v) {
-    static const double others[] = {0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 5e-324, -5e-324, 1e-12, 1e6, -1e6, 1e18, 1e300, -1.7e308, 2147483648.0, 4294967296.0, 9007199254740993.0};
+    static const double others[] = {0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 5e-324, -5e-324, 1e-12, 1e6, -1e6, 1e18, 1e300,
+        -1.7e308, 2147483648.0, 4294967296.0, 9007199254740993.0};
     const unsigned which = byte();
     if (which < 8) return which == 0 ? NAN : which == 1 ? INFINITY : which == 2 ? -INFINITY : 1.0 / which;
     if (v && which < 200) {
-        const double start = v->role == FMU_PARAMETER || v->role == FMU_INPUT || v->role == FMU_STATE ? start_of(v) : 0.0;
+        const double start =
+            v->role == FMU_PARAMETER || v->role == FMU_INPUT || v->role == FMU_STATE ? start_of(v) : 0.0;
         switch (which % 9) {
             case 0: return v->min;
             case 1: return v->max;
@@ -98,7 +102,9 @@ static void several(int setting) {
     fmi3Boolean flags[8] = {0};
     const size_t m = byte() % 4 ? n : byte() % 9;
     if (kind == 0) (void)seen(setting ? fmi3SetFloat64(c, r, n, v, m) : fmi3GetFloat64(c, r, n, v, m));
-    if (kind == 1) (void)seen(setting ? fmi3SetInt32(c, r, n, (fmi3Int32 *)whole, m) : fmi3GetInt32(c, r, n, (fmi3Int32 *)whole, m));
+    if (kind == 1)
+        (void)seen(
+            setting ? fmi3SetInt32(c, r, n, (fmi3Int32 *)whole, m) : fmi3GetInt32(c, r, n, (fmi3Int32 *)whole, m));
     if (kind == 2) (void)seen(setting ? fmi3SetBoolean(c, r, n, flags, m) : fmi3GetBoolean(c, r, n, flags, m));
 #endif
 }
@@ -129,8 +135,8 @@ static void forget(void) {
         if (c && saved[i]) (void)STATE(Free, )(c, &saved[i]);
 }
 
-/* The present state as bytes, changed here and there, with a checksum that fits again (fmu_core.c: the last 8 bytes of a head of 40,
- * FNV-1a of the rest): refused, or good to go on with. */
+/* The present state as bytes, changed here and there, with a checksum that fits again (fmu_core.c: the last 8 bytes of
+ * a head of 40, FNV-1a of the rest): refused, or good to go on with. */
 static void forge(void) {
     enum { HEADER = 40, CHECKSUM = 32 };
     Saved state = NULL;

@@ -1,4 +1,5 @@
-// Looks at a page in Chromium: node look.mjs MODULES PAGE FOLDER. Prints what it found as JSON, leaves pictures and files in FOLDER.
+// Looks at a page in Chromium: node look.mjs MODULES PAGE FOLDER. Prints what it found as JSON, leaves pictures and
+// files in FOLDER.
 import { mkdirSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
@@ -16,9 +17,15 @@ const found = { errors: [], views: [], files: [] };
 const open = async (context) => {
   const page = await context.newPage();
   page.on("pageerror", (error) => found.errors.push(error.message));
-  page.on("console", (message) => { if (message.type() === "error") found.errors.push(message.text()); });
+  page.on("console", (message) => {
+    if (message.type() === "error") found.errors.push(message.text());
+  });
   await page.goto(address);
-  await page.waitForFunction(() => [...document.querySelectorAll("[data-plot]")].every((plot) => plot.querySelector(".main-svg")), null, { timeout: 60000 });
+  await page.waitForFunction(
+    () => [...document.querySelectorAll("[data-plot]")].every((plot) => plot.querySelector(".main-svg")),
+    null,
+    { timeout: 60000 },
+  );
   return page;
 };
 
@@ -35,10 +42,12 @@ const seen = () => ({
       id: plot.id,
       paper: getComputedStyle(plot.querySelector(".main-svg")).background,
       names: [...plot.querySelectorAll(".legendtext")].map((text) => text.textContent),
-      clipped: [...plot.querySelectorAll(".legendtext, .xtitle, .ytitle, .annotation-text, .xtick text, .ytick text")].filter((text) => {
-        const { left, right, top, bottom } = text.getBoundingClientRect();
-        return left < box.left - 1 || right > box.right + 1 || top < box.top - 1 || bottom > box.bottom + 1;
-      }).map((text) => text.textContent),
+      clipped: [...plot.querySelectorAll(".legendtext, .xtitle, .ytitle, .annotation-text, .xtick text, .ytick text")]
+        .filter((text) => {
+          const { left, right, top, bottom } = text.getBoundingClientRect();
+          return left < box.left - 1 || right > box.right + 1 || top < box.top - 1 || bottom > box.bottom + 1;
+        })
+        .map((text) => text.textContent),
       covered: Boolean(frame) && tops.some((top) => frame.bottom > top + 1),
       panels,
     };
@@ -53,14 +62,23 @@ for (const colorScheme of ["light", "dark"]) {
     const view = { width, scheme: colorScheme, ...(await page.evaluate(seen)) };
     await page.evaluate(axe.source);
     const { violations } = await page.evaluate(() => window.axe.run());
-    view.violations = violations.map(({ id, impact, help, nodes }) => ({ id, impact, help, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
+    view.violations = violations.map(({ id, impact, help, nodes }) => ({
+      id,
+      impact,
+      help,
+      nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)),
+    }));
     found.views.push(view);
     await context.close();
   }
 }
 
 // the reader's choice of colours, kept when the page is read again
-const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, colorScheme: "light", acceptDownloads: true });
+const context = await browser.newContext({
+  viewport: { width: 1400, height: 900 },
+  colorScheme: "light",
+  acceptDownloads: true,
+});
 const page = await open(context);
 const toggle = page.locator("button.theme");
 if (await toggle.count()) {

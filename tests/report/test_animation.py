@@ -162,5 +162,5 @@ def test_the_page_draws_forces_to_one_scale_at_their_full_length(tmp_path) -> No
     )
     text = page.read_text(encoding="utf-8")
     assert json.loads(packed_texts(text)["motion-crossing"])["forceScale"] == 30000.0
-    assert "const fx = at(force.fx, place) / options.forceScale * scale" in text
+    assert "const fx = (at(force.fx, place) / options.forceScale) * scale" in text
     assert "arrow(pen, x, y, fx, -fz" in text

@@ -1,7 +1,7 @@
 /* Executes a plan for many copies, in the order of engine.c, of which this is the same rule for LANES copies at once.
  *
- * A group of copies is taken from the first instant to the last by one thread; groups share nothing, so the numbers do not depend on the
- * number of threads. Nothing is allocated. */
+ * A group of copies is taken from the first instant to the last by one thread; groups share nothing, so the numbers do
+ * not depend on the number of threads. Nothing is allocated. */
 #include "lanes.h"
 
 #include "batch.h"
@@ -19,7 +19,8 @@ typedef struct {
 INLINE int64_t copy_of(const Group *g, int lane) { return g->group * LANES + lane; }
 
 /* The copies in `failed` end here. */
-static void end_copies(Group *g, unsigned failed, int32_t member, int64_t tick, int32_t result, int32_t call, uint32_t status) {
+static void end_copies(
+    Group *g, unsigned failed, int32_t member, int64_t tick, int32_t result, int32_t call, uint32_t status) {
     for (int i = 0; i < LANES; i++)
         if (failed >> i & 1u) {
             g->b->failures[copy_of(g, i)] = (BatchFailure){tick, member, result, call, status};
@@ -46,7 +47,8 @@ static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
     for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = values[m->index[i]];
     for (size_t i = 0; i < m->n_lines; i++) {
         const EngineLine *l = &m->lines[i];
-        memory[m->to[l->input]] += (values[l->now] - values[l->before]) * ((t + l->shift - values[l->reached]) / l->period);
+        memory[m->to[l->input]] +=
+            (values[l->now] - values[l->before]) * ((t + l->shift - values[l->reached]) / l->period);
     }
     if (m->scale)
         for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = memory[m->to[i]] * m->scale[i] + m->offset[i];
@@ -55,7 +57,8 @@ static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
         for (size_t i = 0; i < m->n_inputs; i++) {
             lanes *const u = &memory[m->to[i]];
             if (m->to_type[i]) *u = as_type(*u, m->to_type[i]);
-            const unsigned now = lanes_bits(~((mask)(*u >= m->least[i]) & (mask)(*u <= m->most[i]))) & g->alive & ~refused;
+            const unsigned now =
+                lanes_bits(~((mask)(*u >= m->least[i]) & (mask)(*u <= m->most[i]))) & g->alive & ~refused;
             if (now) end_copies(g, now, number, tick, BATCH_INPUT_REFUSED, (int32_t)i, 0);
             refused |= now;
         }

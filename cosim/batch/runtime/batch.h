@@ -1,4 +1,5 @@
-/* A plan for many copies of a system, LANES of them side by side: see batch.c. Lines that do not begin with # are also read by cffi. */
+/* A plan for many copies of a system, LANES of them side by side: see batch.c. Lines that do not begin with # are also
+ * read by cffi. */
 #ifndef BATCH_H
 #define BATCH_H
 

@@ -1,7 +1,8 @@
-/* One component in LANES copies: steps of its solver, or its samples, over the translated functions above. Included last.
+/* One component in LANES copies: steps of its solver, or its samples, over the translated functions above. Included
+ * last.
  *
- * In the operations of fmu_core.c and integrators.c, for lanes that are at one time and have one solver step. A copy that fails is
- * reported by its lane; the others are not concerned. */
+ * In the operations of fmu_core.c and integrators.c, for lanes that are at one time and have one solver step. A copy
+ * that fails is reported by its lane; the others are not concerned. */
 
 enum { N_VALUES = N_PARAMETERS + N_INPUTS + 2 * N_STATES + N_OUTPUTS };
 enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane failed */
@@ -9,7 +10,7 @@ enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane 
 typedef struct {
     lanes time, start_time, sample, started; /* the first number of each counts */
     lanes failure, which, when, value;       /* of lanes that have failed: why, slot, time, and the state */
-    lanes v[N_VALUES + 1];                   /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
+    lanes v[N_VALUES + 1]; /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
     lanes k[5][N_STATES + 1];
     lanes w[N_WORK + 1];
     Fixed fixed;
@@ -61,7 +62,8 @@ INLINE void rhs(Member *m, double t, const lanes *x, lanes *dx) {
 }
 
 static void step_solver(Member *m, double t, double h, int first) {
-    lanes *const x = X, *const s = m->k[0], *const k1 = m->k[1], *const k2 = m->k[2], *const k3 = m->k[3], *const k4 = m->k[4];
+    lanes *const x = X, *const s = m->k[0], *const k1 = m->k[1], *const k2 = m->k[2], *const k3 = m->k[3],
+                 *const k4 = m->k[4];
     const int n = N_STATES;
     (void)first;
     (void)k4;
@@ -124,7 +126,8 @@ static unsigned step(Member *m, double t, double h, unsigned of) {
     outputs(&at, Y);
     mask finite = ~(mask){0};
     for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
-    if (lanes_bits(~finite) & of & ~failed) failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, reached);
+    if (lanes_bits(~finite) & of & ~failed)
+        failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, reached);
 #endif
     return failed;
 }

@@ -1,6 +1,6 @@
-/* Vectors of LANES numbers, and what the translated functions of components (lanes.py) are written with: the functions of equations.h
- * and fmu_math.h in each lane, with the same bits. LANES and LANES_TARGET (0 for what every processor has, 2 for AVX2, 512 for
- * AVX-512) come from the file that includes this first. */
+/* Vectors of LANES numbers, and what the translated functions of components (lanes.py) are written with: the functions
+ * of equations.h and fmu_math.h in each lane, with the same bits. LANES and LANES_TARGET (0 for what every processor
+ * has, 2 for AVX2, 512 for AVX-512) come from the file that includes this first. */
 #ifndef LANES_H
 #define LANES_H
 
@@ -188,15 +188,17 @@ INLINE lanes lanes_largest(const lanes *array, int n) {
     return most;
 }
 
-#define PRODUCTS(x_is, x_type, y_is, y_type)                                                                                  \
-    INLINE void lanes_add_product_##x_is##_##y_is(lanes *z, const x_type *x, const y_type *y, int rows, int inner, int columns) { \
-        for (int i = 0; i < columns; i++)                                                                                     \
-            for (int k = 0; k < inner; k++)                                                                                   \
-                for (int j = 0; j < rows; j++) z[j + i * rows] += x[j + k * rows] * y[k + i * inner];                         \
-    }                                                                                                                         \
-    INLINE void lanes_product_##x_is##_##y_is(lanes *z, const x_type *x, const y_type *y, int rows, int inner, int columns) { \
-        for (int i = 0; i < rows * columns; i++) z[i] = lanes_all(0.0);                                                       \
-        lanes_add_product_##x_is##_##y_is(z, x, y, rows, inner, columns);                                                     \
+#define PRODUCTS(x_is, x_type, y_is, y_type)                                                                           \
+    INLINE void lanes_add_product_##x_is##_##y_is(                                                                     \
+        lanes *z, const x_type *x, const y_type *y, int rows, int inner, int columns) {                                \
+        for (int i = 0; i < columns; i++)                                                                              \
+            for (int k = 0; k < inner; k++)                                                                            \
+                for (int j = 0; j < rows; j++) z[j + i * rows] += x[j + k * rows] * y[k + i * inner];                  \
+    }                                                                                                                  \
+    INLINE void lanes_product_##x_is##_##y_is(                                                                         \
+        lanes *z, const x_type *x, const y_type *y, int rows, int inner, int columns) {                                \
+        for (int i = 0; i < rows * columns; i++) z[i] = lanes_all(0.0);                                                \
+        lanes_add_product_##x_is##_##y_is(z, x, y, rows, inner, columns);                                              \
     }
 PRODUCTS(lanes, lanes, lanes, lanes)
 PRODUCTS(table, double, lanes, lanes)
@@ -217,8 +219,8 @@ PRODUCTS(lanes, lanes, table, double)
         return r;                                                    \
     }
 
-/* Sine and cosine in the operations of musl's __sin.c, __cos.c and __rem_pio2.c, for lanes that all take the same way there: |x| <=
- * pi/4, or |x| from 9 pi/4 to a million with one round of reduction. */
+/* Sine and cosine in the operations of musl's __sin.c, __cos.c and __rem_pio2.c, for lanes that all take the same way
+ * there: |x| <= pi/4, or |x| from 9 pi/4 to a million with one round of reduction. */
 
 INLINE lanes kernel_sin(lanes x) {
     const lanes z = x * x, w = z * z, v = z * x;
@@ -236,16 +238,18 @@ INLINE lanes kernel_sin_of_two(lanes x, lanes y) {
 
 INLINE lanes kernel_cos(lanes x) {
     const lanes z = x * x, ww = z * z;
-    const lanes r = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05)) +
-                    ww * ww * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11));
+    const lanes r =
+        z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05)) +
+        ww * ww * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11));
     const lanes hz = 0.5 * z, w = 1.0 - hz;
     return w + (((1.0 - w) - hz) + z * r);
 }
 
 INLINE lanes kernel_cos_of_two(lanes x, lanes y) {
     const lanes z = x * x, ww = z * z;
-    const lanes r = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05)) +
-                    ww * ww * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11));
+    const lanes r =
+        z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05)) +
+        ww * ww * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11));
     const lanes hz = 0.5 * z, w = 1.0 - hz;
     return w + (((1.0 - w) - hz) + (z * r - x * y));
 }

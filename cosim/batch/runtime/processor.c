@@ -1,5 +1,5 @@
-/* Vector instructions that processor and operating system have, by the processor's own instructions: not every compiler's library has
- * what __builtin_cpu_supports needs. Bit 0: AVX2; bit 1: AVX-512 F, DQ, VL as well. */
+/* Vector instructions that processor and operating system have, by the processor's own instructions: not every
+ * compiler's library has what __builtin_cpu_supports needs. Bit 0: AVX2; bit 1: AVX-512 F, DQ, VL as well. */
 #if defined(__x86_64__)
 #include <cpuid.h>
 #endif

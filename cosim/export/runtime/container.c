@@ -1,7 +1,7 @@
 /* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its members and the engine.
  *
- * The order of everything is that of the Python master (cosim/master): initialization, one instant after the other, arrival at the
- * end of a step. What changes lies in one block without pointers, and in the members. */
+ * The order of everything is that of the Python master (cosim/master): initialization, one instant after the other,
+ * arrival at the end of a step. What changes lies in one block without pointers, and in the members. */
 
 #include <float.h>
 #include <stdio.h>
@@ -37,7 +37,7 @@ typedef struct {
 typedef struct {
     uint32_t magic, version;
     uint64_t model, length, members; /* of the system, the state block and all members' states, in bytes */
-    uint64_t checksum;               /* once serialized; until then the address of this header, so that no bytes pass for a state */
+    uint64_t checksum; /* once serialized; until then the address of this header, so that no bytes pass for a state */
 } Header;
 
 /* A saved state: header, state block, the members' states. */
@@ -81,11 +81,22 @@ static size_t n_transfers(void) {
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     const size_t n = (size_t)P->n_members, c = (size_t)P->n_clocks;
     const size_t sizes[] = {
-        aligned(sizeof(FmuInstance)), aligned(adapter_size), aligned(state_size()), aligned(P->n_values * sizeof(double)),
-        aligned((size_t)P->n_variables * sizeof(double)), aligned(n * sizeof(EngineMember)), aligned(n * sizeof(Member)),
-        aligned(n_transfers() * sizeof(EngineTransfer)), aligned(n * 4 * sizeof(bool)), aligned(n * sizeof(double)),
-        aligned(n * sizeof(Source)), aligned(c * sizeof(int64_t)), aligned(c * sizeof(bool)), aligned(n * sizeof(EngineMember *)),
-        aligned(P->n_shown * sizeof(EngineCopy)), aligned(n * sizeof(EnginePiece)),
+        aligned(sizeof(FmuInstance)),
+        aligned(adapter_size),
+        aligned(state_size()),
+        aligned(P->n_values * sizeof(double)),
+        aligned((size_t)P->n_variables * sizeof(double)),
+        aligned(n * sizeof(EngineMember)),
+        aligned(n * sizeof(Member)),
+        aligned(n_transfers() * sizeof(EngineTransfer)),
+        aligned(n * 4 * sizeof(bool)),
+        aligned(n * sizeof(double)),
+        aligned(n * sizeof(Source)),
+        aligned(c * sizeof(int64_t)),
+        aligned(c * sizeof(bool)),
+        aligned(n * sizeof(EngineMember *)),
+        aligned(P->n_shown * sizeof(EngineCopy)),
+        aligned(n * sizeof(EnginePiece)),
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
     };
     size_t total = 0;
@@ -134,13 +145,14 @@ static void from_member(void *context, int status, const char *message) {
                    P->members[source->member].name, message);
 }
 
-/* What a member's call has returned, as this FMU's status, with a message. After a call that has changed nothing the system goes on, unless
- * the member is lost. */
+/* What a member's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
+ * system goes on, unless the member is lost. */
 static FmuStatus member_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
     if (self->members[i].dead) self->state->mode = MODE_ERROR;
     const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
-    return fmu_fail(self, FMU_ERROR, "member '%s': %s returned %s at time %.9g s", P->members[i].name, what, name, fmu_time(self));
+    return fmu_fail(
+        self, FMU_ERROR, "member '%s': %s returned %s at time %.9g s", P->members[i].name, what, name, fmu_time(self));
 }
 
 /* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */
@@ -250,7 +262,9 @@ int fmu_uses_events(const FmuInstance *self) {
     (void)self;
     return 0;
 }
-FmuStatus fmu_tick(FmuInstance *self, const char *function) { return fmu_fail(self, FMU_ERROR, "%s: there are no clocks", function); }
+FmuStatus fmu_tick(FmuInstance *self, const char *function) {
+    return fmu_fail(self, FMU_ERROR, "%s: there are no clocks", function);
+}
 FmuStatus fmu_take_sample(FmuInstance *self, const char *function) { return fmu_tick(self, function); }
 
 static int64_t gcd(int64_t a, int64_t b) {
@@ -276,18 +290,22 @@ static FmuStatus use_start(FmuInstance *self, double start) {
         s->b = (int64_t)p * (d / q);
         s->d = d;
         s->start = start;
-        return d < EXACT && fabs((double)s->b) < (double)EXACT ? FMU_OK
-                                                              : fmu_fail(self, FMU_ERROR, "startTime %.17g cannot be kept exactly", start);
+        return d < EXACT && fabs((double)s->b) < (double)EXACT
+                   ? FMU_OK
+                   : fmu_fail(self, FMU_ERROR, "startTime %.17g cannot be kept exactly", start);
     }
-    return fmu_fail(self, FMU_ERROR, "startTime %.17g is no fraction of seconds with a denominator up to a million", start);
+    return fmu_fail(
+        self, FMU_ERROR, "startTime %.17g is no fraction of seconds with a denominator up to a million", start);
 }
 
-/* Number of ticks in a duration, or -1 with an error. `slack`: times that are differences of others have their rounding. */
+/* Number of ticks in a duration, or -1 with an error. `slack`: times that are differences of others have their
+ * rounding. */
 static int64_t ticks_in(FmuInstance *self, const char *what, double duration, double slack) {
     const double tick = (double)P->a / (double)P->d, ticks = duration / tick, whole = nearest(ticks);
     if (fabs(ticks - whole) <= WITHIN + slack / tick && whole >= 0.0 && whole < (double)EXACT) return (int64_t)whole;
-    (void)fmu_fail(self, FMU_ERROR, "%s %.17g s is no whole number of ticks of %.9g s, the common divisor of its members' steps", what, duration,
-                   tick);
+    (void)fmu_fail(self, FMU_ERROR,
+        "%s %.17g s is no whole number of ticks of %.9g s, the common divisor of its members' steps", what, duration,
+        tick);
     return -1;
 }
 
@@ -320,12 +338,31 @@ static void bind(FmuInstance *self) {
         const Member *m = &self->members[i];
         double *own = p->in_place ? self->values + p->u : u + p->u, *y = self->values + p->first;
         EngineMember *e = &self->bound[i];
-        *e = (EngineMember){.fmi = p->version, .clock = p->clock, .step = p->step, .look_before = p->look_before,
-                            .n_copies_before = p->n_copies_before, .copies = p->copies, .n_copies = p->n_copies, .stamp = p->stamp,
-                            .index = p->index, .n_inputs = p->in_place ? 0 : p->n_inputs, .scale = p->scale, .offset = p->offset,
-                            .lines = p->lines, .n_lines = p->n_lines, .u = own, .y = y, .first = p->first,
-                            .n_outputs = p->n_outputs, .instance = m->instance, .flags = self->flags + 4 * i,
-                            .last = self->last + i, .foreign = p->folder != NULL, .no_set_prior = 0, .n_sets = p->n_sets, .n_gets = p->n_gets};
+        *e = (EngineMember){.fmi = p->version,
+            .clock = p->clock,
+            .step = p->step,
+            .look_before = p->look_before,
+            .n_copies_before = p->n_copies_before,
+            .copies = p->copies,
+            .n_copies = p->n_copies,
+            .stamp = p->stamp,
+            .index = p->index,
+            .n_inputs = p->in_place ? 0 : p->n_inputs,
+            .scale = p->scale,
+            .offset = p->offset,
+            .lines = p->lines,
+            .n_lines = p->n_lines,
+            .u = own,
+            .y = y,
+            .first = p->first,
+            .n_outputs = p->n_outputs,
+            .instance = m->instance,
+            .flags = self->flags + 4 * i,
+            .last = self->last + i,
+            .foreign = p->folder != NULL,
+            .no_set_prior = 0,
+            .n_sets = p->n_sets,
+            .n_gets = p->n_gets};
         if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
         else e->step3 = (EngineStep3)m->f3->DoStep;
         bool direct = p->n_sets == 1 && p->n_gets == 1;
@@ -335,8 +372,13 @@ static void bind(FmuInstance *self) {
             for (int32_t k = 0; k < (set ? p->n_sets : p->n_gets); k++, t++) {
                 const PlanTransfer *from = set ? &p->sets[k] : &p->gets[k];
                 void *data = from->element ? (void *)(buffers + from->buffer) : (void *)((set ? own : y) + from->at);
-                *t = (EngineTransfer){.references = from->references, .n_references = from->n_references, .data = data,
-                                      .n_data = from->n_data, .n = from->n, .element = from->element, .place = from->place};
+                *t = (EngineTransfer){.references = from->references,
+                    .n_references = from->n_references,
+                    .data = data,
+                    .n_data = from->n_data,
+                    .n = from->n,
+                    .element = from->element,
+                    .place = from->place};
                 member_values(m, from->kind, set != 0, t);
                 direct = direct && !from->element;
             }
@@ -349,7 +391,11 @@ static void bind(FmuInstance *self) {
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     const int32_t call = self->engine.call;
     if (self->engine.status == fmi3Fatal) self->members[i].dead = true;
-    return member_failed(self, i, call > 0 ? "setting its inputs" : call < 0 ? "getting its outputs" : "DoStep", self->engine.status);
+    return member_failed(self, i,
+        call > 0   ? "setting its inputs"
+        : call < 0 ? "getting its outputs"
+                   : "DoStep",
+        self->engine.status);
 }
 
 static void show_everything(FmuInstance *self) {
@@ -358,7 +404,8 @@ static void show_everything(FmuInstance *self) {
             const PlanMember *p = &P->members[i];
             const int32_t first = pass ? 0 : p->n_copies_before, end = pass ? p->n_copies_before : p->n_copies;
             for (int32_t k = first; k < end; k++)
-                memcpy(self->values + p->copies[k].to, self->values + p->copies[k].from, p->copies[k].n * sizeof(double));
+                memcpy(
+                    self->values + p->copies[k].to, self->values + p->copies[k].from, p->copies[k].n * sizeof(double));
         }
 }
 
@@ -403,7 +450,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
         s->tick = clock->offset;
         const double begin = fmu_time(self);
         s->tick = s->stop_tick;
-        const bool met = s->stop_tick != INT64_MAX && s->stop_tick > clock->offset && (s->stop_tick - clock->offset) % clock->period == 0;
+        const bool met = s->stop_tick != INT64_MAX && s->stop_tick > clock->offset &&
+                         (s->stop_tick - clock->offset) % clock->period == 0;
         const double stop = met ? fmu_time(self) : 0.0;
         s->tick = 0;
         const uint32_t status = member_enter(&self->members[i], p->has_tolerance, p->tolerance, begin, met, stop);
@@ -424,7 +472,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
     for (int32_t i = 0; i < P->n_variables; i++) { /* inputs and parameters that are shown as values too */
         const PlanVariable *v = &P->variables[i];
         if (v->slot >= 0 && (v->role == FMU_INPUT || v->role == FMU_PARAMETER)) {
-            const uint32_t status = member_get(&self->members[v->member], v->kind, v->reference, self->values + v->slot, 1);
+            const uint32_t status =
+                member_get(&self->members[v->member], v->kind, v->reference, self->values + v->slot, 1);
             if (status > fmi3Warning) return member_failed(self, v->member, "getting a value", status);
         }
     }
@@ -490,8 +539,8 @@ static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *valu
     return status > fmi3Warning ? member_failed(self, v->member, "getting a value", status) : FMU_OK;
 }
 
-FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, void *values,
-                     size_t count, FmuWrite write) {
+FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+    void *values, size_t count, FmuWrite write) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
     if (status == FMU_OK && n_refs != count)
         status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
@@ -505,8 +554,8 @@ FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, cons
     return status;
 }
 
-FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, double *values,
-                  size_t count) {
+FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+    double *values, size_t count) {
     return fmu_get_as(self, function, type, refs, n_refs, values, count, write_double);
 }
 
@@ -517,11 +566,14 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const P
                                                       : 0u;
     if (!modes) return fmu_fail(self, FMU_ERROR, "%s: variable %s is calculated and cannot be set", function, v->name);
     if (!(modes & mode))
-        return fmu_fail(self, FMU_ERROR, "%s: variable %s cannot be set in state '%s'", function, v->name, fmu_mode_name(self->state->mode));
-    if (!isfinite(value)) return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
+        return fmu_fail(self, FMU_ERROR, "%s: variable %s cannot be set in state '%s'", function, v->name,
+            fmu_mode_name(self->state->mode));
+    if (!isfinite(value))
+        return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
     const bool is_signal = v->role == FMU_INPUT && v->type == FMU_FLOAT64; /* clipped by its member */
     if (!is_signal && !(value >= v->min && value <= v->max))
-        return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value, v->name, v->min, v->max);
+        return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value,
+            v->name, v->min, v->max);
     return FMU_OK;
 }
 
@@ -555,7 +607,8 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     }
     if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
         while (done-- > 0)
-            if (hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning) self->state->mode = MODE_ERROR;
+            if (hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning)
+                self->state->mode = MODE_ERROR;
     self->state->settled = 0;
     return status;
 }
@@ -579,11 +632,14 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                 return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
                                 fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
     }
-    const bool asked = self->engine.call == 0 && (P->members[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-                                                                             : self->engine.status == fmi2Discard && member_asked_to_end(&self->members[i]));
+    const bool asked =
+        self->engine.call == 0 &&
+        (P->members[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
+                                    : self->engine.status == fmi2Discard && member_asked_to_end(&self->members[i]));
     if (asked) {
         self->state->ended = 1;
-        (void)fmu_fail(self, FMU_DISCARD, "member '%s' asks to end the simulation at time %.9g s", P->members[i].name, fmu_time(self));
+        (void)fmu_fail(self, FMU_DISCARD, "member '%s' asks to end the simulation at time %.9g s", P->members[i].name,
+            fmu_time(self));
         return FMU_DISCARD;
     }
     return call_failed(self, i);
@@ -595,9 +651,11 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
     const double now = fmu_time(self), rounding = 4.0 * DBL_EPSILON * (fabs(time) + fabs(step));
     if (!isfinite(step) || step <= 0.0)
         return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g is not a positive number", function, step);
-    if (!isfinite(time)) return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %g is not finite", function, time);
+    if (!isfinite(time))
+        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %g is not finite", function, time);
     if (fabs(time - now) > WITHIN * (double)P->a / (double)P->d + rounding)
-        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.17g, but the instance is at %.17g", function, time, now);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: currentCommunicationPoint %.17g, but the instance is at %.17g", function, time, now);
     const int64_t n = ticks_in(self, "communicationStepSize", step, rounding);
     if (n < 0) return FMU_ERROR;
     if (n == 0 || (double)n > MOST_TICKS)
@@ -632,10 +690,11 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
 
 /* ------------------------------------------------------------------ what a system does not offer */
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
-                                     const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
-                                     double *sensitivity, size_t n_sensitivity) {
-    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)n_seed, (void)sensitivity, (void)n_sensitivity;
+FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
+    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
+    size_t n_sensitivity) {
+    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)n_seed, (void)sensitivity,
+        (void)n_sensitivity;
     return fmu_fail(self, FMU_ERROR, "%s: a system of FMUs offers no directional derivatives", function);
 }
 
@@ -670,12 +729,16 @@ FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nomi
 
 /* ------------------------------------------------------------------ saved states */
 
-static State *state_in(const void *saved) { return (State *)((char *)(uintptr_t)saved + sizeof(Saved) + (size_t)P->n_members * sizeof(void *)); }
+static State *state_in(const void *saved) {
+    return (State *)((char *)(uintptr_t)saved + sizeof(Saved) + (size_t)P->n_members * sizeof(void *));
+}
 static size_t saved_size(void) { return sizeof(Saved) + (size_t)P->n_members * sizeof(void *) + state_size(); }
 static uint64_t identity(void) { return fmu_hash(fmu_model.token, strlen(fmu_model.token)); }
 
 static FmuStatus check_can_save(FmuInstance *self, const char *function) {
-    return P->can_save ? FMU_OK : fmu_fail(self, FMU_ERROR, "%s: not all members of %s can save their state", function, fmu_model.name);
+    return P->can_save
+               ? FMU_OK
+               : fmu_fail(self, FMU_ERROR, "%s: not all members of %s can save their state", function, fmu_model.name);
 }
 
 /* Of a state in memory or, when `bytes`, of a serialized one. */
@@ -690,7 +753,8 @@ static FmuStatus check_header_of(FmuInstance *self, const char *function, const 
     if (h.version != STATE_VERSION)
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, STATE_VERSION);
     if (h.model != identity() || h.length != state_size())
-        return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another system or build than %s", function, fmu_model.name);
+        return fmu_fail(
+            self, FMU_ERROR, "%s: the state belongs to another system or build than %s", function, fmu_model.name);
     return FMU_OK;
 }
 
@@ -700,14 +764,19 @@ static FmuStatus check_header(FmuInstance *self, const char *function, const voi
 
 /* What of a state block cannot be of this system; NULL when there is nothing. */
 static const char *wrong_in(const State *s) {
-    const unsigned mode = (unsigned)s->mode, modes = MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_STEP | MODE_TERMINATED | MODE_ERROR;
+    const unsigned mode = (unsigned)s->mode,
+                   modes = MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_STEP | MODE_TERMINATED | MODE_ERROR;
     if (!mode || mode & (mode - 1u) || mode & ~modes) return "its mode";
     if ((s->settled | s->ended) & ~1) return "its flags";
     if (s->tick < 0 || s->tick >= EXACT || s->stop_tick < 0 || s->tick > s->stop_tick) return "its time";
-    if (!isfinite(s->start) || s->d < 0 || s->d >= EXACT || s->a < 0 || s->a >= EXACT || s->b <= -EXACT || s->b >= EXACT) return "its start time";
-    if ((mode == MODE_STEP || mode == MODE_TERMINATED) && (!s->d || !s->a || !((double)s->tick * (double)s->a + fabs((double)s->b) < (double)EXACT)))
+    if (!isfinite(s->start) || s->d < 0 || s->d >= EXACT || s->a < 0 || s->a >= EXACT || s->b <= -EXACT ||
+        s->b >= EXACT)
         return "its start time";
-    if (s->d && (s->d % P->d || s->a != P->a * (s->d / P->d) || (double)s->b / (double)s->d != s->start)) return "its start time";
+    if ((mode == MODE_STEP || mode == MODE_TERMINATED) &&
+        (!s->d || !s->a || !((double)s->tick * (double)s->a + fabs((double)s->b) < (double)EXACT)))
+        return "its start time";
+    if (s->d && (s->d % P->d || s->a != P->a * (s->d / P->d) || (double)s->b / (double)s->d != s->start))
+        return "its start time";
     if (mode == MODE_STEP)
         for (uint32_t k = 0; k < P->n_values + P->n_u; k++)
             if (!isfinite(s->v[k])) return k < P->n_values ? P->owners[k] : "an input of a member";
@@ -721,7 +790,8 @@ static void forget_members(FmuInstance *self, Saved *saved) {
 
 static FmuStatus check_alive(FmuInstance *self, const char *function) {
     for (int32_t i = 0; i < P->n_members; i++)
-        if (self->members[i].dead) return fmu_fail(self, FMU_ERROR, "%s: member '%s' has failed for good", function, P->members[i].name);
+        if (self->members[i].dead)
+            return fmu_fail(self, FMU_ERROR, "%s: member '%s' has failed for good", function, P->members[i].name);
     return FMU_OK;
 }
 
@@ -742,8 +812,11 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
         }
         return member_refused(self, i, "GetFMUState", said);
     }
-    saved->header = (Header){.magic = STATE_MAGIC, .version = STATE_VERSION, .model = identity(), .length = state_size(),
-                             .checksum = (uint64_t)(uintptr_t)saved};
+    saved->header = (Header){.magic = STATE_MAGIC,
+        .version = STATE_VERSION,
+        .model = identity(),
+        .length = state_size(),
+        .checksum = (uint64_t)(uintptr_t)saved};
     memcpy(state_in(saved), self->state, state_size());
     *snapshot = saved;
     return FMU_OK;
@@ -753,11 +826,13 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     FmuStatus status = check_header(self, function, snapshot);
     if (status == FMU_OK) status = check_alive(self, function);
     const char *wrong = status == FMU_OK ? wrong_in(state_in(snapshot)) : NULL;
-    if (wrong) status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
+    if (wrong)
+        status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
     const Saved *saved = snapshot;
     for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
         const uint32_t said = member_restore(&self->members[i], saved->members[i]);
-        if (said > fmi3Warning) status = member_failed(self, i, "SetFMUState", said); /* members before it have been restored */
+        if (said > fmi3Warning)
+            status = member_failed(self, i, "SetFMUState", said); /* members before it have been restored */
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
@@ -794,7 +869,8 @@ FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const voi
     return FMU_OK;
 }
 
-FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
+FmuStatus fmu_serialize(
+    FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
     size_t need = 0;
     FmuStatus status = fmu_serialized_size(self, function, snapshot, &need);
     if (status != FMU_OK) return status;
@@ -821,9 +897,11 @@ FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *sna
     return FMU_OK;
 }
 
-FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
+FmuStatus fmu_deserialize(
+    FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
     if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
-    if (size < sizeof(Header)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
+    if (size < sizeof(Header))
+        return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
     FmuStatus status = check_header_of(self, function, bytes, 1);
     if (status == FMU_OK) status = check_alive(self, function);
     if (status != FMU_OK) return status;
@@ -839,7 +917,8 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
     memcpy(state_in(saved), bytes + sizeof h, state_size());
     const unsigned char *from = bytes + sizeof h + state_size(), *end = bytes + size;
     const char *wrong = wrong_in(state_in(saved));
-    if (wrong) status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
+    if (wrong)
+        status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
     for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
         uint64_t own = 0;
         if ((size_t)(end - from) >= sizeof own) memcpy(&own, from, sizeof own);

@@ -51,17 +51,29 @@ __asm__(".symver dlerror,dlerror@GLIBC_2.17");
 #define PLATFORM3 MACHINE3 "-" SYSTEM3
 
 /* Data pointers to function pointers: what POSIX promises and C does not. */
-#define FIND2(name) { void *found = FIND(library, "fmi2" #name); memcpy(&f2->name, &found, sizeof found); if (!found) missing = "fmi2" #name; }
-#define FIND3(name) { void *found = FIND(library, "fmi3" #name); memcpy(&f3->name, &found, sizeof found); if (!found) missing = "fmi3" #name; }
+#define FIND2(name)                                                                                                    \
+    {                                                                                                                  \
+        void *found = FIND(library, "fmi2" #name);                                                                     \
+        memcpy(&f2->name, &found, sizeof found);                                                                       \
+        if (!found) missing = "fmi2" #name;                                                                            \
+    }
+#define FIND3(name)                                                                                                    \
+    {                                                                                                                  \
+        void *found = FIND(library, "fmi3" #name);                                                                     \
+        memcpy(&f3->name, &found, sizeof found);                                                                       \
+        if (!found) missing = "fmi3" #name;                                                                            \
+    }
 
-void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
-                   size_t n_reason) {
+void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions,
+    char *reason, size_t n_reason) {
     char path[4096 + 512];
-    (void)snprintf(path, sizeof path, "%s/%s/binaries/%s/%s%s", resources, folder, version == 2 ? PLATFORM2 : PLATFORM3, identifier, SUFFIX);
+    (void)snprintf(path, sizeof path, "%s/%s/binaries/%s/%s%s", resources, folder, version == 2 ? PLATFORM2 : PLATFORM3,
+        identifier, SUFFIX);
     void *library = OPEN(path);
     if (!library) {
 #if defined(_WIN32)
-        (void)snprintf(reason, n_reason, "its library %s cannot be loaded (error %lu)", path, (unsigned long)GetLastError());
+        (void)snprintf(
+            reason, n_reason, "its library %s cannot be loaded (error %lu)", path, (unsigned long)GetLastError());
 #else
         const char *said = dlerror();
         (void)snprintf(reason, n_reason, "its library cannot be loaded: %s", said ? said : path);

@@ -8,7 +8,8 @@
 
 /* ------------------------------------------------------------------ messages */
 
-static void message2(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category, fmi2String format, ...) {
+static void message2(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+    fmi2String format, ...) {
     const Member *m = environment;
     char text[1024];
     (void)name;
@@ -42,7 +43,8 @@ bool member_instantiate(Member *m, const char *name, const char *token, const ch
         m->callbacks = (fmi2CallbackFunctions){message2, calloc, free, NULL, m};
         m->instance = m->f2->Instantiate(name, fmi2CoSimulation, token, uri, &m->callbacks, fmi2False, fmi2False);
     } else {
-        m->instance = m->f3->InstantiateCoSimulation(name, token, resources, false, false, false, false, NULL, 0, m, message3, NULL);
+        m->instance = m->f3->InstantiateCoSimulation(
+            name, token, resources, false, false, false, false, NULL, 0, m, message3, NULL);
     }
     return m->instance != NULL;
 }
@@ -59,17 +61,27 @@ void member_free(Member *m) {
 
 uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     if (m->version == 3)
-        return seen(m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
-    const uint32_t status = seen(m, (uint32_t)m->f2->SetupExperiment(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+        return seen(
+            m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+    const uint32_t status =
+        seen(m, (uint32_t)m->f2->SetupExperiment(m->instance, has_tolerance, tolerance, start, has_stop, stop));
     return status > fmi2Warning ? status : seen(m, (uint32_t)m->f2->EnterInitializationMode(m->instance));
 }
 
-uint32_t member_exit(Member *m) { return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance)); }
+uint32_t member_exit(Member *m) {
+    return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
+}
 uint32_t member_reset(Member *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
 uint32_t member_terminate(Member *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
-uint32_t member_save(Member *m, void **state) { return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state)); }
-uint32_t member_restore(Member *m, void *state) { return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state)); }
-uint32_t member_forget(Member *m, void **state) { return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state)); }
+uint32_t member_save(Member *m, void **state) {
+    return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state));
+}
+uint32_t member_restore(Member *m, void *state) {
+    return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state));
+}
+uint32_t member_forget(Member *m, void **state) {
+    return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state));
+}
 
 uint32_t member_size(Member *m, void *state, size_t *size) {
     return CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
@@ -80,20 +92,21 @@ uint32_t member_serialize(Member *m, void *state, void *bytes, size_t size) {
 }
 
 uint32_t member_deserialize(Member *m, const void *bytes, size_t size, void **state) {
-    return CALL(DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
+    return CALL(
+        DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
 }
 
 /* ------------------------------------------------------------------ values */
 
 static EngineType type_of(int version, Kind kind) {
-    static const EngineType types[] = {ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16, ENGINE_UINT16,
-                                       ENGINE_INT32, ENGINE_UINT32, ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL};
+    static const EngineType types[] = {ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16,
+        ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32, ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL};
     return version == 2 && kind == KIND_BOOLEAN ? ENGINE_INT32 : types[kind];
 }
 
-#define CASE2(KIND, NAME)                                                                                                    \
+#define CASE2(KIND, NAME)                                                                                              \
     case KIND_##KIND: t->call2 = set ? (EngineValues2)m->f2->Set##NAME : (EngineValues2)m->f2->Get##NAME; break
-#define CASE3(KIND, NAME)                                                                                                    \
+#define CASE3(KIND, NAME)                                                                                              \
     case KIND_##KIND: t->call3 = set ? (EngineValues3)m->f3->Set##NAME : (EngineValues3)m->f3->Get##NAME; break
 
 void member_values(const Member *m, Kind kind, bool set, EngineTransfer *t) {
@@ -130,8 +143,14 @@ static uint32_t move_values(Member *m, Kind kind, uint32_t reference, double *va
                         .element = numbers, .place = numbers};
     member_values(m, kind, set, &t);
     Engine none = {0};
-    const EngineMember e = {.fmi = m->version, .instance = m->instance, .u = values, .y = values, .sets = &t, .gets = &t,
-                            .n_sets = 1, .n_gets = 1};
+    const EngineMember e = {.fmi = m->version,
+        .instance = m->instance,
+        .u = values,
+        .y = values,
+        .sets = &t,
+        .gets = &t,
+        .n_sets = 1,
+        .n_gets = 1};
     const int failed = set ? engine_set(&none, &e) : engine_get(&none, &e);
     return seen(m, failed ? none.status : fmi3OK);
 }
@@ -150,6 +169,6 @@ uint32_t member_set_text(Member *m, uint32_t reference, const char *text) {
 
 bool member_asked_to_end(Member *m) {
     fmi2Boolean ended = fmi2False;
-    return m->version == 2 && m->f2->GetBooleanStatus && m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning &&
-           ended;
+    return m->version == 2 && m->f2->GetBooleanStatus &&
+           m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning && ended;
 }

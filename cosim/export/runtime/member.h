@@ -12,23 +12,35 @@
 
 /* Which function moves a value. FMI 2.0 knows Float64 (Real), Int32 (Integer), Boolean and String. */
 typedef enum {
-    KIND_FLOAT64, KIND_FLOAT32, KIND_INT8, KIND_UINT8, KIND_INT16, KIND_UINT16, KIND_INT32, KIND_UINT32, KIND_INT64, KIND_UINT64,
-    KIND_BOOLEAN, KIND_STRING
+    KIND_FLOAT64,
+    KIND_FLOAT32,
+    KIND_INT8,
+    KIND_UINT8,
+    KIND_INT16,
+    KIND_UINT16,
+    KIND_INT32,
+    KIND_UINT32,
+    KIND_INT64,
+    KIND_UINT64,
+    KIND_BOOLEAN,
+    KIND_STRING
 } Kind;
 
 /* The functions that are called, without the part of their name that says the version. */
-#define FMI2_CALLS(X)                                                                                                        \
-    X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate)     \
-    X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(DoStep)           \
-    X(GetBooleanStatus)
-#define FMI2_STATE_CALLS(X)                                                                                                  \
+#define FMI2_CALLS(X)                                                                                                  \
+    X(Instantiate)                                                                                                     \
+    X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
+        X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(DoStep)           \
+            X(GetBooleanStatus)
+#define FMI2_STATE_CALLS(X)                                                                                            \
     X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate)
-#define FMI3_CALLS(X)                                                                                                        \
-    X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)   \
-    X(GetFloat64) X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)        \
-    X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16) X(SetInt32)      \
-    X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(DoStep)
-#define FMI3_STATE_CALLS(X)                                                                                                  \
+#define FMI3_CALLS(X)                                                                                                  \
+    X(InstantiateCoSimulation)                                                                                         \
+    X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset) X(GetFloat64)           \
+        X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)             \
+            X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)     \
+                X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(DoStep)
+#define FMI3_STATE_CALLS(X)                                                                                            \
     X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)
 
 #define POINTER2(name) fmi2##name##TYPE *name;
@@ -46,9 +58,10 @@ typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
 #define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_STATE_CALLS(NAMED2)}
 #define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_STATE_CALLS(NAMED3)}
 
-/* An FMU of others: its library below the resources of the system's FMU. Returns NULL, with the reason, where that fails. */
-void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
-                   size_t n_reason);
+/* An FMU of others: its library below the resources of the system's FMU. Returns NULL, with the reason, where that
+ * fails. */
+void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions,
+    char *reason, size_t n_reason);
 void foreign_close(void *library);
 
 typedef void (*MemberLog)(void *context, int status, const char *message);

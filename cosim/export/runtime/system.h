@@ -40,7 +40,7 @@ typedef struct {
     int64_t stamp;
     const uint32_t *index;
     uint32_t n_inputs;
-    bool in_place;                   /* inputs are values already, from `u` on; otherwise u is that much behind the values */
+    bool in_place; /* inputs are values already, from `u` on; otherwise u is that much behind the values */
     uint32_t u;
     const double *scale, *offset;
     const EngineLine *lines;
@@ -80,8 +80,8 @@ typedef struct {
     const PlanVariable *variables;
     int32_t n_variables;
     bool can_save;
-    void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
-                  size_t n_reason);  /* FMUs of others; NULL: there are none */
+    void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
+        char *reason, size_t n_reason); /* FMUs of others; NULL: there are none */
     void (*close)(void *library);
 } Plan;
 

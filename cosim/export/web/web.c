@@ -1,4 +1,5 @@
-/* The functions that a page calls. Numbers cross the border as doubles, whatever their type; memory is the page's, from web_memory.
+/* The functions that a page calls. Numbers cross the border as doubles, whatever their type; memory is the page's, from
+ * web_memory.
  *
  * A status is that of FMI: 0 OK, 1 warning, otherwise web_message says what was wrong. */
 
@@ -28,7 +29,8 @@ static char message[1024];
 static void say(void *environment, fmi3Status status, fmi3String category, fmi3String text) {
     (void)environment;
     (void)category;
-    if (status != fmi3OK && !message[0]) (void)snprintf(message, sizeof message, "%s", text); /* the first says why, others that */
+    if (status != fmi3OK && !message[0])
+        (void)snprintf(message, sizeof message, "%s", text); /* the first says why, others that */
 }
 
 const char *EXPORT(web_message)(void) { return message; }
@@ -36,7 +38,8 @@ const char *EXPORT(web_message)(void) { return message; }
 void *EXPORT(web_memory)(uint32_t bytes) { return malloc(bytes); }
 
 /* A new instance of a model which shows `n_real` + `n_integer` + `n_boolean` variables; NULL where that fails. */
-void *EXPORT(web_open)(uint32_t model, const uint32_t *references, uint32_t n_real, uint32_t n_integer, uint32_t n_boolean) {
+void *EXPORT(web_open)(
+    uint32_t model, const uint32_t *references, uint32_t n_real, uint32_t n_integer, uint32_t n_boolean) {
     message[0] = 0;
     if (model >= web_n_models) return NULL;
     const uint32_t n = n_real + n_integer + n_boolean;
@@ -47,8 +50,8 @@ void *EXPORT(web_open)(uint32_t model, const uint32_t *references, uint32_t n_re
     web->n_watched[INT32] = n_integer;
     web->n_watched[BOOLEAN] = n_boolean;
     memcpy(web->watched, references, n * sizeof(uint32_t));
-    web->instance = web->f->InstantiateCoSimulation("web", web_models[model].token, "", fmi3False, fmi3False, fmi3False, fmi3False,
-                                                    NULL, 0, NULL, say, NULL);
+    web->instance = web->f->InstantiateCoSimulation(
+        "web", web_models[model].token, "", fmi3False, fmi3False, fmi3False, fmi3False, NULL, 0, NULL, say, NULL);
     if (web->instance) return web;
     free(web);
     return NULL;
@@ -60,7 +63,8 @@ void EXPORT(web_close)(Web *web) {
 }
 
 /* Variables of one type; `n` values, more than references where these are arrays. */
-uint32_t EXPORT(web_set)(Web *web, uint32_t type, const uint32_t *references, uint32_t n_references, const double *values, uint32_t n) {
+uint32_t EXPORT(web_set)(
+    Web *web, uint32_t type, const uint32_t *references, uint32_t n_references, const double *values, uint32_t n) {
     static int32_t integers[MOST];
     static fmi3Boolean booleans[MOST];
     message[0] = 0;
@@ -108,15 +112,16 @@ uint32_t EXPORT(web_reset)(Web *web) {
     return (uint32_t)web->f->Reset(web->instance);
 }
 
-/* Up to `n` steps, a row of what is shown after each; returns how many were done. Fewer than asked: one has failed, unless
- * web_ended says that the system has asked for its end. */
+/* Up to `n` steps, a row of what is shown after each; returns how many were done. Fewer than asked: one has failed,
+ * unless web_ended says that the system has asked for its end. */
 uint32_t EXPORT(web_run)(Web *web, uint32_t n, uint32_t width, double *rows) {
     message[0] = 0;
     for (uint32_t k = 0; k < n; k++) {
         fmi3Boolean event = fmi3False, ended = fmi3False, early = fmi3False;
         fmi3Float64 last = 0;
         const double time = web->start + (double)web->n * web->step;
-        if (web->f->DoStep(web->instance, time, web->step, fmi3True, &event, &ended, &early, &last) > fmi3Warning) return k;
+        if (web->f->DoStep(web->instance, time, web->step, fmi3True, &event, &ended, &early, &last) > fmi3Warning)
+            return k;
         web->n++;
         if (look(web, rows + (size_t)k * width) > fmi3Warning) return k;
         if (ended) {

@@ -1,8 +1,9 @@
 /* The FMI functions of an FMU that runs in another process: each hands its arguments over and waits for the answer.
  *
- * Their instance is the Link. Inputs that are set between steps wait for the step and travel with it, and the outputs that were
- * fetched after the last steps come back with it: one step is one exchange. Nothing that comes from the worker is believed: sizes
- * are compared with the areas, and it is never waited for longer than the limit. No heap after link_open. */
+ * Their instance is the Link. Inputs that are set between steps wait for the step and travel with it, and the outputs
+ * that were fetched after the last steps come back with it: one step is one exchange. Nothing that comes from the
+ * worker is believed: sizes are compared with the areas, and it is never waited for longer than the limit. No heap
+ * after link_open. */
 #include "shared.h"
 
 #include <stdlib.h>
@@ -113,7 +114,8 @@ static int wait_for(Link *l, short what, int64_t deadline) {
         if (cancelled) return LINK_CANCELLED;
         if (found > 0) return wait.revents & what ? LINK_ALIVE : LINK_DIED;
         if (found == 0 && dead(l)) return LINK_DIED;
-        if (found == 0 && left <= 0) return LINK_TOO_SLOW; /* looked at once more: this process may have been stopped itself */
+        if (found == 0 && left <= 0)
+            return LINK_TOO_SLOW; /* looked at once more: this process may have been stopped itself */
     }
 }
 
@@ -149,7 +151,8 @@ static int write_all(Link *l, const void *from, size_t n, int64_t deadline) {
 static int answered(Link *l, uint32_t before) {
     Answer *h = l->region.answer;
     if (spin(&h->number, before, l->spin_ns)) {
-        __builtin_prefetch(l->region.results); /* another line of the cache, which is on its way while this one is read */
+        __builtin_prefetch(
+            l->region.results); /* another line of the cache, which is on its way while this one is read */
         return LINK_ALIVE;
     }
     int end = LINK_ALIVE;
@@ -172,14 +175,16 @@ static int by_socket(Link *l) {
     if (end) return end;
     const Answer a = *r->answer;
     if (a.log_used > LINK_LOG || a.reply_used > r->area || a.results_used > r->area) return LINK_LIED;
-    if (!(end = read_all(l, r->results, a.results_used, deadline)) && !(end = read_all(l, r->reply, a.reply_used, deadline)))
+    if (!(end = read_all(l, r->results, a.results_used, deadline)) &&
+        !(end = read_all(l, r->reply, a.reply_used, deadline)))
         end = read_all(l, r->log, a.log_used, deadline);
     return end;
 }
 
 static int by_memory(Link *l) {
     const uint32_t before = atomic_load_explicit(&l->region.answer->number, memory_order_relaxed);
-    /* A full fence: the worker's flag is read after it. Both count the same calls; where they do not, the worker has written there. */
+    /* A full fence: the worker's flag is read after it. Both count the same calls; where they do not, the worker has
+     * written there. */
     if (atomic_fetch_add(&l->region.ask->number, 1) != before) return LINK_LIED;
     if (atomic_load(&l->region.ask->worker_waits) && !ring(l->fd)) return LINK_DIED;
     const int end = answered(l, before);
@@ -268,7 +273,8 @@ static uint32_t too_much(Link *l) {
     return LINK_ERROR;
 }
 
-static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, const void *values, size_t n_values) {
+static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n,
+    const void *values, size_t n_values) {
     if (lost(l)) return LINK_FATAL;
     if (l->n_waiting == LINK_PLANNED) { /* that many do not wait */
         const uint32_t status = simple(l, LINK_SET);
@@ -283,7 +289,8 @@ static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint3
     return l->stepping ? LINK_OK : simple(l, LINK_SET);
 }
 
-static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, const char *const *values, size_t n_values) {
+static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n,
+    const char *const *values, size_t n_values) {
     if (lost(l)) return LINK_FATAL;
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
@@ -312,21 +319,25 @@ static void learn(Link *l, uint32_t type, const char *name, const uint32_t *refe
     l->plan[l->n_plan++] = (Planned){type, (uint32_t)n, 0, n_values, own, at, name};
 }
 
-static uint32_t get_values(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, void *values, size_t n_values) {
+static uint32_t get_values(
+    Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, void *values, size_t n_values) {
     const size_t bytes = n_values * value_size(type);
     if (lost(l)) return LINK_FATAL;
     l->failed = NULL;
     if (l->fresh) {
         for (int i = 0; i < l->n_planned; i++) {
             const Planned *p = &l->plan[i];
-            if (p->type != type || p->n_references != n || p->n_values != n_values || memcmp(p->references, references, n * 4)) continue;
+            if (p->type != type || p->n_references != n || p->n_values != n_values ||
+                memcmp(p->references, references, n * 4))
+                continue;
             const char *from = l->region.results + p->at;
             uint32_t status;
             memcpy(&status, from, 4);
             memcpy(values, from + 8, bytes);
             return status;
         }
-        if (l->n_plan == l->n_planned) learn(l, type, name, references, n, n_values); /* one for each step, so that none is learned twice */
+        if (l->n_plan == l->n_planned)
+            learn(l, type, name, references, n, n_values); /* one for each step, so that none is learned twice */
     }
     const bool fresh = l->fresh; /* not if anything waits */
     if (l->n_waiting) {
@@ -340,7 +351,8 @@ static uint32_t get_values(Link *l, uint32_t type, const char *name, const uint3
     return status;
 }
 
-static uint32_t get_strings(Link *l, uint32_t type, const uint32_t *references, size_t n, const char **values, size_t n_values) {
+static uint32_t get_strings(
+    Link *l, uint32_t type, const uint32_t *references, size_t n, const char **values, size_t n_values) {
     if (lost(l)) return LINK_FATAL;
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
@@ -376,7 +388,8 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
             if (status > LINK_WARNING) return status;
         }
         for (int i = 0; i < l->n_plan; i++)
-            if (!record(l, l->plan[i].type, l->plan[i].references, l->plan[i].n_references, l->plan[i].n_values, 0)) return too_much(l);
+            if (!record(l, l->plan[i].type, l->plan[i].references, l->plan[i].n_references, l->plan[i].n_values, 0))
+                return too_much(l);
         ask->a = (uint64_t)l->n_plan;
         const uint32_t status = simple(l, LINK_PLAN);
         if (status > LINK_WARNING) return status;
@@ -388,7 +401,8 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
     const uint32_t status = simple(l, LINK_STEP);
     l->stepping = true;
     if (l->end) return status;
-    for (int i = 0; flags && i < 3; i++) *flags[i] = ((const unsigned char *)l->region.answer->flags)[i == 0 ? 0 : i + 1] != 0;
+    for (int i = 0; flags && i < 3; i++)
+        *flags[i] = ((const unsigned char *)l->region.answer->flags)[i == 0 ? 0 : i + 1] != 0;
     if (last) *last = l->region.answer->last;
     l->fresh = status <= LINK_WARNING;
     return status;
@@ -396,8 +410,8 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
 
 /* ------------------------------------------------------------------ what every FMU has */
 
-/* Load the library: 0, and `link_said` those of `functions` (names with blanks between) that it lacks; 1, and `link_said` the loader's
- * words; -1: the worker is lost. */
+/* Load the library: 0, and `link_said` those of `functions` (names with blanks between) that it lacks; 1, and
+ * `link_said` the loader's words; -1: the worker is lost. */
 int link_load(Link *l, const char *library, const char *functions, int version) {
     char *p = l->region.request;
     const size_t first = strlen(library) + 1, second = strlen(functions) + 1;
@@ -437,7 +451,8 @@ static uint32_t reset(Link *l) {
 
 static void free_instance(Link *l) { simple(l, LINK_FREE); }
 
-static uint32_t enter(Link *l, bool has_tolerance, double tolerance, double start, bool has_stop, double stop, LinkOp op) {
+static uint32_t enter(
+    Link *l, bool has_tolerance, double tolerance, double start, bool has_stop, double stop, LinkOp op) {
     double given[5] = {has_tolerance, tolerance, start, has_stop, stop};
     memcpy(l->region.request, given, sizeof given);
     l->waiting = sizeof given;
@@ -505,7 +520,8 @@ static uint32_t deserialize(Link *l, const char *bytes, size_t size, void **stat
     return status;
 }
 
-static uint32_t derivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by, const double *seed, size_t n_seed, double *result, size_t n_result) {
+static uint32_t derivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by,
+    const double *seed, size_t n_seed, double *result, size_t n_result) {
     FLUSH
     char *to = record(l, LINK_Float64, by, n_by, n_seed, n_seed * 8);
     if (!to) return too_much(l);
@@ -518,20 +534,31 @@ static uint32_t derivative(Link *l, const uint32_t *of, size_t n_of, const uint3
 
 /* ------------------------------------------------------------------ FMI 2.0 */
 
-#define VALUES2(Name, Type, ctype)                                                                                         \
-    uint32_t fmi2Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) { return set_values(l, LINK_##Type, "fmi2Set" #Name, r, n, v, n); } \
-    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) { return get_values(l, LINK_##Type, "fmi2Get" #Name, r, n, v, n); }
+#define VALUES2(Name, Type, ctype)                                                                                     \
+    uint32_t fmi2Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) {                                     \
+        return set_values(l, LINK_##Type, "fmi2Set" #Name, r, n, v, n);                                                \
+    }                                                                                                                  \
+    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) {                                           \
+        return get_values(l, LINK_##Type, "fmi2Get" #Name, r, n, v, n);                                                \
+    }
 VALUES2(Real, Real, double)
 VALUES2(Integer, Integer, int)
 VALUES2(Boolean, Boolean2, int)
-uint32_t fmi2SetString(Link *l, const uint32_t *r, size_t n, const char *const *v) { return set_strings(l, LINK_String2, "fmi2SetString", r, n, v, n); }
-uint32_t fmi2GetString(Link *l, const uint32_t *r, size_t n, const char **v) { return get_strings(l, LINK_String2, r, n, v, n); }
+uint32_t fmi2SetString(Link *l, const uint32_t *r, size_t n, const char *const *v) {
+    return set_strings(l, LINK_String2, "fmi2SetString", r, n, v, n);
+}
+uint32_t fmi2GetString(Link *l, const uint32_t *r, size_t n, const char **v) {
+    return get_strings(l, LINK_String2, r, n, v, n);
+}
 uint32_t fmi2SetupExperiment(Link *l, int has_tolerance, double tolerance, double start, int has_stop, double stop) {
     return enter(l, has_tolerance != 0, tolerance, start, has_stop != 0, stop, LINK_SETUP);
 }
 uint32_t fmi2EnterInitializationMode(Link *l) { return simple(l, LINK_ENTER); }
-uint32_t fmi2DoStep(Link *l, double t, double h, int no_set_prior) { return step(l, t, h, no_set_prior != 0, NULL, NULL); }
-uint32_t fmi2GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by, const double *seed, double *result) {
+uint32_t fmi2DoStep(Link *l, double t, double h, int no_set_prior) {
+    return step(l, t, h, no_set_prior != 0, NULL, NULL);
+}
+uint32_t fmi2GetDirectionalDerivative(
+    Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by, const double *seed, double *result) {
     return derivative(l, of, n_of, by, n_by, seed, n_by, result, n_of);
 }
 uint32_t fmi2GetRealStatus(Link *l, int kind, double *value) {
@@ -549,9 +576,13 @@ uint32_t fmi2GetBooleanStatus(Link *l, int kind, int *value) {
 
 /* ------------------------------------------------------------------ FMI 3.0 */
 
-#define VALUES3(Name, Type, ctype)                                                                                         \
-    uint32_t fmi3Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v, size_t m) { return set_values(l, LINK_##Type, "fmi3Set" #Name, r, n, v, m); } \
-    uint32_t fmi3Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v, size_t m) { return get_values(l, LINK_##Type, "fmi3Get" #Name, r, n, v, m); }
+#define VALUES3(Name, Type, ctype)                                                                                     \
+    uint32_t fmi3Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v, size_t m) {                           \
+        return set_values(l, LINK_##Type, "fmi3Set" #Name, r, n, v, m);                                                \
+    }                                                                                                                  \
+    uint32_t fmi3Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v, size_t m) {                                 \
+        return get_values(l, LINK_##Type, "fmi3Get" #Name, r, n, v, m);                                                \
+    }
 VALUES3(Float64, Float64, double)
 VALUES3(Float32, Float32, float)
 VALUES3(Int8, Int8, int8_t)
@@ -563,16 +594,23 @@ VALUES3(UInt32, UInt32, uint32_t)
 VALUES3(Int64, Int64, int64_t)
 VALUES3(UInt64, UInt64, uint64_t)
 VALUES3(Boolean, Boolean3, bool)
-uint32_t fmi3SetString(Link *l, const uint32_t *r, size_t n, const char *const *v, size_t m) { return set_strings(l, LINK_String3, "fmi3SetString", r, n, v, m); }
-uint32_t fmi3GetString(Link *l, const uint32_t *r, size_t n, const char **v, size_t m) { return get_strings(l, LINK_String3, r, n, v, m); }
-uint32_t fmi3EnterInitializationMode(Link *l, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
+uint32_t fmi3SetString(Link *l, const uint32_t *r, size_t n, const char *const *v, size_t m) {
+    return set_strings(l, LINK_String3, "fmi3SetString", r, n, v, m);
+}
+uint32_t fmi3GetString(Link *l, const uint32_t *r, size_t n, const char **v, size_t m) {
+    return get_strings(l, LINK_String3, r, n, v, m);
+}
+uint32_t fmi3EnterInitializationMode(
+    Link *l, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     return enter(l, has_tolerance, tolerance, start, has_stop, stop, LINK_ENTER);
 }
-uint32_t fmi3DoStep(Link *l, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
+uint32_t fmi3DoStep(
+    Link *l, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     bool *flags[3] = {event, terminate, early};
     return step(l, t, h, no_set_prior, flags, last);
 }
-uint32_t fmi3GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by, const double *seed, size_t n_seed, double *result, size_t n_result) {
+uint32_t fmi3GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by,
+    const double *seed, size_t n_seed, double *result, size_t n_result) {
     return derivative(l, of, n_of, by, n_by, seed, n_seed, result, n_result);
 }
 

@@ -1,6 +1,6 @@
-/* The process between the master and the worker in which the FMU runs. It ends all that the FMU has started, on Linux also what has
- * detached itself (a session of its own, a parent that has ended): as a subreaper it becomes the parent of those. Then it ends in the
- * same way as the worker, so that the master sees how the FMU was lost. */
+/* The process between the master and the worker in which the FMU runs. It ends all that the FMU has started, on Linux
+ * also what has detached itself (a session of its own, a parent that has ended): as a subreaper it becomes the parent
+ * of those. Then it ends in the same way as the worker, so that the master sees how the FMU was lost. */
 #if !defined(_GNU_SOURCE)
 #define _GNU_SOURCE
 #endif
@@ -40,11 +40,13 @@ static void kill_children(void) {
     DIR *all = opendir("/proc");
     if (!all) return;
     for (const struct dirent *entry; (entry = readdir(all)) != NULL;)
-        if (entry->d_name[0] >= '1' && entry->d_name[0] <= '9' && parent_of(entry->d_name) == getpid()) kill((pid_t)atoi(entry->d_name), SIGKILL);
+        if (entry->d_name[0] >= '1' && entry->d_name[0] <= '9' && parent_of(entry->d_name) == getpid())
+            kill((pid_t)atoi(entry->d_name), SIGKILL);
     closedir(all);
 }
 
-/* Ends the worker's group, then every child of this process until none is left: the children of a process that ends become children of this one. */
+/* Ends the worker's group, then every child of this process until none is left: the children of a process that ends
+ * become children of this one. */
 static void end_all(pid_t worker) {
     kill(-worker, SIGKILL);
     kill(worker, SIGKILL);

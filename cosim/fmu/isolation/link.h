@@ -1,8 +1,10 @@
-/* What the master's process and the process of an isolated FMU share: the head of a call, four areas of bytes, and one socket.
+/* What the master's process and the process of an isolated FMU share: the head of a call, four areas of bytes, and one
+ * socket.
  *
- * One call at a time. The master writes head and request and raises `request`; the worker does the call and raises `reply`. Each
- * looks for the other's number for some microseconds, then waits at the socket, where the other rings with one byte. Without shared
- * memory the same head and areas travel through the socket. Lines that do not begin with # are also read by cffi. */
+ * One call at a time. The master writes head and request and raises `request`; the worker does the call and raises
+ * `reply`. Each looks for the other's number for some microseconds, then waits at the socket, where the other rings
+ * with one byte. Without shared memory the same head and areas travel through the socket. Lines that do not begin with
+ * # are also read by cffi. */
 #ifndef LINK_H
 #define LINK_H
 
@@ -12,9 +14,28 @@
 
 /* What the worker is asked to do. */
 typedef enum {
-    LINK_LOAD, LINK_INSTANTIATE, LINK_FREE, LINK_SETUP, LINK_ENTER, LINK_EXIT, LINK_TERMINATE, LINK_RESET, LINK_SET, LINK_GET,
-    LINK_PLAN, LINK_STEP, LINK_STATUS, LINK_GET_STATE, LINK_SET_STATE, LINK_FREE_STATE, LINK_STATE_SIZE, LINK_SERIALIZE,
-    LINK_DESERIALIZE, LINK_READ_BYTES, LINK_WRITE_BYTES, LINK_DERIVATIVE
+    LINK_LOAD,
+    LINK_INSTANTIATE,
+    LINK_FREE,
+    LINK_SETUP,
+    LINK_ENTER,
+    LINK_EXIT,
+    LINK_TERMINATE,
+    LINK_RESET,
+    LINK_SET,
+    LINK_GET,
+    LINK_PLAN,
+    LINK_STEP,
+    LINK_STATUS,
+    LINK_GET_STATE,
+    LINK_SET_STATE,
+    LINK_FREE_STATE,
+    LINK_STATE_SIZE,
+    LINK_SERIALIZE,
+    LINK_DESERIALIZE,
+    LINK_READ_BYTES,
+    LINK_WRITE_BYTES,
+    LINK_DERIVATIVE
 } LinkOp;
 
 /* How an isolated FMU was lost. */
@@ -33,7 +54,8 @@ typedef enum {
     LINK_UInt16, LINK_Int32, LINK_UInt32, LINK_Int64, LINK_UInt64, LINK_Boolean3, LINK_String3, LINK_TYPES
 } LinkType;
 
-/* Values of one type, in the request area: this head, `n_references` uint32_t, values; each begins at a multiple of 8 bytes. */
+/* Values of one type, in the request area: this head, `n_references` uint32_t, values; each begins at a multiple of 8
+ * bytes. */
 typedef struct {
     uint32_t type, n_references;
     uint64_t n_values;

@@ -21,8 +21,8 @@
 #define MSG_NOSIGNAL 0 /* macOS; both sides ignore SIGPIPE */
 #endif
 
-/* What is written by one side and read by the other has to travel, line by line of the cache: one line for each direction, with its
- * values right behind it. */
+/* What is written by one side and read by the other has to travel, line by line of the cache: one line for each
+ * direction, with its values right behind it. */
 typedef struct {
     _Atomic uint32_t number;    /* of the call */
     _Atomic uint32_t worker_waits;
@@ -37,8 +37,8 @@ typedef struct {
     _Atomic uint32_t number;    /* of the call that is done */
     _Atomic uint32_t master_waits;
     uint32_t status;
-    uint32_t failed;            /* what is being done: 0 the call itself, k > 0 the k-th of the records that are set before it,
-                                   LINK_FETCHING + k the k-th fetch after a step */
+    uint32_t failed; /* what is being done: 0 the call itself, k > 0 the k-th of the records that are set before it,
+                        LINK_FETCHING + k the k-th fetch after a step */
     uint64_t value;             /* what is answered, apart from the areas */
     double last;
     uint32_t log_used, reply_used, results_used; /* bytes of the areas */
@@ -91,8 +91,8 @@ static inline void breathe(void) {
 #endif
 }
 
-/* Look for another value of a number than `old`, for `ns` nanoseconds; after a while with a place for others on this core, since there
- * may be more processes that look than cores. */
+/* Look for another value of a number than `old`, for `ns` nanoseconds; after a while with a place for others on this
+ * core, since there may be more processes that look than cores. */
 static inline bool spin(const _Atomic uint32_t *number, uint32_t old, int64_t ns) {
     for (int i = 0; i < 400; i++)
         if (atomic_load_explicit(number, memory_order_acquire) != old) return true;

@@ -1,10 +1,11 @@
-/* The process of one isolated FMU: loads its library and does, one after the other, the calls that the master hands over.
+/* The process of one isolated FMU: loads its library and does, one after the other, the calls that the master hands
+ * over.
  *
  *     worker SOCKET MEMORY SIZE LIMIT PARENT
  *
- * SOCKET and MEMORY are inherited file descriptors (MEMORY -1: everything travels through the socket), SIZE the bytes of the region,
- * LIMIT the bytes that the FMU may allocate (0: any), PARENT the process without which this one ends. It forks at once: the first process
- * watches the second one (launcher.c). */
+ * SOCKET and MEMORY are inherited file descriptors (MEMORY -1: everything travels through the socket), SIZE the bytes
+ * of the region, LIMIT the bytes that the FMU may allocate (0: any), PARENT the process without which this one ends. It
+ * forks at once: the first process watches the second one (launcher.c). */
 #include "shared.h"
 
 #include "environment.h"
@@ -151,7 +152,8 @@ static void *function(const char *name) {
 }
 
 static void find_values(void) {
-    static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"};
+    static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8",
+        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"};
     for (int i = version == 2 ? LINK_Real : LINK_Float64; i < (version == 2 ? LINK_Float64 : LINK_TYPES); i++) {
         char full[40];
         snprintf(full, sizeof full, "Set%s", names[i]);
@@ -169,7 +171,8 @@ static uint32_t load(void) {
     limit_memory();
     library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     const char *said = library ? "" : dlerror(), *python = getenv("SUSPENSION_FMUS_LIBPYTHON");
-    if (!library && python && (strstr(said, "symbol: Py") || strstr(said, "symbol: _Py")) && dlopen(python, RTLD_NOW | RTLD_GLOBAL)) {
+    if (!library && python && (strstr(said, "symbol: Py") || strstr(said, "symbol: _Py")) &&
+        dlopen(python, RTLD_NOW | RTLD_GLOBAL)) {
         library = dlopen(path, RTLD_NOW | RTLD_LOCAL); /* those of PythonFMU expect it in the process */
         if (!library) said = dlerror();
     }
@@ -200,9 +203,11 @@ static uint32_t instantiate(void) {
     if (version == 2) {
         static Callbacks2 callbacks;
         callbacks = (Callbacks2){(void *)say2, (void *)calloc, (void *)free, NULL, NULL};
-        instance = ((void *(*)(const char *, int, const char *, const char *, const Callbacks2 *, int, int))make)(name, 1, token, resources, &callbacks, 0, 1);
+        instance = ((void *(*)(const char *, int, const char *, const char *, const Callbacks2 *, int, int))make)(
+            name, 1, token, resources, &callbacks, 0, 1);
     } else {
-        instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *, size_t, void *, void *, void *))make)(
+        instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
+            size_t, void *, void *, void *))make)(
             name, token, resources, false, true, false, false, NULL, 0, NULL, (void *)say3, NULL);
     }
     return instance ? LINK_OK : LINK_ERROR;
@@ -215,8 +220,10 @@ static char *after(const LinkValues *v, size_t bytes) {
 }
 
 static uint32_t call_values(void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
-    if (version == 2) return ((uint32_t(*)(void *, const uint32_t *, size_t, void *))call)(instance, references, n, values);
-    return ((uint32_t(*)(void *, const uint32_t *, size_t, void *, size_t))call)(instance, references, n, values, n_values);
+    if (version == 2)
+        return ((uint32_t (*)(void *, const uint32_t *, size_t, void *))call)(instance, references, n, values);
+    return ((uint32_t (*)(void *, const uint32_t *, size_t, void *, size_t))call)(
+        instance, references, n, values, n_values);
 }
 
 static bool text(uint32_t type) { return type == LINK_String2 || type == LINK_String3; }
@@ -227,14 +234,17 @@ static uint32_t set_record(const char **at) {
     char *values = after(v, 0);
     if (!text(v->type)) {
         *at = values + ALIGNED(v->n_values * value_size(v->type));
-        return setters[v->type] ? call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values) : LINK_ERROR;
+        return setters[v->type]
+                   ? call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values)
+                   : LINK_ERROR;
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
     if (!texts || !setters[v->type]) return free(texts), LINK_ERROR;
     char *p = values;
     for (size_t i = 0; i < v->n_values; i++) texts[i] = p, p += strlen(p) + 1;
     *at = values + ALIGNED(p - values);
-    const uint32_t status = call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
+    const uint32_t status =
+        call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
     free(texts);
     return status;
 }
@@ -290,7 +300,8 @@ static uint32_t step(void) {
     } else {
         bool event = false, terminate = false, early = false;
         double last = t;
-        status = ((uint32_t(*)(void *, double, double, bool, bool *, bool *, bool *, double *))do_step)(instance, t, length, prior, &event, &terminate, &early, &last);
+        status = ((uint32_t (*)(void *, double, double, bool, bool *, bool *, bool *, double *))do_step)(
+            instance, t, length, prior, &event, &terminate, &early, &last);
         h->flags[0] = event, h->flags[2] = terminate, h->flags[3] = early;
         h->last = last;
     }
@@ -319,8 +330,11 @@ static uint32_t step(void) {
 
 static uint32_t enter(const double *given) {
     const int has_tolerance = given[0] != 0, has_stop = given[3] != 0;
-    if (version == 2) CALL("SetupExperiment", (void *, int, double, double, int, double), (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
-    CALL("EnterInitializationMode", (void *, bool, double, double, bool, double), (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
+    if (version == 2)
+        CALL("SetupExperiment", (void *, int, double, double, int, double),
+            (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
+    CALL("EnterInitializationMode", (void *, bool, double, double, bool, double),
+        (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
 }
 
 static uint32_t free_instance(void) {
@@ -334,7 +348,8 @@ static uint32_t a_state(const char *name, bool by_address) {
     void *state = (void *)(uintptr_t)region.ask->a;
     void *f = function(name);
     if (!f) return LINK_ERROR;
-    const uint32_t status = by_address ? ((uint32_t(*)(void *, void **))f)(instance, &state) : ((uint32_t(*)(void *, void *))f)(instance, state);
+    const uint32_t status = by_address ? ((uint32_t (*)(void *, void **))f)(instance, &state)
+                                       : ((uint32_t (*)(void *, void *))f)(instance, state);
     region.answer->value = (uint64_t)(uintptr_t)state;
     return status;
 }
@@ -343,7 +358,8 @@ static uint32_t state_size(void) {
     size_t size = 0;
     void *f = function(NAMED("SerializedFMUstateSize", "SerializedFMUStateSize"));
     if (!f) return LINK_ERROR;
-    const uint32_t status = ((uint32_t(*)(void *, void *, size_t *))f)(instance, (void *)(uintptr_t)region.ask->a, &size);
+    const uint32_t status =
+        ((uint32_t (*)(void *, void *, size_t *))f)(instance, (void *)(uintptr_t)region.ask->a, &size);
     region.answer->value = size;
     return status;
 }
@@ -359,13 +375,15 @@ static bool room(size_t size) {
 
 static uint32_t serialize(void) {
     if (!room(region.ask->b)) return say(LINK_ERROR, "", "no memory for its serialized state"), LINK_ERROR;
-    CALL(NAMED("SerializeFMUstate", "SerializeFMUState"), (void *, void *, char *, size_t), (instance, (void *)(uintptr_t)region.ask->a, blob, region.ask->b));
+    CALL(NAMED("SerializeFMUstate", "SerializeFMUState"), (void *, void *, char *, size_t),
+        (instance, (void *)(uintptr_t)region.ask->a, blob, region.ask->b));
 }
 
 static uint32_t deserialize(void) {
     void *state = NULL, *f = function(NAMED("DeSerializeFMUstate", "DeserializeFMUState"));
     if (!f || !room(region.ask->b)) return LINK_ERROR;
-    const uint32_t status = ((uint32_t(*)(void *, const char *, size_t, void **))f)(instance, blob, region.ask->b, &state);
+    const uint32_t status =
+        ((uint32_t (*)(void *, const char *, size_t, void **))f)(instance, blob, region.ask->b, &state);
     region.answer->value = (uint64_t)(uintptr_t)state;
     return status;
 }
@@ -377,9 +395,13 @@ static uint32_t derivative(void) {
     double *result = (double *)(void *)region.reply;
     region.answer->reply_used = (uint32_t)(of->n_values * 8);
     const uint32_t *r_of = (const uint32_t *)(of + 1), *r_by = (const uint32_t *)(by + 1);
-    if (version == 2) CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *), (instance, r_of, of->n_references, r_by, by->n_references, seed, result));
-    CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t),
-         (instance, r_of, of->n_references, r_by, by->n_references, seed, by->n_values, result, of->n_values));
+    if (version == 2)
+        CALL("GetDirectionalDerivative",
+            (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *),
+            (instance, r_of, of->n_references, r_by, by->n_references, seed, result));
+    CALL("GetDirectionalDerivative",
+        (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t),
+        (instance, r_of, of->n_references, r_by, by->n_references, seed, by->n_values, result, of->n_values));
 }
 
 static uint32_t tell_status(void) {
@@ -402,7 +424,8 @@ static uint32_t dispatch(const char *rest) {
         case LINK_INSTANTIATE: return instantiate();
         case LINK_FREE: return free_instance();
         case LINK_SETUP: return enter((const double *)(const void *)rest);
-        case LINK_ENTER: return version == 2 ? plain("EnterInitializationMode") : enter((const double *)(const void *)rest);
+        case LINK_ENTER:
+            return version == 2 ? plain("EnterInitializationMode") : enter((const double *)(const void *)rest);
         case LINK_EXIT: return plain("ExitInitializationMode");
         case LINK_TERMINATE: return plain("Terminate");
         case LINK_RESET: n_plan = 0; return plain("Reset");
@@ -491,9 +514,12 @@ static void serve_memory(int64_t spin_ns) {
 
 static void serve_socket(void) {
     const Answer *a = region.answer;
-    while (read_all(region.ask, APART) && region.ask->used <= region.area && read_all(region.request, region.ask->used)) {
+    while (
+        read_all(region.ask, APART) && region.ask->used <= region.area && read_all(region.request, region.ask->used)) {
         work();
-        if (!write_all(a, APART + a->results_used) || !write_all(region.reply, a->reply_used) || !write_all(region.log, a->log_used)) return;
+        if (!write_all(a, APART + a->results_used) || !write_all(region.reply, a->reply_used) ||
+            !write_all(region.log, a->log_used))
+            return;
     }
 }
 

@@ -5,7 +5,8 @@
   const PRINT_HEIGHT = 820; // px, of a figure with its title and caption below it on one page
   const root = document.documentElement;
   const figures = [...document.querySelectorAll("[data-plot]")];
-  if (figures.length) { // plotly: the page's policy knows its text
+  if (figures.length) {
+    // plotly: the page's policy knows its text
     const library = document.createElement("script");
     library.textContent = unpacked(document.getElementById("plotly"));
     document.head.append(library);
@@ -16,7 +17,13 @@
   const system = matchMedia("(prefers-color-scheme: dark)");
   const shade = figures.length ? JSON.parse(document.getElementById("dark-colors").textContent) : {};
   let printing = false;
-  const remembered = () => { try { return localStorage.getItem("theme"); } catch { return null; } }; // a page from a file may have none
+  const remembered = () => {
+    try {
+      return localStorage.getItem("theme");
+    } catch {
+      return null;
+    }
+  }; // a page from a file may have none
   const dark = () => !printing && (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
   const dyed = (value) => {
     if (typeof value === "string") return shade[value] ?? value;
@@ -43,7 +50,10 @@
     const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
     if (kind === "u1") {
       let count = 0;
-      return Float32Array.from(bytes, (more) => { count += more; return first + step * count; });
+      return Float32Array.from(bytes, (more) => {
+        count += more;
+        return first + step * count;
+      });
     }
     return kind === "f4" ? new Float32Array(bytes.buffer) : new Float64Array(bytes.buffer);
   };
@@ -64,7 +74,10 @@
   const broken = (name) => name.replace(/(.{20,40}?)\s(?=.{8})/g, "$1<br>");
   const traces = (element, narrow) => {
     const data = colored(spec(element).data);
-    if (narrow) data.forEach((trace) => { trace.name = broken(trace.name); });
+    if (narrow)
+      data.forEach((trace) => {
+        trace.name = broken(trace.name);
+      });
     return data;
   };
 
@@ -78,7 +91,8 @@
   };
 
   const draw = (element) => {
-    const width = element.clientWidth, narrow = width < NARROW;
+    const width = element.clientWidth,
+      narrow = width < NARROW;
     if (!element.classList.contains("js-plotly-plot")) element.replaceChildren();
     element.classList.toggle("narrow", narrow);
     Plotly.react(element, traces(element, narrow), layout(element, width), config(element.id, narrow));
@@ -86,9 +100,12 @@
   };
 
   const refit = (element) => {
-    if (specs.has(element) && (element.clientWidth < NARROW) !== element.classList.contains("narrow")) draw(element);
+    if (specs.has(element) && element.clientWidth < NARROW !== element.classList.contains("narrow")) draw(element);
   };
-  const redraw = () => figures.forEach((element) => { if (specs.has(element)) draw(element); });
+  const redraw = () =>
+    figures.forEach((element) => {
+      if (specs.has(element)) draw(element);
+    });
 
   // one at a time, so that the page can be read while the figures appear
   const drawNext = (rest) => {
@@ -114,7 +131,11 @@
   button.hidden = false;
   button.addEventListener("click", () => {
     root.dataset.theme = dark() ? "light" : "dark";
-    try { localStorage.setItem("theme", root.dataset.theme); } catch { /* not remembered */ }
+    try {
+      localStorage.setItem("theme", root.dataset.theme);
+    } catch {
+      /* not remembered */
+    }
     recolored();
   });
   system.addEventListener("change", recolored);
@@ -148,20 +169,26 @@
     const { columns, values } = spec(element);
     const length = Math.max(...values.map((v) => v.length));
     const rows = Array.from({ length }, (_, i) =>
-      values.map((v, k) => (i < v.length ? digits(v[i], v instanceof Float32Array) : "")));
+      values.map((v, k) => (i < v.length ? digits(v[i], v instanceof Float32Array) : "")),
+    );
     return [columns.map(([header]) => header), ...rows];
   };
-  const tableRows = (table) => [...table.rows].map((row) => [...row.cells].map((cell) => {
-    const data = cell.querySelector("data");
-    return data ? data.value : cell.textContent;
-  }));
+  const tableRows = (table) =>
+    [...table.rows].map((row) =>
+      [...row.cells].map((cell) => {
+        const data = cell.querySelector("data");
+        return data ? data.value : cell.textContent;
+      }),
+    );
 
   document.querySelectorAll("a[data-csv]").forEach((link) => {
     const name = link.getAttribute("href").split("/").pop();
     link.addEventListener("click", (event) => {
       event.preventDefault();
       const figure = link.closest("figure");
-      const rows = figure ? figureRows(figure.querySelector(".plot")) : tableRows(document.querySelector(`#${link.dataset.csv} table`));
+      const rows = figure
+        ? figureRows(figure.querySelector(".plot"))
+        : tableRows(document.querySelector(`#${link.dataset.csv} table`));
       save(name, "text/csv", csv(rows));
     });
     if (!link.closest("figure")) return;
@@ -175,7 +202,12 @@
       const scratch = document.createElement("div");
       scratch.className = "scratch";
       document.body.append(scratch);
-      await Plotly.newPlot(scratch, data, { ...structuredClone(wide), width: 900, autosize: false }, { staticPlot: true });
+      await Plotly.newPlot(
+        scratch,
+        data,
+        { ...structuredClone(wide), width: 900, autosize: false },
+        { staticPlot: true },
+      );
       fit(scratch);
       const image = await Plotly.toImage(scratch, { format: "svg", width: 900, height: scratch.layout.height });
       Plotly.purge(scratch);
@@ -189,7 +221,8 @@
 
   const closed = new Set();
   const shrunk = [];
-  const narrowest = (table) => { // px, as wide as the longest word or number of each column
+  const narrowest = (table) => {
+    // px, as wide as the longest word or number of each column
     table.style.width = "min-content";
     const width = table.offsetWidth;
     table.style.width = "";
@@ -197,7 +230,10 @@
   };
   window.addEventListener("beforeprint", () => {
     printing = true;
-    document.querySelectorAll("details:not([open])").forEach((d) => { closed.add(d); d.open = true; });
+    document.querySelectorAll("details:not([open])").forEach((d) => {
+      closed.add(d);
+      d.open = true;
+    });
     document.querySelectorAll(".table table").forEach((table) => {
       const width = narrowest(table) * 0.8; // print has smaller letters
       if (width > PRINT_WIDTH) {
@@ -207,15 +243,23 @@
     });
     figures.forEach((element) => {
       draw(element);
-      Plotly.relayout(element, { width: PRINT_WIDTH, height: Math.min(element.layout.height, PRINT_HEIGHT), autosize: false });
+      Plotly.relayout(element, {
+        width: PRINT_WIDTH,
+        height: Math.min(element.layout.height, PRINT_HEIGHT),
+        autosize: false,
+      });
     });
     window.dispatchEvent(new Event("recolored"));
   });
   window.addEventListener("afterprint", () => {
     printing = false;
-    closed.forEach((d) => { d.open = false; });
+    closed.forEach((d) => {
+      d.open = false;
+    });
     closed.clear();
-    shrunk.splice(0).forEach((table) => { table.style.zoom = ""; });
+    shrunk.splice(0).forEach((table) => {
+      table.style.zoom = "";
+    });
     redraw();
     window.dispatchEvent(new Event("recolored"));
   });

@@ -4,7 +4,7 @@ const TYPES = ["Float64", "Int32", "Boolean"];
 
 /** Bytes of what was packed with gzip and written as base64. */
 async function unpacked(text) {
-  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -25,15 +25,16 @@ class Instance {
     this.most = 256;
     this.rows = this.x.web_memory(8 * this.most * Math.max(1, this.width));
     const references = this.x.web_memory(4 * Math.max(1, this.width));
-    new Uint32Array(this.x.memory.buffer, references, this.width).set(shown.map(v => v.reference));
-    const count = t => shown.filter(v => v.type === t).length;
+    new Uint32Array(this.x.memory.buffer, references, this.width).set(shown.map((v) => v.reference));
+    const count = (t) => shown.filter((v) => v.type === t).length;
     this.handle = this.x.web_open(model, references, count(0), count(1), count(2));
     if (!this.handle) throw new Error(this.message || "the model cannot be instantiated");
   }
 
   get message() {
     const bytes = new Uint8Array(this.x.memory.buffer, this.x.web_message(), 1024);
-    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))).replace(/\b\w+_fmi3\w+: /g, ""); // without names of C
+    // without names of C
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))).replace(/\b\w+_fmi3\w+: /g, "");
   }
 
   check(status) {
@@ -47,8 +48,12 @@ class Instance {
     this.check(this.x.web_set(this.handle, type, this.one, 1, this.values, values.length));
   }
 
-  start(step, time = 0) { this.check(this.x.web_start(this.handle, time, step)); }
-  reset() { this.check(this.x.web_reset(this.handle)); }
+  start(step, time = 0) {
+    this.check(this.x.web_start(this.handle, time, step));
+  }
+  reset() {
+    this.check(this.x.web_reset(this.handle));
+  }
 
   /** What is shown now. */
   look() {
@@ -56,7 +61,10 @@ class Instance {
     return new Float64Array(this.x.memory.buffer, this.rows, this.width).slice();
   }
 
-  /** Up to n steps; calls back with each row, which is valid until the next call. Throws where a step fails, after its rows. */
+  /**
+   * Up to n steps; calls back with each row, which is valid until the next call. Throws where a step fails, after its
+   * rows.
+   */
   run(n, row) {
     while (n > 0) {
       const asked = Math.min(n, this.most);
@@ -69,7 +77,9 @@ class Instance {
     }
   }
 
-  get ended() { return this.x.web_ended(this.handle) !== 0; }
+  get ended() {
+    return this.x.web_ended(this.handle) !== 0;
+  }
 }
 
 /** Heights of a road by distance, from an instance of the road alone: what lies ahead, before anything is there. */
@@ -87,9 +97,10 @@ class Probe {
   renew(settings = this.settings) {
     this.settings = settings;
     this.instance.reset();
-    for (const [type, reference, values] of [...this.road.starts, ...settings.values()]) this.instance.set(type, reference, values);
+    for (const [type, reference, values] of [...this.road.starts, ...settings.values()])
+      this.instance.set(type, reference, values);
     this.instance.start(this.road.step);
-    this.heights = Object.fromEntries(Object.keys(this.road.sides).map(side => [side, new Map()]));
+    this.heights = Object.fromEntries(Object.keys(this.road.sides).map((side) => [side, new Map()]));
   }
 
   /** Height [m] at a distance [m] along the road; null on a side that the road does not have. */
@@ -101,7 +112,9 @@ class Probe {
       const s = this.road.sides[side];
       this.instance.set(0, this.road.x, [cell * Probe.GRID - s.ahead]);
       let height = null;
-      this.instance.run(1, row => { height = row[this.instance.place.get(side)]; });
+      this.instance.run(1, (row) => {
+        height = row[this.instance.place.get(side)];
+      });
       known.set(cell, height);
       if (known.size > 50000) known.clear();
     }

@@ -10,14 +10,15 @@ const LONGEST = 0.1; // s of it that count: a page that was out of sight does no
 const FIRST = 20; // steps, before their cost is known
 const SMOOTH = 1; // s, over which the pace is told
 const TOLD = 100; // ms, between two looks of a running system at its numbers, which nobody can follow faster
-const EVERY = { chart: 3, hidden: 6, hiddenChart: 18 }; // frames, of what need not be drawn in each: in turn, so that no frame is long
+// frames, of what need not be drawn in each: in turn, so that no frame is long
+const EVERY = { chart: 3, hidden: 6, hiddenChart: 18 };
 
 class Variant {
   constructor(module, system, data, number) {
     const interval = data.interval;
     Object.assign(this, { system, number, title: system.title, failure: null });
-    this.variables = new Map(system.variables.map(v => [v.name, v]));
-    const shown = system.variables.filter(v => v.role === "output").sort((a, b) => a.type - b.type);
+    this.variables = new Map(system.variables.map((v) => [v.name, v]));
+    const shown = system.variables.filter((v) => v.role === "output").sort((a, b) => a.type - b.type);
     this.instance = new Instance(module, system.model, shown);
     this.interval = interval;
     this.history = new History(this.instance.place, this.instance.width, interval * data.keep);
@@ -46,7 +47,9 @@ class Variant {
       const row = this.instance.look();
       this.history.add(row);
       this.score.restart(row);
-    } catch (error) { this.fail(error); }
+    } catch (error) {
+      this.fail(error);
+    }
   }
 
   roadSettings() {
@@ -58,18 +61,26 @@ class Variant {
     return found;
   }
 
-  fail(error) { this.failure = error.message; }
+  fail(error) {
+    this.failure = error.message;
+  }
 
   /** Dimensions that have been changed, which the picture does not follow. */
   get outdated() {
     const { scene, values } = this.system;
-    return (scene ? scene.dimensions : []).filter(n => this.settings.has(n) && this.settings.get(n) !== (values[n] ?? this.variables.get(n).start));
+    return (scene ? scene.dimensions : []).filter(
+      (n) => this.settings.has(n) && this.settings.get(n) !== (values[n] ?? this.variables.get(n).start),
+    );
   }
 
   /** All that is shown, as it was at the last step that counts. */
-  get row() { return this.score.verdict ? this.final : this.instance.look(); }
+  get row() {
+    return this.score.verdict ? this.final : this.instance.look();
+  }
 
-  get over() { return Boolean(this.failure || this.instance.ended || this.score.verdict); }
+  get over() {
+    return Boolean(this.failure || this.instance.ended || this.score.verdict);
+  }
 
   /** Whether this variable can be set while the system runs. */
   live(name) {
@@ -90,14 +101,20 @@ class Variant {
         this.probe.renew(this.roadSettings());
         this.refreshed = true;
       }
-    } catch (error) { this.fail(error); }
+    } catch (error) {
+      this.fail(error);
+    }
     return false;
   }
 
   /** The value of anything: an output as it is now, another variable as it is set. */
   value(name) {
     if (this.history.has(name)) return this.history.value(name);
-    return this.settings.has(name) ? this.settings.get(name) : this.variables.has(name) ? this.variables.get(name).start : NaN;
+    return this.settings.has(name)
+      ? this.settings.get(name)
+      : this.variables.has(name)
+        ? this.variables.get(name).start
+        : NaN;
   }
 
   run(n) {
@@ -106,7 +123,7 @@ class Variant {
     const before = this.steps;
     try {
       for (let left = n; left > 0 && !this.over; left -= PORTION) {
-        this.instance.run(Math.min(left, PORTION), row => {
+        this.instance.run(Math.min(left, PORTION), (row) => {
           if (this.score.verdict) return; // the rest of a portion after the end
           this.steps++;
           this.score.add(row);
@@ -114,7 +131,9 @@ class Variant {
           if (this.score.verdict) this.final = row.slice();
         });
       }
-    } catch (error) { this.fail(error); }
+    } catch (error) {
+      this.fail(error);
+    }
     const cost = (performance.now() - begun) / Math.max(1, this.steps - before);
     this.cost = this.cost ? 0.9 * this.cost + 0.1 * cost : cost;
   }
@@ -126,14 +145,17 @@ class Score {
     this.variant = variant;
     this.interval = data.interval;
     const place = variant.instance.place;
-    this.measures = data.measures.map(m => ({ ...m, places: m.names.filter(n => place.has(n)).map(n => place.get(n)) }));
+    this.measures = data.measures.map((m) => ({
+      ...m,
+      places: m.names.filter((n) => place.has(n)).map((n) => place.get(n)),
+    }));
     this.finish = data.finish;
   }
 
   restart(row) {
     this.n = 0;
     this.verdict = "";
-    this.worst = this.measures.map(m => SQUARED.includes(m.how) ? m.places.map(() => 0) : -Infinity);
+    this.worst = this.measures.map((m) => (SQUARED.includes(m.how) ? m.places.map(() => 0) : -Infinity));
     this.see(row);
     if (!this.finish || !this.finish.when) return;
     const place = this.variant.instance.place;
@@ -161,9 +183,11 @@ class Score {
     this.n++;
     this.see(row);
     if (this.finish) {
-      const time = this.n * this.interval, late = time >= this.finish.patience - this.interval / 2;
+      const time = this.n * this.interval,
+        late = time >= this.finish.patience - this.interval / 2;
       if (!this.finish.when) this.verdict = late ? "over" : "";
-      else if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
+      else if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0)
+        this.verdict = this.failed.length ? "failed" : "passed";
       else if (late) this.verdict = "stuck";
     }
   }
@@ -178,20 +202,34 @@ class Score {
   }
 
   /** Labels of what is above its limit. */
-  get failed() { return this.measures.filter((m, i) => m.limit !== null && this.value(i) > m.limit).map(m => m.label); }
+  get failed() {
+    return this.measures.filter((m, i) => m.limit !== null && this.value(i) > m.limit).map((m) => m.label);
+  }
 }
 
 class Page {
   constructor(data, module) {
-    Object.assign(this, { data, module, variants: [], views: [], charts: [], running: false, credit: 0, last: null, factor: null });
+    Object.assign(this, {
+      data,
+      module,
+      variants: [],
+      views: [],
+      charts: [],
+      running: false,
+      credit: 0,
+      last: null,
+      factor: null,
+    });
     this.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.shared = new Map(); // settings that a person made: they outlive a change of course
-    this.$ = id => document.getElementById(id);
+    this.$ = (id) => document.getElementById(id);
     this.build();
     this.choose(0);
   }
 
-  get time() { return Math.max(...this.variants.map(v => v.steps)) * this.data.interval; }
+  get time() {
+    return Math.max(...this.variants.map((v) => v.steps)) * this.data.interval;
+  }
 
   /* ---------------------------------------------------------------- what there is */
 
@@ -203,7 +241,11 @@ class Page {
     groups.closest("label").hidden = data.groups.length < 2;
     groups.addEventListener("change", () => this.choose(Number(groups.value)));
     $("run").addEventListener("click", () => this.toggle());
-    $("step").addEventListener("click", () => { this.pause(); this.advance(Math.max(1, Math.round(0.01 / data.interval))); this.draw(); });
+    $("step").addEventListener("click", () => {
+      this.pause();
+      this.advance(Math.max(1, Math.round(0.01 / data.interval)));
+      this.draw();
+    });
     $("reset").addEventListener("click", () => this.restart());
     this.pace = Number($("pace").value);
     $("pace").addEventListener("change", () => {
@@ -213,11 +255,13 @@ class Page {
     $("defaults").addEventListener("click", () => this.defaults());
     $("csv").addEventListener("click", () => this.save());
     $("filter").addEventListener("input", () => this.filter());
-    document.addEventListener("keydown", e => this.key(e));
-    document.addEventListener("visibilitychange", () => { this.last = this.factor = null; });
+    document.addEventListener("keydown", (e) => this.key(e));
+    document.addEventListener("visibilitychange", () => {
+      this.last = this.factor = null;
+    });
     new ResizeObserver(() => this.draw()).observe(document.body);
     this.seen = new Set(); // canvases in sight
-    this.watch = new IntersectionObserver(entries => {
+    this.watch = new IntersectionObserver((entries) => {
       for (const e of entries) e.isIntersecting ? this.seen.add(e.target) : this.seen.delete(e.target);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
@@ -237,7 +281,7 @@ class Page {
       this.draw();
     });
     $("measures").closest("section").hidden = !data.measures.length;
-    this.controls = data.controls.map(c => this.control(c, $("controls")));
+    this.controls = data.controls.map((c) => this.control(c, $("controls")));
     $("controls").closest("section").hidden = !data.controls.length;
   }
 
@@ -252,9 +296,10 @@ class Page {
   choose(group) {
     this.watch.disconnect();
     this.seen.clear();
-    const chosen = this.data.systems.filter(s => s.group === group);
+    const chosen = this.data.systems.filter((s) => s.group === group);
     this.variants = chosen.map((s, i) => new Variant(this.module, s, this.data, i));
-    for (const variant of this.variants) for (const [name, value] of this.shared) if (variant.variables.has(name)) variant.settings.set(name, value);
+    for (const variant of this.variants)
+      for (const [name, value] of this.shared) if (variant.variables.has(name)) variant.settings.set(name, value);
     this.scenes();
     this.plots();
     this.table();
@@ -276,9 +321,18 @@ class Page {
       variant.figure = figure;
       variant.status = figure.querySelector(".status");
       room.append(figure);
-      if (!variant.system.scene) { canvas.remove(); continue; }
-      const ground = (side, x) => variant.probe ? variant.probe.height(side, x) : null;
-      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced, camera: this.camera, changed: () => this.moved() });
+      if (!variant.system.scene) {
+        canvas.remove();
+        continue;
+      }
+      const ground = (side, x) => (variant.probe ? variant.probe.height(side, x) : null);
+      const view = new SceneView(canvas, variant.system.scene, {
+        value: (name) => variant.value(name),
+        ground,
+        reducedMotion: this.reduced,
+        camera: this.camera,
+        changed: () => this.moved(),
+      });
       view.exaggeration = Number(this.$("heights").value);
       variant.readings = view.readings().map(({ label, unit }) => {
         const item = document.createElement("div");
@@ -295,7 +349,8 @@ class Page {
 
   /** Measures by system. */
   table() {
-    const head = this.$("measures").tHead, body = this.$("measures").tBodies[0];
+    const head = this.$("measures").tHead,
+      body = this.$("measures").tBodies[0];
     head.replaceChildren();
     body.replaceChildren();
     const cell = (row, tag, text, scope) => {
@@ -308,9 +363,9 @@ class Page {
     const title = head.insertRow();
     cell(title, "th", "", "col");
     for (const v of this.variants) cell(title, "th", v.title, "col");
-    const limits = this.data.measures.some(m => m.limit !== null);
+    const limits = this.data.measures.some((m) => m.limit !== null);
     if (limits) cell(title, "th", "limit", "col");
-    this.cells = this.data.measures.map(m => {
+    this.cells = this.data.measures.map((m) => {
       const row = body.insertRow();
       const unit = m.relative ? `% of ${this.variants[0].title.toLowerCase()}` : m.unit;
       cell(row, "th", unit ? `${m.label} [${unit}]` : m.label, "row");
@@ -328,9 +383,12 @@ class Page {
   fill() {
     this.variants.forEach((v, j) => {
       this.data.measures.forEach((m, i) => {
-        const own = v.score.value(i), first = m.relative ? this.variants[0].score.value(i) : 100;
-        const value = own === null ? null : 100 * own / first, over = m.limit !== null && value > m.limit;
-        const text = value === null || !Number.isFinite(value) ? "–" : `${value.toFixed(m.decimals)}${over ? " ✗" : ""}`;
+        const own = v.score.value(i),
+          first = m.relative ? this.variants[0].score.value(i) : 100;
+        const value = own === null ? null : (100 * own) / first,
+          over = m.limit !== null && value > m.limit;
+        const text =
+          value === null || !Number.isFinite(value) ? "–" : `${value.toFixed(m.decimals)}${over ? " ✗" : ""}`;
         if (this.cells[i][j].textContent !== text) this.cells[i][j].textContent = text;
         this.cells[i][j].classList.toggle("over", over);
       });
@@ -345,9 +403,12 @@ class Page {
   /** The value of a control: of the first variant that has it. */
   control(spec, room) {
     const row = document.getElementById("control").content.firstElementChild.cloneNode(true);
-    const [label, range, number, unit] = ["label", "input[type=range]", "input[type=number]", ".unit"].map(s => row.querySelector(s));
-    const check = row.querySelector("input[type=checkbox]"), select = row.querySelector("select");
-    const id = `c${Page.ids = (Page.ids || 0) + 1}`;
+    const [label, range, number, unit] = ["label", "input[type=range]", "input[type=number]", ".unit"].map((s) =>
+      row.querySelector(s),
+    );
+    const check = row.querySelector("input[type=checkbox]"),
+      select = row.querySelector("select");
+    const id = `c${(Page.ids = (Page.ids || 0) + 1)}`;
     label.textContent = spec.label;
     label.title = spec.text || spec.label;
     const main = spec.kind === "check" ? check : spec.kind === "choice" ? select : number;
@@ -355,19 +416,23 @@ class Page {
     label.htmlFor = id;
     range.setAttribute("aria-label", spec.label);
     for (const e of [range, number, unit, check, select]) e.hidden = true;
-    const shown = v => v * spec.factor + spec.offset, meant = y => (y - spec.offset) / spec.factor;
-    const apply = y => {
+    const shown = (v) => v * spec.factor + spec.offset,
+      meant = (y) => (y - spec.offset) / spec.factor;
+    const apply = (y) => {
       this.say("");
       const restart = this.set(spec.names, meant(y), spec.follows);
-      for (const c of [...this.controls, ...this.all || []]) c.show();
+      for (const c of [...this.controls, ...(this.all || [])]) c.show();
       if (restart) this.restartSoon();
     };
-    const all = () => this.variants.flatMap(v => spec.names.filter(n => v.variables.has(n)).map(n => v.value(n)));
+    const all = () => this.variants.flatMap((v) => spec.names.filter((n) => v.variables.has(n)).map((n) => v.value(n)));
     const present = () => all()[0] ?? NaN;
     const show = () => {
       const value = present();
       row.hidden = Number.isNaN(value);
-      row.classList.toggle("differs", all().some(v => v !== value));
+      row.classList.toggle(
+        "differs",
+        all().some((v) => v !== value),
+      );
       if (spec.kind === "check") check.checked = value !== 0;
       else if (spec.kind === "choice") select.value = String(value);
       else {
@@ -400,18 +465,36 @@ class Page {
         const y = Number(number.value);
         const outside = (spec.min !== null && y < spec.min) || (spec.max !== null && y > spec.max);
         if (number.value === "" || !Number.isFinite(y) || outside || (spec.whole && !Number.isInteger(y))) {
-          const limits = bounded ? ` from ${spec.min} to ${spec.max}` : spec.min !== null ? ` of ${spec.min} or more` : spec.max !== null ? ` of ${spec.max} or less` : "";
+          const limits = bounded
+            ? ` from ${spec.min} to ${spec.max}`
+            : spec.min !== null
+              ? ` of ${spec.min} or more`
+              : spec.max !== null
+                ? ` of ${spec.max} or less`
+                : "";
           show();
-          this.say(`${spec.label}: give a ${spec.whole ? "whole " : ""}number${limits}${spec.unit ? ` ${spec.unit}` : ""}.`);
+          this.say(
+            `${spec.label}: give a ${spec.whole ? "whole " : ""}number${limits}${spec.unit ? ` ${spec.unit}` : ""}.`,
+          );
         } else apply(y);
       });
     }
-    if (spec.keys.length) label.append(Object.assign(document.createElement("kbd"), { textContent: spec.keys.map(k => Page.KEYS[k] || k).join(" ") }));
+    if (spec.keys.length)
+      label.append(
+        Object.assign(document.createElement("kbd"), {
+          textContent: spec.keys.map((k) => Page.KEYS[k] || k).join(" "),
+        }),
+      );
     room.append(row);
-    return { spec, show, row, nudge: by => {
-      const y = shown(present()) + by * spec.step * (spec.whole ? 1 : 2);
-      apply(Math.min(spec.max, Math.max(spec.min, y)));
-    } };
+    return {
+      spec,
+      show,
+      row,
+      nudge: (by) => {
+        const y = shown(present()) + by * spec.step * (spec.whole ? 1 : 2);
+        apply(Math.min(spec.max, Math.max(spec.min, y)));
+      },
+    };
   }
 
   /** A control for each parameter and input, member by member. */
@@ -420,16 +503,18 @@ class Page {
     room.replaceChildren();
     this.all = [];
     const members = new Map();
-    for (const variant of this.variants) for (const v of variant.variables.values()) {
-      if (v.role === "output") continue;
-      const member = v.name.slice(0, v.name.indexOf("."));
-      if (!members.has(member)) members.set(member, new Map());
-      members.get(member).set(v.name, v);
-    }
+    for (const variant of this.variants)
+      for (const v of variant.variables.values()) {
+        if (v.role === "output") continue;
+        const member = v.name.slice(0, v.name.indexOf("."));
+        if (!members.has(member)) members.set(member, new Map());
+        members.get(member).set(v.name, v);
+      }
     for (const [member, variables] of members) {
       const box = document.createElement("details");
       box.append(Object.assign(document.createElement("summary"), { textContent: `${member} (${variables.size})` }));
-      box.addEventListener("toggle", () => { // made when they are first looked at
+      box.addEventListener("toggle", () => {
+        // made when they are first looked at
         if (!box.open || box.childElementCount > 1) return;
         for (const v of variables.values()) this.all.push(this.control(Page.plain(v, member), box));
         this.filter();
@@ -442,11 +527,23 @@ class Page {
 
   static plain(v, member) {
     const d = v.display || { unit: v.unit, factor: 1, offset: 0 };
-    const shown = x => (x === null ? null : Number((x * d.factor + d.offset).toPrecision(9)));
-    const narrow = v.min !== null && v.max !== null && Math.abs(v.max - v.min) <= 1e3 * Math.max(Math.abs(v.start), 1e-3);
+    const shown = (x) => (x === null ? null : Number((x * d.factor + d.offset).toPrecision(9)));
+    const narrow =
+      v.min !== null && v.max !== null && Math.abs(v.max - v.min) <= 1e3 * Math.max(Math.abs(v.start), 1e-3);
     return {
-      label: v.name.slice(member.length + 1), text: v.text, names: [v.name], unit: d.unit, factor: d.factor, offset: d.offset, keys: [],
-      kind: v.type === 2 ? "check" : "number", min: shown(v.min), max: shown(v.max), choices: [], whole: v.type === 1, follows: {},
+      label: v.name.slice(member.length + 1),
+      text: v.text,
+      names: [v.name],
+      unit: d.unit,
+      factor: d.factor,
+      offset: d.offset,
+      keys: [],
+      kind: v.type === 2 ? "check" : "number",
+      min: shown(v.min),
+      max: shown(v.max),
+      choices: [],
+      whole: v.type === 1,
+      follows: {},
       step: v.type === 1 ? 1 : narrow ? Number(((shown(v.max) - shown(v.min)) / 200).toPrecision(2)) : "any",
     };
   }
@@ -456,20 +553,23 @@ class Page {
     if (words.length) for (const box of this.$("parameters").children) box.open = true;
     for (const c of this.all || []) {
       const text = `${c.spec.names[0]} ${c.spec.text}`.toLowerCase();
-      c.row.classList.toggle("out", !words.every(w => text.includes(w)));
+      c.row.classList.toggle("out", !words.every((w) => text.includes(w)));
     }
   }
 
   plots() {
-    const room = this.$("plots"), chosen = this.charts.map(c => c.signal.name);
+    const room = this.$("plots"),
+      chosen = this.charts.map((c) => c.signal.name);
     room.replaceChildren();
     const outputs = new Map();
-    for (const variant of this.variants) for (const v of variant.variables.values()) if (v.role === "output") outputs.set(v.name, v);
-    const names = (chosen.length ? chosen : this.data.plots).filter(n => outputs.has(n));
-    while (names.length < Math.min(3, outputs.size)) names.push([...outputs.keys()].find(n => !names.includes(n)));
+    for (const variant of this.variants)
+      for (const v of variant.variables.values()) if (v.role === "output") outputs.set(v.name, v);
+    const names = (chosen.length ? chosen : this.data.plots).filter((n) => outputs.has(n));
+    while (names.length < Math.min(3, outputs.size)) names.push([...outputs.keys()].find((n) => !names.includes(n)));
     this.charts = names.map((name, i) => {
       const figure = document.getElementById("plot").content.firstElementChild.cloneNode(true);
-      const select = figure.querySelector("select"), canvas = figure.querySelector("canvas");
+      const select = figure.querySelector("select"),
+        canvas = figure.querySelector("canvas");
       select.setAttribute("aria-label", `signal of chart ${i + 1}`);
       for (const n of outputs.keys()) select.add(new Option(n, n));
       select.value = name;
@@ -494,7 +594,10 @@ class Page {
 
   /* ---------------------------------------------------------------- what happens */
 
-  /** Sets variables, and those that follow them, in every variant that has them; returns whether they count only after a restart. */
+  /**
+   * Sets variables, and those that follow them, in every variant that has them; returns whether they count only after a
+   * restart.
+   */
   set(names, value, follows = {}) {
     let restart = false;
     for (const name of names) {
@@ -502,9 +605,10 @@ class Page {
       for (const variant of this.variants) restart = variant.set(name, value) || restart;
     }
     for (const [name, sums] of Object.entries(follows)) {
-      const [variant] = this.variants.filter(v => v.variables.has(name));
+      const [variant] = this.variants.filter((v) => v.variables.has(name));
       if (!variant) continue;
-      const of = sum => Object.entries(sum.terms).reduce((total, [n, factor]) => total + factor * variant.value(n), sum.offset);
+      const of = (sum) =>
+        Object.entries(sum.terms).reduce((total, [n, factor]) => total + factor * variant.value(n), sum.offset);
       restart = this.set([name], Math.max(...sums.map(of))) || restart;
     }
     return restart;
@@ -532,10 +636,12 @@ class Page {
     this.draw();
   }
 
-  toggle() { this.running ? this.pause() : this.play(); }
+  toggle() {
+    this.running ? this.pause() : this.play();
+  }
 
   play() {
-    if (this.variants.every(v => v.over)) this.restart();
+    if (this.variants.every((v) => v.over)) this.restart();
     this.running = true;
     this.last = this.factor = null;
     this.$("run").textContent = "Pause";
@@ -545,7 +651,7 @@ class Page {
   /** Requests the next frame; a request that is still open, of a run that was paused since, is withdrawn. */
   nextFrame() {
     cancelAnimationFrame(this.request);
-    this.request = requestAnimationFrame(t => this.frame(t));
+    this.request = requestAnimationFrame((t) => this.frame(t));
   }
 
   pause() {
@@ -559,20 +665,22 @@ class Page {
   advance(n) {
     for (const variant of this.variants) variant.run(n);
     this.report();
-    if (this.running && this.variants.every(v => v.over)) this.pause();
+    if (this.running && this.variants.every((v) => v.over)) this.pause();
   }
 
   frame(now) {
     if (!this.running) return;
     if (this.last !== null) {
-      const passed = (now - this.last) / 1000, before = this.time;
-      this.credit += passed * this.pace / this.data.interval;
+      const passed = (now - this.last) / 1000,
+        before = this.time;
+      this.credit += (passed * this.pace) / this.data.interval;
       const cost = this.variants.reduce((sum, v) => sum + v.cost, 0);
-      const most = cost ? Math.max(1, Math.floor(BUDGET * Math.min(passed, LONGEST) * 1000 / cost)) : FIRST;
+      const most = cost ? Math.max(1, Math.floor((BUDGET * Math.min(passed, LONGEST) * 1000) / cost)) : FIRST;
       const n = Math.min(Math.floor(this.credit + 1e-9), most);
       this.credit = Math.min(this.credit - n, 1); // what cannot be computed in time is not owed
       if (n) this.advance(n);
-      const weight = Math.exp(-passed / SMOOTH), factor = (this.time - before) / passed;
+      const weight = Math.exp(-passed / SMOOTH),
+        factor = (this.time - before) / passed;
       this.factor = this.factor === null ? factor : weight * this.factor + (1 - weight) * factor;
     }
     this.last = now;
@@ -585,13 +693,19 @@ class Page {
   /** All that is shown; between two looks (`partly`) only pictures, those that can wait in turn. */
   draw(partly = false) {
     this.frames = (this.frames ?? 0) + 1;
-    const due = (canvas, number, seen, hidden) => !partly || (this.frames + number) % (this.seen.has(canvas) ? seen : hidden) === 0;
+    const due = (canvas, number, seen, hidden) =>
+      !partly || (this.frames + number) % (this.seen.has(canvas) ? seen : hidden) === 0;
     this.views.forEach(({ view, canvas, variant }, i) => {
       if (variant.refreshed) view.refresh();
       variant.refreshed = false;
       if (due(canvas, i, 1, EVERY.hidden)) view.draw(this.time);
     });
-    const lines = this.variants.map((v, i) => ({ history: v.history, ahead: v.system.ahead, dash: DASHES[i % DASHES.length], colour: this.colours[i % COLOURS] }));
+    const lines = this.variants.map((v, i) => ({
+      history: v.history,
+      ahead: v.system.ahead,
+      dash: DASHES[i % DASHES.length],
+      colour: this.colours[i % COLOURS],
+    }));
     this.charts.forEach((chart, i) => {
       if (due(chart.canvas, i, EVERY.chart, EVERY.hiddenChart)) chart.draw(lines, this.seconds);
     });
@@ -616,21 +730,28 @@ class Page {
     this.told = performance.now();
     this.$("time").textContent = `${this.time.toFixed(2)} s`;
     for (const { view, variant } of this.views) {
-      view.readings().forEach(({ text }, i) => { if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text; });
+      view.readings().forEach(({ text }, i) => {
+        if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text;
+      });
     }
     this.fill();
     const slow = this.running && this.factor !== null && this.factor < 0.9 * this.pace;
-    this.$("factor").textContent = slow ? `this device runs it at ${this.factor.toFixed(2)} times the clock, not ${this.pace}` : "";
+    this.$("factor").textContent = slow
+      ? `this device runs it at ${this.factor.toFixed(2)} times the clock, not ${this.pace}`
+      : "";
     if (!this.described || this.told - this.described > 2000) this.describe();
   }
 
   /** Words for those who do not see the pictures. */
   describe() {
     this.described = performance.now();
-    for (const { view, canvas, variant } of this.views) canvas.setAttribute("aria-label", `${variant.title}. ${view.describe()}`);
+    for (const { view, canvas, variant } of this.views)
+      canvas.setAttribute("aria-label", `${variant.title}. ${view.describe()}`);
     for (const chart of this.charts) {
       const { name, unit, factor, offset } = chart.signal;
-      const parts = this.variants.filter(v => v.history.has(name)).map(v => `${v.title} ${(v.history.value(name) * factor + offset).toPrecision(4)} ${unit}`);
+      const parts = this.variants
+        .filter((v) => v.history.has(name))
+        .map((v) => `${v.title} ${(v.history.value(name) * factor + offset).toPrecision(4)} ${unit}`);
       chart.canvas.setAttribute("aria-label", `${name} over the last ${this.seconds} s; now ${parts.join(", ")}`);
     }
   }
@@ -638,18 +759,28 @@ class Page {
   /** What has failed or ended. */
   report() {
     for (const v of this.variants) {
-      const old = v.outdated, text = v.failure ? `Stopped: ${v.failure}` : v.instance.ended ? "The system has ended the run."
-        : old.length ? `The picture keeps ${old.join(", ")} as at first.` : "";
+      const old = v.outdated,
+        text = v.failure
+          ? `Stopped: ${v.failure}`
+          : v.instance.ended
+            ? "The system has ended the run."
+            : old.length
+              ? `The picture keeps ${old.join(", ")} as at first.`
+              : "";
       if (v.status.textContent !== text) v.status.textContent = text;
     }
   }
 
-  say(text) { this.$("message").textContent = text; }
+  say(text) {
+    this.$("message").textContent = text;
+  }
 
   key(e) {
     if (e.defaultPrevented || e.ctrlKey || e.metaKey || e.altKey) return;
-    const { tagName, type } = e.target, arrow = e.key.startsWith("Arrow");
-    if (tagName === "SELECT" || tagName === "INPUT" && !["range", "checkbox"].includes(type)) return; // which take letters
+    const { tagName, type } = e.target,
+      arrow = e.key.startsWith("Arrow");
+    // which take letters
+    if (tagName === "SELECT" || (tagName === "INPUT" && !["range", "checkbox"].includes(type))) return;
     if (arrow && (type === "range" || e.target.id === "parameters")) return;
     if (e.key === " " && /^(BUTTON|SUMMARY|A|INPUT)$/.test(tagName)) return; // they take it
     const actions = { " ": () => this.toggle(), ".": () => this.$("step").click(), r: () => this.restart() };
@@ -689,7 +820,8 @@ Page.KEYS = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "�
     document.documentElement.dataset.state = "failed";
     document.getElementById("message").textContent =
       typeof DecompressionStream === "undefined" || typeof WebAssembly === "undefined"
-        ? "This browser is too old for the page: it needs WebAssembly and DecompressionStream (Chrome 80, Firefox 113, Safari 16.4)."
+        ? "This browser is too old for the page: it needs WebAssembly and DecompressionStream " +
+          "(Chrome 80, Firefox 113, Safari 16.4)."
         : `The page cannot start: ${error.message}`;
   }
 })();

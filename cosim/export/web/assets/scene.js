@@ -1,17 +1,57 @@
-// Draws a live scene, as cosim/export/web/scene.py describes it: orthographic views of bodies, wheels, struts, forces and road.
-// x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colours are CSS custom properties (scene.css).
+// Draws a live scene, as cosim/export/web/scene.py describes it: orthographic views of bodies, wheels, struts, forces
+// and road. x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colours are CSS custom
+// properties (scene.css).
 class SceneView {
-  static VIEWS = { // from where the camera looks: angles [rad] about z, from x ahead to the left, and above the road
+  static VIEWS = {
+    // from where the camera looks: angles [rad] about z, from x ahead to the left, and above the road
     side: { azimuth: -Math.PI / 2, elevation: 0.075 },
     "three-quarter": { azimuth: -0.98, elevation: 0.3 },
     rear: { azimuth: Math.PI, elevation: 0.13 },
   };
   static LIGHT = [0.38, -0.44, 0.81];
   static COLORS = [
-    "sky", "soil", "soil-deep", "road", "road-mark", "track", "ink", "muted", "halo", "hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet",
-    "tire", "tread", "rim", "hub", "spring", "damper", "ground-force", "actuator-force", "body-force", "preview", "sensed", "predicted", "limit", "shadow",
+    "sky",
+    "soil",
+    "soil-deep",
+    "road",
+    "road-mark",
+    "track",
+    "ink",
+    "muted",
+    "halo",
+    "hull",
+    "panel",
+    "glass",
+    "dark",
+    "steel",
+    "lamp",
+    "tail",
+    "mass",
+    "paint",
+    "bonnet",
+    "tire",
+    "tread",
+    "rim",
+    "hub",
+    "spring",
+    "damper",
+    "ground-force",
+    "actuator-force",
+    "body-force",
+    "preview",
+    "sensed",
+    "predicted",
+    "limit",
+    "shadow",
   ];
-  static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted travel" };
+  static WORDS = {
+    ground: "ground on tire",
+    actuator: "actuator on body",
+    body: "ground on body",
+    preview: "preview",
+    sensed: "sensed road",
+    predicted: "predicted travel",
+  };
   static SAMPLES = 150; // of the road in view
   static LEVELS = 24; // of light
   static SEAM = 0.7; // px, by which neighbours overlap
@@ -27,27 +67,43 @@ class SceneView {
     this.changed = changed; // is called when a person has moved the camera
     this.reducedMotion = reducedMotion;
     this.exaggeration = 1; // of motion and of heights of the road
-    this.camera = camera || { view: "side", azimuth: SceneView.VIEWS.side.azimuth, elevation: SceneView.VIEWS.side.elevation, zoom: 1, turn: null };
+    this.camera = camera || {
+      view: "side",
+      azimuth: SceneView.VIEWS.side.azimuth,
+      elevation: SceneView.VIEWS.side.elevation,
+      zoom: 1,
+      turn: null,
+    };
     this.now = new Float64Array(data.names.length);
     this.trees = data.bodies.map((body) => SceneView.tree(body.faces.map(SceneView.face)));
     this.step = data.width / SceneView.SAMPLES;
-    this.halfWidth = Math.max(0.6 * data.width / 12, ...data.wheels.map((w) => Math.abs(this.rest(w.y)) + w.width / 2 + 1.3 * w.radius));
+    this.halfWidth = Math.max(
+      (0.6 * data.width) / 12,
+      ...data.wheels.map((w) => Math.abs(this.rest(w.y)) + w.width / 2 + 1.3 * w.radius),
+    );
     this.carved = data.trenches.length + data.reliefs.length > 0; // the ground is known as a whole
     this.onRoad = data.grounds.length > 0 || this.carved;
-    this.top = Math.max(...data.bodies.map((b) => this.rest(b.z) + Math.max(...b.faces.flatMap((f) => f.points.map((p) => p[2])))));
-    this.bottom = Math.min(...data.bodies.map((b) => this.rest(b.z) + Math.min(...b.faces.flatMap((f) => f.points.map((p) => p[2])))));
+    this.top = Math.max(
+      ...data.bodies.map((b) => this.rest(b.z) + Math.max(...b.faces.flatMap((f) => f.points.map((p) => p[2])))),
+    );
+    this.bottom = Math.min(
+      ...data.bodies.map((b) => this.rest(b.z) + Math.min(...b.faces.flatMap((f) => f.points.map((p) => p[2])))),
+    );
     this.shades = new Map();
     this.reset();
     this.restyle();
     if (canvas.addEventListener) this.listen();
   }
 
-  // ------------------------------------------------------------------------------------------------ what the page calls
+  // ----------------------------------------------------------------------------------------------- what the page calls
 
-  get view() { return this.camera.view; }
+  get view() {
+    return this.camera.view;
+  }
 
   set view(name) {
-    const to = SceneView.VIEWS[name], camera = this.camera;
+    const to = SceneView.VIEWS[name],
+      camera = this.camera;
     if (!to) throw new Error(`no view '${name}'; there are ${Object.keys(SceneView.VIEWS).join(", ")}`);
     const from = { azimuth: camera.azimuth, elevation: camera.elevation };
     camera.view = name;
@@ -68,7 +124,8 @@ class SceneView {
     this.last = -Infinity;
   }
 
-  // Asks again for the road ahead of the vehicle, after a parameter has changed; what lies behind stays as it was driven.
+  // Asks again for the road ahead of the vehicle, after a parameter has changed; what lies behind stays as it was
+  // driven.
   refresh() {
     this.read();
     const x = this.raw(this.data.bodies[this.data.follow].x) / this.step;
@@ -91,7 +148,8 @@ class SceneView {
   readings() {
     this.read();
     return this.data.readings.map(({ label, unit, value, decimals, factor }) => {
-      const number = factor * this.raw(value), text = number.toFixed(decimals);
+      const number = factor * this.raw(value),
+        text = number.toFixed(decimals);
       return { label, unit, text: Number(text) === 0 ? (0).toFixed(decimals) : text };
     });
   }
@@ -104,8 +162,11 @@ class SceneView {
 
   // One sentence about what is seen, for those who do not see it.
   describe() {
-    const still = this.camera.azimuth === SceneView.VIEWS[this.view].azimuth || this.camera.turn; // nobody has turned it
-    const from = still ? { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view] : "from a view of your own";
+    // nobody has turned it
+    const still = this.camera.azimuth === SceneView.VIEWS[this.view].azimuth || this.camera.turn;
+    const from = still
+      ? { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view]
+      : "from a view of your own";
     const parts = this.readings().map(({ label, unit, text }) => `${label} ${text}${unit ? ` ${unit}` : ""}`);
     const pushing = this.data.arrows.filter((a) => a.role === "actuator").map((a) => this.raw(a.fz));
     if (pushing.length) {
@@ -135,7 +196,9 @@ class SceneView {
     return sum;
   }
 
-  rest(packed) { return typeof packed === "number" ? packed : packed[1]; }
+  rest(packed) {
+    return typeof packed === "number" ? packed : packed[1];
+  }
 
   // A height or an angle, its distance from rest exaggerated.
   tall(packed) {
@@ -144,60 +207,97 @@ class SceneView {
   }
 
   pose(body) {
-    const roll = this.tall(body.roll), pitch = this.tall(body.pitch), yaw = this.raw(body.yaw);
-    const [cr, sr, cp, sp, cy, sy] = [Math.cos(roll), Math.sin(roll), Math.cos(pitch), Math.sin(pitch), Math.cos(yaw), Math.sin(yaw)];
-    return [ // yaw, then pitch, then roll; the fourth column is where the origin is
-      cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, this.raw(body.x),
-      sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, this.raw(body.y),
-      -sp, cp * sr, cp * cr, this.tall(body.z),
+    const roll = this.tall(body.roll),
+      pitch = this.tall(body.pitch),
+      yaw = this.raw(body.yaw);
+    const [cr, sr, cp, sp, cy, sy] = [
+      Math.cos(roll),
+      Math.sin(roll),
+      Math.cos(pitch),
+      Math.sin(pitch),
+      Math.cos(yaw),
+      Math.sin(yaw),
+    ];
+    return [
+      // yaw, then pitch, then roll; the fourth column is where the origin is
+      cy * cp,
+      cy * sp * sr - sy * cr,
+      cy * sp * cr + sy * sr,
+      this.raw(body.x),
+      sy * cp,
+      sy * sp * sr + cy * cr,
+      sy * sp * cr - cy * sr,
+      this.raw(body.y),
+      -sp,
+      cp * sr,
+      cp * cr,
+      this.tall(body.z),
     ];
   }
 
   static placed(m, p) {
     return [
-      m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3], m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
+      m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3],
+      m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
       m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11],
     ];
   }
 
   // Of a direction from the world into the body's frame.
   static turned(m, d) {
-    return [m[0] * d[0] + m[4] * d[1] + m[8] * d[2], m[1] * d[0] + m[5] * d[1] + m[9] * d[2], m[2] * d[0] + m[6] * d[1] + m[10] * d[2]];
+    return [
+      m[0] * d[0] + m[4] * d[1] + m[8] * d[2],
+      m[1] * d[0] + m[5] * d[1] + m[9] * d[2],
+      m[2] * d[0] + m[6] * d[1] + m[10] * d[2],
+    ];
   }
 
   wheelAt(wheel) {
-    const x = this.raw(wheel.x), y = this.raw(wheel.y), z = this.tall(wheel.z);
-    let pressed = this.tall(wheel.squash), towards = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
+    const x = this.raw(wheel.x),
+      y = this.raw(wheel.y),
+      z = this.tall(wheel.z);
+    let pressed = this.tall(wheel.squash),
+      towards = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
     if (wheel.contact && pressed > 0) {
-      const dx = this.raw(wheel.contact[0]) - x, dz = this.raw(wheel.contact[1]) - z;
+      const dx = this.raw(wheel.contact[0]) - x,
+        dz = this.raw(wheel.contact[1]) - z;
       if (Math.hypot(dx, dz) > 0.5 * wheel.radius) towards = Math.atan2(dz, dx);
     }
     pressed = Math.max(0, Math.min(pressed, 0.6 * wheel.radius));
     return { wheel, x, y, z, pressed, towards, turn: this.raw(wheel.turn), heading: this.raw(wheel.heading) };
   }
 
-  // ------------------------------------------------------------------------------------- the order in which faces are drawn
+  // -------------------------------------------------------------------------------- the order in which faces are drawn
 
   static face({ points, material }) {
     let normal = [0, 0, 0];
-    for (let i = 0; i < points.length; i += 1) { // Newell: for any flat polygon
-      const a = points[i], b = points[(i + 1) % points.length];
-      normal = [normal[0] + (a[1] - b[1]) * (a[2] + b[2]), normal[1] + (a[2] - b[2]) * (a[0] + b[0]), normal[2] + (a[0] - b[0]) * (a[1] + b[1])];
+    for (let i = 0; i < points.length; i += 1) {
+      // Newell: for any flat polygon
+      const a = points[i],
+        b = points[(i + 1) % points.length];
+      normal = [
+        normal[0] + (a[1] - b[1]) * (a[2] + b[2]),
+        normal[1] + (a[2] - b[2]) * (a[0] + b[0]),
+        normal[2] + (a[0] - b[0]) * (a[1] + b[1]),
+      ];
     }
     const size = Math.hypot(...normal);
     normal = normal.map((c) => c / size);
     return { points, material, normal, at: SceneView.dot(normal, points[0]), area: size / 2 };
   }
 
-  static dot(a, b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+  static dot(a, b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  }
 
-  // A binary space partition: from any direction its faces can be drawn back to front. What crosses a plane is cut by it. Large sheets at the
-  // sides come first: what is beside them, such as a wheel, is then beside the whole vehicle.
+  // A binary space partition: from any direction its faces can be drawn back to front. What crosses a plane is cut by
+  // it. Large sheets at the sides come first: what is beside them, such as a wheel, is then beside the whole vehicle.
   static tree(faces, large = 0.08 * Math.max(0, ...faces.filter(SceneView.isUpright).map((f) => f.area))) {
     if (!faces.length) return null;
     let best = null;
     for (let i = 0; i < faces.length; i += 1) {
-      let cuts = 0, balance = 0;
+      let cuts = 0,
+        balance = 0;
       for (const face of faces) {
         const side = SceneView.sideOf(faces[i], face);
         if (side === "both") cuts += 1;
@@ -207,7 +307,10 @@ class SceneView {
       const cost = first + 8 * cuts + Math.abs(balance);
       if (!best || cost < best.cost) best = { cost, plane: faces[i] };
     }
-    const { plane } = best, on = [], front = [], back = [];
+    const { plane } = best,
+      on = [],
+      front = [],
+      back = [];
     for (const face of faces) {
       const side = SceneView.sideOf(plane, face);
       if (side === "on") on.push(face);
@@ -222,10 +325,13 @@ class SceneView {
     return { plane, on, front: SceneView.tree(front, large), back: SceneView.tree(back, large) };
   }
 
-  static isUpright(face) { return Math.abs(face.normal[1]) > 0.999; }
+  static isUpright(face) {
+    return Math.abs(face.normal[1]) > 0.999;
+  }
 
   static sideOf(plane, face) {
-    let front = false, back = false;
+    let front = false,
+      back = false;
     for (const point of face.points) {
       const over = SceneView.dot(plane.normal, point) - plane.at;
       if (over > 1e-4) front = true;
@@ -235,14 +341,18 @@ class SceneView {
   }
 
   static cut(plane, face) {
-    const halves = [[], []], count = face.points.length;
+    const halves = [[], []],
+      count = face.points.length;
     for (let i = 0; i < count; i += 1) {
-      const a = face.points[i], b = face.points[(i + 1) % count];
-      const da = SceneView.dot(plane.normal, a) - plane.at, db = SceneView.dot(plane.normal, b) - plane.at;
+      const a = face.points[i],
+        b = face.points[(i + 1) % count];
+      const da = SceneView.dot(plane.normal, a) - plane.at,
+        db = SceneView.dot(plane.normal, b) - plane.at;
       if (da >= -1e-4) halves[0].push(a);
       if (da <= 1e-4) halves[1].push(a);
       if ((da > 1e-4 && db < -1e-4) || (da < -1e-4 && db > 1e-4)) {
-        const share = da / (da - db), point = a.map((c, k) => c + share * (b[k] - c));
+        const share = da / (da - db),
+          point = a.map((c, k) => c + share * (b[k] - c));
         halves[0].push(point);
         halves[1].push(point);
       }
@@ -250,14 +360,17 @@ class SceneView {
     return halves.map((points) => ({ ...face, points }));
   }
 
-  // Calls `face` for each face and `item` for each item ({at}, in the same frame), back to front as seen from `towards`.
+  // Calls `face` for each face and `item` for each item ({at}, in the same frame), back to front as seen from
+  // `towards`.
   static walk(node, towards, items, face, item) {
     if (!node) {
       items.sort((a, b) => SceneView.dot(a.at, towards) - SceneView.dot(b.at, towards));
       items.forEach(item);
       return;
     }
-    const { plane } = node, ahead = [], behind = [];
+    const { plane } = node,
+      ahead = [],
+      behind = [];
     for (const one of items) (SceneView.dot(plane.normal, one.at) > plane.at ? ahead : behind).push(one);
     const seen = SceneView.dot(plane.normal, towards) > 0;
     SceneView.walk(seen ? node.back : node.front, towards, seen ? behind : ahead, face, item);
@@ -265,7 +378,7 @@ class SceneView {
     SceneView.walk(seen ? node.front : node.back, towards, seen ? ahead : behind, face, item);
   }
 
-  // ------------------------------------------------------------------------------------------------------------ drawing
+  // ----------------------------------------------------------------------------------------------------------- drawing
 
   // What stands where on the screen: sets the camera for this frame.
   aim() {
@@ -273,7 +386,8 @@ class SceneView {
     if (camera.turn) {
       const clock = performance.now();
       camera.turn.begin ??= clock;
-      const part = Math.min(1, (clock - camera.turn.begin) / SceneView.TURN), eased = part * part * (3 - 2 * part);
+      const part = Math.min(1, (clock - camera.turn.begin) / SceneView.TURN),
+        eased = part * part * (3 - 2 * part);
       camera.azimuth = camera.turn.from.azimuth + eased * camera.turn.way;
       camera.elevation = camera.turn.from.elevation + eased * (camera.turn.elevation - camera.turn.from.elevation);
       if (part === 1) camera.turn = null;
@@ -284,7 +398,8 @@ class SceneView {
     this.right = [-sa, ca, 0];
     this.up = [-se * ca, -se * sa, ce];
     const ratio = (typeof devicePixelRatio === "number" && devicePixelRatio) || 1;
-    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    const width = this.canvas.clientWidth,
+      height = this.canvas.clientHeight;
     if (this.canvas.width !== Math.round(width * ratio) || this.canvas.height !== Math.round(height * ratio)) {
       this.canvas.width = Math.round(width * ratio);
       this.canvas.height = Math.round(height * ratio);
@@ -295,15 +410,24 @@ class SceneView {
     this.pen = pen;
     this.width = width;
     this.height = height;
-    const along = Math.abs(this.right[0]), across = Math.abs(this.right[1]), depth = 2 * this.halfWidth;
-    const tall = this.top - this.bottom, below = this.onRoad ? 0.16 * data.width * (this.carved ? 1 : 0.5) : 0;
+    const along = Math.abs(this.right[0]),
+      across = Math.abs(this.right[1]),
+      depth = 2 * this.halfWidth;
+    const tall = this.top - this.bottom,
+      below = this.onRoad ? 0.16 * data.width * (this.carved ? 1 : 0.5) : 0;
     const shown = data.width * (width < SceneView.NARROW ? 0.8 : 1); // a phone shows less of the road, and larger
-    const wide = shown * along + 1.5 * depth * across, high = (1.28 * tall + below) * ce + (0.4 * shown * Math.abs(ca) + depth) * se;
+    const wide = shown * along + 1.5 * depth * across,
+      high = (1.28 * tall + below) * ce + (0.4 * shown * Math.abs(ca) + depth) * se;
     this.scale = camera.zoom * Math.min(width / wide, height / high);
     const body = data.bodies[data.follow];
     const ahead = this.onRoad ? 0.07 * data.width : 0;
     this.centre = [this.raw(body.x) + ahead, 0, 0.5 * (this.top + this.bottom) + 0.08 * tall - 0.5 * below];
-    this.span = this.onRoad ? Math.max(0.62 * data.width, along > 0.02 ? Math.min(0.62 * width / (this.scale * along), 1.1 * data.width) : 0) : 0;
+    this.span = this.onRoad
+      ? Math.max(
+          0.62 * data.width,
+          along > 0.02 ? Math.min((0.62 * width) / (this.scale * along), 1.1 * data.width) : 0,
+        )
+      : 0;
   }
 
   px(p) {
@@ -317,7 +441,9 @@ class SceneView {
   }
 
   // A point of the road's frame on the screen [CSS pixels]: of the camera of the last frame.
-  screen(p) { return [this.px(p), this.py(p)]; }
+  screen(p) {
+    return [this.px(p), this.py(p)];
+  }
 
   path(points, close = true) {
     const { pen } = this;
@@ -328,7 +454,8 @@ class SceneView {
 
   // A further polygon of a path. All of one path must turn one way, or they would cut holes into each other.
   outline(points, backwards) {
-    const { pen } = this, count = points.length;
+    const { pen } = this,
+      count = points.length;
     for (let i = 0; i < count; i += 1) {
       const p = points[backwards ? count - 1 - i : i];
       if (i) pen.lineTo(this.px(p), this.py(p));
@@ -371,7 +498,8 @@ class SceneView {
   }
 
   shade(material, light) {
-    const level = Math.round(SceneView.LEVELS * light), key = `${material}${level}`;
+    const level = Math.round(SceneView.LEVELS * light),
+      key = `${material}${level}`;
     let found = this.shades.get(key);
     if (!found) {
       found = SceneView.mixed(this.color[material], 0.58 + 0.5 * (level / SceneView.LEVELS));
@@ -384,7 +512,10 @@ class SceneView {
   static mixed(color, factor) {
     const parts = /^#(..)(..)(..)$/.exec(color);
     if (!parts) return color;
-    return `rgb(${parts.slice(1).map((p) => Math.max(0, Math.min(255, Math.round(parseInt(p, 16) * factor)))).join(",")})`;
+    return `rgb(${parts
+      .slice(1)
+      .map((p) => Math.max(0, Math.min(255, Math.round(parseInt(p, 16) * factor))))
+      .join(",")})`;
   }
 
   // ---------------------------------------------------------------------------------------------------------- the road
@@ -402,23 +533,50 @@ class SceneView {
   }
 
   profile() {
-    const { data } = this, first = Math.floor((this.centre[0] - this.span) / this.step), last = Math.ceil((this.centre[0] + this.span) / this.step);
+    const { data } = this,
+      first = Math.floor((this.centre[0] - this.span) / this.step),
+      last = Math.ceil((this.centre[0] + this.span) / this.step);
     const sides = new Set(data.grounds.map((g) => g.side));
-    for (const w of this.wheels) { // what the wheels have met stays drawn, where nobody knows the road
-      const side = w.y >= 0 ? "left" : "right", k = Math.round(w.x / this.step);
+    for (const w of this.wheels) {
+      // what the wheels have met stays drawn, where nobody knows the road
+      const side = w.y >= 0 ? "left" : "right",
+        k = Math.round(w.x / this.step);
       if (w.pressed > 0 && !this.carved && !this.cells[side].has(k) && this.probe(side, w.x) === null) {
         this.cells[side].set(k, (w.z - w.wheel.radius + w.pressed) / this.exaggeration);
       }
     }
     const xs = [];
     for (let k = first; k <= last; k += 1) xs.push(k * this.step);
-    const outlines = [...data.reliefs.map((r) => ({ side: r.side, points: r.points.map((p) => p.map((v) => this.raw(v))) })), ...data.trenches.map((t) => {
-      const start = this.raw(t.start), end = start + this.raw(t.length), depth = this.raw(t.depth);
-      return { side: t.side, points: [[start, 0], [start, -depth], [end, -depth], [end, 0]] };
-    })];
-    const edges = [...new Set(outlines.flatMap((o) => o.points.map((p) => p[0])))].filter((x) => x > xs[0] && x < xs[xs.length - 1]);
-    const all = [...xs.map((x) => [x, 0]), ...edges.flatMap((x) => [[x, -1], [x, 1]])].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-    const points = [], held = { left: 0, right: 0 }, deepest = Math.abs(this.right[0]) < 0.97 ? -0.12 * data.width : -Infinity; // as the block of ground
+    const outlines = [
+      ...data.reliefs.map((r) => ({ side: r.side, points: r.points.map((p) => p.map((v) => this.raw(v))) })),
+      ...data.trenches.map((t) => {
+        const start = this.raw(t.start),
+          end = start + this.raw(t.length),
+          depth = this.raw(t.depth);
+        return {
+          side: t.side,
+          points: [
+            [start, 0],
+            [start, -depth],
+            [end, -depth],
+            [end, 0],
+          ],
+        };
+      }),
+    ];
+    const edges = [...new Set(outlines.flatMap((o) => o.points.map((p) => p[0])))].filter(
+      (x) => x > xs[0] && x < xs[xs.length - 1],
+    );
+    const all = [
+      ...xs.map((x) => [x, 0]),
+      ...edges.flatMap((x) => [
+        [x, -1],
+        [x, 1],
+      ]),
+    ].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const points = [],
+      held = { left: 0, right: 0 },
+      deepest = Math.abs(this.right[0]) < 0.97 ? -0.12 * data.width : -Infinity; // as the block of ground
     for (const [x, beside] of all) {
       const heights = { left: null, right: null };
       for (const side of ["left", "right"]) {
@@ -429,9 +587,15 @@ class SceneView {
       }
       held.left = heights.left ?? heights.right ?? held.left;
       held.right = heights.right ?? heights.left ?? held.right;
-      points.push([x, Math.max(deepest, this.exaggeration * held.left), Math.max(deepest, this.exaggeration * held.right)]);
+      points.push([
+        x,
+        Math.max(deepest, this.exaggeration * held.left),
+        Math.max(deepest, this.exaggeration * held.right),
+      ]);
     }
-    for (const cells of Object.values(this.cells)) if (cells.size > 8 * SceneView.SAMPLES) for (const k of cells.keys()) if (k < first - 4 * SceneView.SAMPLES) cells.delete(k);
+    for (const cells of Object.values(this.cells))
+      if (cells.size > 8 * SceneView.SAMPLES)
+        for (const k of cells.keys()) if (k < first - 4 * SceneView.SAMPLES) cells.delete(k);
     return points;
   }
 
@@ -441,7 +605,7 @@ class SceneView {
     for (const p of points) {
       if (p[0] > x || (p[0] === x && beside < 0)) {
         if (!last) return p[1];
-        return p[0] > last[0] ? last[1] + (p[1] - last[1]) * (x - last[0]) / (p[0] - last[0]) : last[1];
+        return p[0] > last[0] ? last[1] + ((p[1] - last[1]) * (x - last[0])) / (p[0] - last[0]) : last[1];
       }
       last = p;
     }
@@ -450,28 +614,43 @@ class SceneView {
 
   // Height at a place, between the tracks as the road is drawn.
   heightAt(x, y) {
-    const points = this.road, n = points.length;
-    let low = 0, high = n - 1;
+    const points = this.road,
+      n = points.length;
+    let low = 0,
+      high = n - 1;
     while (high - low > 1) {
       const middle = (low + high) >> 1;
       if (points[middle][0] <= x) low = middle;
       else high = middle;
     }
-    const a = points[low], b = points[high], share = b[0] > a[0] ? Math.max(0, Math.min(1, (x - a[0]) / (b[0] - a[0]))) : 0;
-    const left = a[1] + share * (b[1] - a[1]), right = a[2] + share * (b[2] - a[2]);
-    const part = Math.max(0, Math.min(1, 0.5 + 0.5 * y / this.trackHalf));
+    const a = points[low],
+      b = points[high],
+      share = b[0] > a[0] ? Math.max(0, Math.min(1, (x - a[0]) / (b[0] - a[0]))) : 0;
+    const left = a[1] + share * (b[1] - a[1]),
+      right = a[2] + share * (b[2] - a[2]);
+    const part = Math.max(0, Math.min(1, 0.5 + (0.5 * y) / this.trackHalf));
     return right + part * (left - right);
   }
 
   drawRoad() {
     const { halfWidth: w } = this;
     const points = (this.road = this.profile());
-    const lines = this.data.grounds.map((g) => Math.abs(g.y)).concat(this.data.wheels.map((g) => Math.abs(this.rest(g.y))));
+    const lines = this.data.grounds
+      .map((g) => Math.abs(g.y))
+      .concat(this.data.wheels.map((g) => Math.abs(this.rest(g.y))));
     const track = (this.trackHalf = Math.max(0.05, Math.min(...lines)));
     this.centre[2] += 0.5 * this.mean(points);
-    const near = this.towards[1] < 0 ? -w : w, alike = points.every((p) => p[1] === p[2]);
-    const lanes = alike ? [[-near, 1, near, 1]] : [[w, 1, track, 1], [track, 1, -track, 2], [-track, 2, -w, 2]];
-    if (!alike && this.towards[1] > 0) lanes.reverse().forEach((lane) => lane.splice(0, 4, lane[2], lane[3], lane[0], lane[1]));
+    const near = this.towards[1] < 0 ? -w : w,
+      alike = points.every((p) => p[1] === p[2]);
+    const lanes = alike
+      ? [[-near, 1, near, 1]]
+      : [
+          [w, 1, track, 1],
+          [track, 1, -track, 2],
+          [-track, 2, -w, 2],
+        ];
+    if (!alike && this.towards[1] > 0)
+      lanes.reverse().forEach((lane) => lane.splice(0, 4, lane[2], lane[3], lane[0], lane[1]));
     const order = this.towards[0] < 0 ? [...points].reverse() : points;
     lanes.forEach((lane, i) => this.drawLane(order, i > 0, ...lane));
     this.drawTracks();
@@ -480,22 +659,26 @@ class SceneView {
     this.drawShadow();
   }
 
-  // The road from the far line y1, with the heights of column c1, to the near one; `points` from back to front. What is lit alike, and is seen
-  // from the same face, is one path: browsers take their time for each. Each reaches a little over the one before, so that no seam shines through.
+  // The road from the far line y1, with the heights of column c1, to the near one; `points` from back to front. What is
+  // lit alike, and is seen from the same face, is one path: browsers take their time for each. Each reaches a little
+  // over the one before, so that no seam shines through.
   drawLane(points, covers, y1, c1, y2, c2) {
-    const { pen, scale, right: r, up: u } = this, count = points.length;
+    const { pen, scale, right: r, up: u } = this,
+      count = points.length;
     const left = this.width / 2 - scale * (this.centre[0] * r[0] + this.centre[1] * r[1]);
     const top = this.height / 2 + scale * (this.centre[0] * u[0] + this.centre[1] * u[1] + this.centre[2] * u[2]);
-    const far = new Float64Array(2 * count), close = new Float64Array(2 * count); // x, y on the screen
-    const back = covers ? Math.sign(y1 - y2) * SceneView.SEAM / (scale * Math.hypot(r[1], u[1])) : 0;
+    const far = new Float64Array(2 * count),
+      close = new Float64Array(2 * count); // x, y on the screen
+    const back = covers ? (Math.sign(y1 - y2) * SceneView.SEAM) / (scale * Math.hypot(r[1], u[1])) : 0;
     points.forEach((p, i) => {
       far[2 * i] = left + scale * (p[0] * r[0] + (y1 + back) * r[1]);
       far[2 * i + 1] = top - scale * (p[0] * u[0] + (y1 + back) * u[1] + p[c1] * u[2]);
       close[2 * i] = left + scale * (p[0] * r[0] + y2 * r[1]);
       close[2 * i + 1] = top - scale * (p[0] * u[0] + y2 * u[1] + p[c2] * u[2]);
     });
-    const along = Math.hypot(r[0], u[0]), sign = points[0][0] < points[count - 1][0] ? 1 : -1;
-    const over = [-SceneView.SEAM * sign * r[0] / along, SceneView.SEAM * sign * u[0] / along];
+    const along = Math.hypot(r[0], u[0]),
+      sign = points[0][0] < points[count - 1][0] ? 1 : -1;
+    const over = [(-SceneView.SEAM * sign * r[0]) / along, (SceneView.SEAM * sign * u[0]) / along];
     const paint = (from, to, level) => {
       pen.fillStyle = this.shade("road", level / SceneView.LEVELS);
       pen.beginPath();
@@ -507,17 +690,29 @@ class SceneView {
       for (let i = to; i >= from; i -= 1) pen.lineTo(close[2 * i], close[2 * i + 1]);
       pen.fill();
     };
-    let begin = 0, level = null, face = null;
+    let begin = 0,
+      level = null,
+      face = null;
     for (let i = 1; i < count; i += 1) {
-      const a = points[i - 1], b = points[i], k = 2 * i, j = k - 2;
+      const a = points[i - 1],
+        b = points[i],
+        k = 2 * i,
+        j = k - 2;
       const slope = Math.atan2(0.5 * sign * (b[c1] - a[c1] + b[c2] - a[c2]), Math.max(1e-9, sign * (b[0] - a[0])));
       const light = Math.max(0, -Math.sin(slope) * SceneView.LIGHT[0] * 1.6 + Math.cos(slope) * SceneView.LIGHT[2]);
       const own = Math.round(SceneView.LEVELS * light);
       let seen = 0; // 4 or -4: all of it from one face; else it is folded on the screen, and a path of its own
-      for (const ahead of [far, close]) for (const m of [j, k]) {
-        seen += Math.sign((ahead[k] - ahead[j]) * (close[m + 1] - far[m + 1]) - (ahead[k + 1] - ahead[j + 1]) * (close[m] - far[m]));
-      }
-      if (Math.min(far[j], far[k], close[j], close[k]) > this.width || Math.max(far[j], far[k], close[j], close[k]) < 0) { // out of sight
+      for (const ahead of [far, close])
+        for (const m of [j, k]) {
+          seen += Math.sign(
+            (ahead[k] - ahead[j]) * (close[m + 1] - far[m + 1]) - (ahead[k + 1] - ahead[j + 1]) * (close[m] - far[m]),
+          );
+        }
+      if (
+        Math.min(far[j], far[k], close[j], close[k]) > this.width ||
+        Math.max(far[j], far[k], close[j], close[k]) < 0
+      ) {
+        // out of sight
         if (level !== null) paint(begin, i - 1, level);
         level = null;
       } else if (level === null || Math.abs(own - level) > 1 || seen !== face || Math.abs(seen) < 4) {
@@ -542,15 +737,18 @@ class SceneView {
     for (const side of [1, -1]) {
       const wheels = this.wheels.filter((w) => w.y * side > 0);
       if (!wheels.length) continue;
-      const front = wheels.reduce((a, b) => (b.x > a.x ? b : a)), half = 0.42 * front.wheel.width;
+      const front = wheels.reduce((a, b) => (b.x > a.x ? b : a)),
+        half = 0.42 * front.wheel.width;
       this.ribbon(road[0][0], front.x, front.y + half, front.y - half, side > 0 ? 1 : 2);
     }
     pen.globalAlpha = 1;
   }
 
-  // A strip that lies on the road from x1 to x2, interrupted by walls and what is deep; heights of the left (1) or the right track (2), 0: in between.
+  // A strip that lies on the road from x1 to x2, interrupted by walls and what is deep; heights of the left (1) or the
+  // right track (2), 0: in between.
   ribbon(x1, x2, y1, y2, column) {
-    const { pen, road } = this, deep = -0.4;
+    const { pen, road } = this,
+      deep = -0.4;
     let piece = [];
     const flush = () => {
       if (piece.length > 1) {
@@ -559,10 +757,13 @@ class SceneView {
       }
       piece = [];
     };
-    const height = (p, y) => (column ? p[column] : p[2] + (p[1] - p[2]) * Math.max(0, Math.min(1, 0.5 + 0.5 * y / this.trackHalf)));
+    const height = (p, y) =>
+      column ? p[column] : p[2] + (p[1] - p[2]) * Math.max(0, Math.min(1, 0.5 + (0.5 * y) / this.trackHalf));
     const ends = [x1, x2].map((x) => [x, this.heightAt(x, this.halfWidth), this.heightAt(x, -this.halfWidth)]);
     for (const p of [ends[0], ...road.filter((q) => q[0] > x1 && q[0] < x2), ends[1]]) {
-      const a = height(p, y1), b = height(p, y2), before = piece[piece.length - 1];
+      const a = height(p, y1),
+        b = height(p, y2),
+        before = piece[piece.length - 1];
       if (before && Math.abs(a - before[1]) > 2 * (p[0] - before[0]) + 1e-9) flush();
       if (Math.min(a, b) < deep) flush();
       else piece.push([p[0], a, b]);
@@ -572,15 +773,27 @@ class SceneView {
 
   // A line across the road every metre, which moves by; every fifth has its distance.
   drawMarks(near) {
-    const { pen, color, road } = this, first = road[0][0], last = road[road.length - 1][0];
-    const unit = this.scale < 22 ? 5 : 1, far = this.scale < 40 ? 10 : 5;
+    const { pen, color, road } = this,
+      first = road[0][0],
+      last = road[road.length - 1][0];
+    const unit = this.scale < 22 ? 5 : 1,
+      far = this.scale < 40 ? 10 : 5;
     pen.strokeStyle = color["road-mark"];
     this.labels = [];
     for (let x = Math.ceil(first / unit) * unit; x <= last; x += unit) {
-      const strong = x % far === 0, w = this.halfWidth;
+      const strong = x % far === 0,
+        w = this.halfWidth;
       pen.globalAlpha = strong ? 0.75 : 0.28;
       pen.lineWidth = strong ? 1.3 : 1;
-      this.path([[x, w, this.heightAt(x, w)], [x, this.trackHalf, this.heightAt(x, w)], [x, -this.trackHalf, this.heightAt(x, -w)], [x, -w, this.heightAt(x, -w)]], false);
+      this.path(
+        [
+          [x, w, this.heightAt(x, w)],
+          [x, this.trackHalf, this.heightAt(x, w)],
+          [x, -this.trackHalf, this.heightAt(x, -w)],
+          [x, -w, this.heightAt(x, -w)],
+        ],
+        false,
+      );
       pen.stroke();
       if (strong) this.labels.push([x, near, this.heightAt(x, near)]);
     }
@@ -589,13 +802,25 @@ class SceneView {
 
   // The ground cut open at the side that is seen, and at the end.
   drawSection(near) {
-    const { pen, color, road } = this, w = this.halfWidth, deepest = this.carved ? 0.13 * this.data.width : 0.05 * this.data.width;
-    const column = near > 0 ? 1 : 2, flat = Math.abs(this.right[0]) > 0.97, depth = flat ? this.height / this.scale : deepest;
+    const { pen, color, road } = this,
+      w = this.halfWidth,
+      deepest = this.carved ? 0.13 * this.data.width : 0.05 * this.data.width;
+    const column = near > 0 ? 1 : 2,
+      flat = Math.abs(this.right[0]) > 0.97,
+      depth = flat ? this.height / this.scale : deepest;
     const fill = (top, a, b) => {
-      const level = Math.max(...top.map((p) => p[2])), base = Math.min(-deepest, ...top.map((p) => p[2] - 0.3 * deepest).filter((z) => z > -0.6 * deepest)) - (flat ? depth : 0);
-      const [ax, ay] = this.screen([a[0], a[1], level]), [bx, by] = this.screen([b[0], b[1], level]);
-      const length = Math.hypot(bx - ax, by - ay) || 1, nx = -(by - ay) / length, ny = (bx - ax) / length, sign = ny < 0 ? -1 : 1;
-      const reach = Math.abs(ny) * this.scale * this.up[2] * (deepest + level + 0.12 * this.data.width * (flat ? 1 : 0));
+      const level = Math.max(...top.map((p) => p[2])),
+        base =
+          Math.min(-deepest, ...top.map((p) => p[2] - 0.3 * deepest).filter((z) => z > -0.6 * deepest)) -
+          (flat ? depth : 0);
+      const [ax, ay] = this.screen([a[0], a[1], level]),
+        [bx, by] = this.screen([b[0], b[1], level]);
+      const length = Math.hypot(bx - ax, by - ay) || 1,
+        nx = -(by - ay) / length,
+        ny = (bx - ax) / length,
+        sign = ny < 0 ? -1 : 1;
+      const reach =
+        Math.abs(ny) * this.scale * this.up[2] * (deepest + level + 0.12 * this.data.width * (flat ? 1 : 0));
       const gradient = pen.createLinearGradient(ax, ay, ax + sign * nx * reach, ay + sign * ny * reach);
       gradient.addColorStop(0, color.soil);
       gradient.addColorStop(1, color["soil-deep"]);
@@ -604,16 +829,34 @@ class SceneView {
       pen.fill();
       pen.strokeStyle = color["road-mark"];
       pen.lineWidth = 1.4;
-      this.path(top.map((p) => [p[0], p[1], Math.max(p[2], base)]), false);
+      this.path(
+        top.map((p) => [p[0], p[1], Math.max(p[2], base)]),
+        false,
+      );
       pen.stroke();
     };
-    const end = this.towards[0] > 0 ? road[road.length - 1] : road[0], t = this.trackHalf;
+    const end = this.towards[0] > 0 ? road[road.length - 1] : road[0],
+      t = this.trackHalf;
     if (Math.abs(this.towards[0]) > 0.12) {
-      fill([[end[0], w, end[1]], [end[0], t, end[1]], [end[0], -t, end[2]], [end[0], -w, end[2]]], [end[0], w, 0], [end[0], -w, 0]);
+      fill(
+        [
+          [end[0], w, end[1]],
+          [end[0], t, end[1]],
+          [end[0], -t, end[2]],
+          [end[0], -w, end[2]],
+        ],
+        [end[0], w, 0],
+        [end[0], -w, 0],
+      );
     }
     if (Math.abs(this.towards[1]) > 0.12) {
-      const a = road[0], b = road[road.length - 1];
-      fill(road.map((p) => [p[0], near, p[column]]), [a[0], near, 0], [b[0], near, 0]);
+      const a = road[0],
+        b = road[road.length - 1];
+      fill(
+        road.map((p) => [p[0], near, p[column]]),
+        [a[0], near, 0],
+        [b[0], near, 0],
+      );
     }
     pen.fillStyle = color.muted;
     pen.font = `11px ${this.font}`;
@@ -621,14 +864,16 @@ class SceneView {
     pen.textBaseline = "top";
     for (const p of this.labels) {
       const [x, y] = this.screen(p);
-      if (Math.abs(this.towards[1]) > 0.3 && x > 12 && x < this.width - 12) pen.fillText(`${p[0]} m`, x, Math.min(y + 6, this.height - 14));
+      if (Math.abs(this.towards[1]) > 0.3 && x > 12 && x < this.width - 12)
+        pen.fillText(`${p[0]} m`, x, Math.min(y + 6, this.height - 14));
     }
   }
 
   drawShadow() {
     const { pen, color } = this;
     pen.fillStyle = color.shadow;
-    const xs = this.wheels.map((w) => w.x), r = this.wheels.length ? this.wheels[0].wheel.radius : 0;
+    const xs = this.wheels.map((w) => w.x),
+      r = this.wheels.length ? this.wheels[0].wheel.radius : 0;
     if (xs.length > 1) {
       const half = Math.max(...this.wheels.map((w) => Math.abs(w.y))) + 0.1;
       pen.globalAlpha = 0.2;
@@ -636,9 +881,13 @@ class SceneView {
     }
     pen.globalAlpha = 0.34;
     for (const w of this.wheels) {
-      const points = [], z = this.heightAt(w.x, w.y), long = 0.62 * w.wheel.radius, wide = 0.62 * w.wheel.width;
+      const points = [],
+        z = this.heightAt(w.x, w.y),
+        long = 0.62 * w.wheel.radius,
+        wide = 0.62 * w.wheel.width;
       if (w.z - z > 1.6 * w.wheel.radius) continue; // over a trench
-      for (let i = 0; i < 14; i += 1) points.push([w.x + long * Math.cos(i * 0.4488), w.y + wide * Math.sin(i * 0.4488), z]);
+      for (let i = 0; i < 14; i += 1)
+        points.push([w.x + long * Math.cos(i * 0.4488), w.y + wide * Math.sin(i * 0.4488), z]);
       this.path(points);
       pen.fill();
     }
@@ -647,9 +896,17 @@ class SceneView {
 
   // What a rig stands on.
   drawFloor() {
-    const { pen, color, data } = this, z = this.bottom, w = 0.5 * data.width, deep = 0.22 * data.width;
+    const { pen, color, data } = this,
+      z = this.bottom,
+      w = 0.5 * data.width,
+      deep = 0.22 * data.width;
     pen.fillStyle = this.shade("road", 0.8);
-    this.path([[-w, deep, z], [w, deep, z], [w, -deep, z], [-w, -deep, z]]);
+    this.path([
+      [-w, deep, z],
+      [w, deep, z],
+      [w, -deep, z],
+      [-w, -deep, z],
+    ]);
     pen.fill();
     pen.strokeStyle = color["road-mark"];
     pen.globalAlpha = 0.4;
@@ -663,11 +920,17 @@ class SceneView {
     const { pen, color, data } = this;
     const seen = Math.abs(this.right[0]) > 0.3; // not along the paper
     data.traces.forEach((trace, i) => {
-      const past = this.history[i], z = this.raw(trace.z), length = 0.5 * data.width + trace.x; // to the left edge
+      const past = this.history[i],
+        z = this.raw(trace.z),
+        length = 0.5 * data.width + trace.x; // to the left edge
       if (!past.length || time - past[past.length - 1][0] > length / trace.speed / 300) past.push([time, z]);
       while (past.length && (time - past[0][0]) * trace.speed > length) past.shift();
       if (!seen) return;
-      const points = [...past, [time, z]].map(([t, h]) => [trace.x - trace.speed * (time - t), trace.y, this.rest(trace.z) + this.exaggeration * (h - this.rest(trace.z))]);
+      const points = [...past, [time, z]].map(([t, h]) => [
+        trace.x - trace.speed * (time - t),
+        trace.y,
+        this.rest(trace.z) + this.exaggeration * (h - this.rest(trace.z)),
+      ]);
       pen.lineWidth = trace.role === "ground" ? 2 : 1.6;
       pen.strokeStyle = { ground: color["road-mark"], wheel: color.muted, body: color.mass }[trace.role];
       this.path(points, false);
@@ -683,17 +946,23 @@ class SceneView {
   // ------------------------------------------------------------------------------------------------- bodies and wheels
 
   drawBodies() {
-    const { data, poses } = this, host = data.follow, m = poses[host];
+    const { data, poses } = this,
+      host = data.follow,
+      m = poses[host];
     const inFrame = (p) => SceneView.turned(m, [p[0] - m[3], p[1] - m[7], p[2] - m[11]]);
     const items = this.wheels.map((w) => ({ at: inFrame([w.x, w.y, w.z]), draw: () => this.drawWheel(w) }));
     data.bodies.forEach((body, i) => {
-      if (i !== host) items.push({ at: inFrame([poses[i][3], poses[i][7], poses[i][11]]), draw: () => this.drawFaces(i, []) });
+      if (i !== host)
+        items.push({ at: inFrame([poses[i][3], poses[i][7], poses[i][11]]), draw: () => this.drawFaces(i, []) });
     });
     this.drawFaces(host, items);
   }
 
   drawFaces(index, items) {
-    const m = this.poses[index], { pen } = this, light = SceneView.turned(m, SceneView.LIGHT), towards = SceneView.turned(m, this.towards);
+    const m = this.poses[index],
+      { pen } = this,
+      light = SceneView.turned(m, SceneView.LIGHT),
+      towards = SceneView.turned(m, this.towards);
     let style = null; // faces of one colour that follow each other are one path
     const flush = () => {
       if (!style) return;
@@ -703,28 +972,43 @@ class SceneView {
       pen.stroke(); // hides the seams between faces
       style = null;
     };
-    SceneView.walk(this.trees[index], towards, items, (face) => {
-      const facing = SceneView.dot(face.normal, towards) < 0 ? -1 : 1;
-      const own = this.shade(face.material, Math.max(0, facing * SceneView.dot(face.normal, light)));
-      if (own !== style) {
+    SceneView.walk(
+      this.trees[index],
+      towards,
+      items,
+      (face) => {
+        const facing = SceneView.dot(face.normal, towards) < 0 ? -1 : 1;
+        const own = this.shade(face.material, Math.max(0, facing * SceneView.dot(face.normal, light)));
+        if (own !== style) {
+          flush();
+          pen.beginPath();
+          style = own;
+        }
+        this.outline(
+          face.points.map((point) => SceneView.placed(m, point)),
+          facing < 0,
+        );
+      },
+      (item) => {
         flush();
-        pen.beginPath();
-        style = own;
-      }
-      this.outline(face.points.map((point) => SceneView.placed(m, point)), facing < 0);
-    }, (item) => {
-      flush();
-      item.draw();
-    });
+        item.draw();
+      },
+    );
     flush();
   }
 
-  // A ring of a wheel's tire: points at `radius` (in parts of the tire's) and `across` (in half widths), pressed in by the ground.
+  // A ring of a wheel's tire: points at `radius` (in parts of the tire's) and `across` (in half widths), pressed in by
+  // the ground.
   ring(w, radius, across, count, from = 0) {
-    const { wheel } = w, c = Math.cos(w.heading), s = Math.sin(w.heading), points = [];
-    const flat = wheel.radius - w.pressed, y = across * wheel.width / 2;
+    const { wheel } = w,
+      c = Math.cos(w.heading),
+      s = Math.sin(w.heading),
+      points = [];
+    const flat = wheel.radius - w.pressed,
+      y = (across * wheel.width) / 2;
     for (let i = 0; i < count; i += 1) {
-      const angle = from + i * 2 * Math.PI / count, off = Math.cos(angle - w.towards);
+      const angle = from + (i * 2 * Math.PI) / count,
+        off = Math.cos(angle - w.towards);
       let r = radius * wheel.radius;
       if (off > 0 && r * off > flat) r = flat / off;
       const along = r * Math.cos(angle);
@@ -734,9 +1018,16 @@ class SceneView {
   }
 
   drawWheel(w) {
-    const { pen, color } = this, count = Math.max(20, Math.min(48, 2 * Math.round(0.4 * w.wheel.radius * this.scale))), axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
+    const { pen, color } = this,
+      count = Math.max(20, Math.min(48, 2 * Math.round(0.4 * w.wheel.radius * this.scale))),
+      axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
     const near = SceneView.dot(axis, this.towards) > 0 ? 1 : -1;
-    const rings = [[0.9, -1], [1, -0.72], [1, 0.72], [0.9, 1]].map(([r, a]) => this.ring(w, r, near * a, count));
+    const rings = [
+      [0.9, -1],
+      [1, -0.72],
+      [1, 0.72],
+      [0.9, 1],
+    ].map(([r, a]) => this.ring(w, r, near * a, count));
     pen.lineWidth = 0.6;
     pen.fillStyle = pen.strokeStyle = color.tire;
     this.path(rings[0]);
@@ -745,7 +1036,8 @@ class SceneView {
       for (let k = 0; k < 3; k += 1) {
         pen.beginPath();
         for (let i = 0; i < count; i += 1) {
-          const j = (i + 1) % count, quad = [rings[k][i], rings[k][j], rings[k + 1][j], rings[k + 1][i]];
+          const j = (i + 1) % count,
+            quad = [rings[k][i], rings[k][j], rings[k + 1][j], rings[k + 1][i]];
           const area = this.turning(quad);
           if (area * near > 0) this.outline(quad, area < 0); // that looks at the camera
         }
@@ -769,12 +1061,13 @@ class SceneView {
       pen.fill();
     };
     disc(0.86, color.tread);
-    disc(0.80, color.tire);
-    disc(0.60, color.rim);
+    disc(0.8, color.tire);
+    disc(0.6, color.rim);
     disc(0.53, SceneView.mixed(color.rim, 0.86));
     pen.strokeStyle = color.rim;
     pen.lineWidth = Math.max(1, 0.085 * w.wheel.radius * this.scale);
-    const centre = this.ring(w, 0, near, 1)[0], spokes = this.ring(w, 0.55, near, 6, -w.turn);
+    const centre = this.ring(w, 0, near, 1)[0],
+      spokes = this.ring(w, 0.55, near, 6, -w.turn);
     pen.beginPath();
     for (const p of spokes) {
       pen.moveTo(this.px(centre), this.py(centre));
@@ -798,15 +1091,18 @@ class SceneView {
 
   // Blocks on the tread that is seen, which turn.
   drawTread(w, near) {
-    const { pen, color } = this, blocks = 24;
+    const { pen, color } = this,
+      blocks = 24;
     pen.fillStyle = color.tread;
     pen.beginPath();
     for (let i = 0; i < blocks; i += 1) {
-      const angle = -w.turn + i * 2 * Math.PI / blocks;
+      const angle = -w.turn + (i * 2 * Math.PI) / blocks;
       const normal = [Math.cos(angle) * Math.cos(w.heading), Math.cos(angle) * Math.sin(w.heading), Math.sin(angle)];
       if (SceneView.dot(normal, this.towards) < 0.02) continue;
-      const a = this.ring(w, 1.004, -0.7, 1, angle)[0], b = this.ring(w, 1.004, -0.7, 1, angle + 0.13)[0];
-      const c = this.ring(w, 1.004, 0.7, 1, angle + 0.13)[0], d = this.ring(w, 1.004, 0.7, 1, angle)[0];
+      const a = this.ring(w, 1.004, -0.7, 1, angle)[0],
+        b = this.ring(w, 1.004, -0.7, 1, angle + 0.13)[0];
+      const c = this.ring(w, 1.004, 0.7, 1, angle + 0.13)[0],
+        d = this.ring(w, 1.004, 0.7, 1, angle)[0];
       this.outline([a, b, c, d], this.turning([a, b, c, d]) < 0);
     }
     pen.fill();
@@ -822,7 +1118,8 @@ class SceneView {
 
   // Spring and damper, drawn through the sheet that hides them, but not through wheels.
   drawStruts() {
-    const { pen, data, color } = this, seen = data.struts.filter((s) => this.isNear(this.wheels[s.wheel].x, this.wheels[s.wheel].y));
+    const { pen, data, color } = this,
+      seen = data.struts.filter((s) => this.isNear(this.wheels[s.wheel].x, this.wheels[s.wheel].y));
     if (!seen.length) return;
     pen.save();
     pen.beginPath();
@@ -836,8 +1133,10 @@ class SceneView {
     }
     if (data.wheels.length > 1) pen.clip("evenodd");
     for (const strut of seen) {
-      if (Math.abs(this.towards[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.towards[1] < 0) continue; // behind the hull
-      const w = this.wheels[strut.wheel], from = SceneView.placed(this.poses[strut.body], strut.at);
+      if (Math.abs(this.towards[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.towards[1] < 0)
+        continue; // behind the hull
+      const w = this.wheels[strut.wheel],
+        from = SceneView.placed(this.poses[strut.body], strut.at);
       this.drawStrut(from, [w.x + strut.to[0], w.y + strut.to[1], w.z + strut.to[2]], w.wheel.radius);
     }
     pen.restore();
@@ -846,32 +1145,52 @@ class SceneView {
   }
 
   drawStrut(from, to, radius) {
-    const { pen, color } = this, line = (a, b, wide, style) => {
-      pen.strokeStyle = style;
-      pen.lineWidth = wide;
-      this.path([a, b], false);
-      pen.stroke();
-    };
-    const at = (share) => from.map((c, k) => c + share * (to[k] - c)), unit = radius * this.scale;
-    const tube = Math.max(3, 0.15 * unit), length = Math.hypot(...from.map((c, k) => to[k] - c));
-    const body = Math.min(0.75, 0.62 * radius / Math.max(0.1 * radius, length)); // the tube keeps its length, the rod shows
+    const { pen, color } = this,
+      line = (a, b, wide, style) => {
+        pen.strokeStyle = style;
+        pen.lineWidth = wide;
+        this.path([a, b], false);
+        pen.stroke();
+      };
+    const at = (share) => from.map((c, k) => c + share * (to[k] - c)),
+      unit = radius * this.scale;
+    const tube = Math.max(3, 0.15 * unit),
+      length = Math.hypot(...from.map((c, k) => to[k] - c));
+    // the tube keeps its length, the rod shows
+    const body = Math.min(0.75, (0.62 * radius) / Math.max(0.1 * radius, length));
     line(from, to, Math.max(1.5, 0.07 * unit), color.rim);
     // a helix about the strut: what is behind first
-    const coils = 7, steps = 8, axis = from.map((c, k) => (to[k] - c) / (length || 1));
+    const coils = 7,
+      steps = 8,
+      axis = from.map((c, k) => (to[k] - c) / (length || 1));
     let across = [axis[2], 0, -axis[0]];
     const norm = Math.hypot(...across) || 1;
     across = across.map((c) => c / norm);
-    const third = [axis[1] * across[2] - axis[2] * across[1], axis[2] * across[0] - axis[0] * across[2], axis[0] * across[1] - axis[1] * across[0]];
-    const flat = [across, third].map((d) => [SceneView.dot(d, this.right), -SceneView.dot(d, this.up), SceneView.dot(d, this.towards)]);
-    const size = 0.17 * unit, [x1, y1] = this.screen(from), [x2, y2] = this.screen(to);
+    const third = [
+      axis[1] * across[2] - axis[2] * across[1],
+      axis[2] * across[0] - axis[0] * across[2],
+      axis[0] * across[1] - axis[1] * across[0],
+    ];
+    const flat = [across, third].map((d) => [
+      SceneView.dot(d, this.right),
+      -SceneView.dot(d, this.up),
+      SceneView.dot(d, this.towards),
+    ]);
+    const size = 0.17 * unit,
+      [x1, y1] = this.screen(from),
+      [x2, y2] = this.screen(to);
     const draw = (front, wide, style) => {
       pen.strokeStyle = style;
       pen.lineWidth = wide;
       pen.beginPath();
       let drawing = false;
       for (let i = 0; i <= coils * steps; i += 1) {
-        const angle = i * 2 * Math.PI / steps, share = 0.06 + 0.88 * i / (coils * steps), c = Math.cos(angle), s = Math.sin(angle);
-        const x = x1 + share * (x2 - x1) + size * (c * flat[0][0] + s * flat[1][0]), y = y1 + share * (y2 - y1) + size * (c * flat[0][1] + s * flat[1][1]);
+        const angle = (i * 2 * Math.PI) / steps,
+          share = 0.06 + (0.88 * i) / (coils * steps),
+          c = Math.cos(angle),
+          s = Math.sin(angle);
+        const x = x1 + share * (x2 - x1) + size * (c * flat[0][0] + s * flat[1][0]),
+          y = y1 + share * (y2 - y1) + size * (c * flat[0][1] + s * flat[1][1]);
         if (drawing) pen.lineTo(x, y);
         drawing = c * flat[0][2] + s * flat[1][2] > 0 === front;
         if (drawing) pen.moveTo(x, y);
@@ -884,18 +1203,24 @@ class SceneView {
     draw(true, Math.max(1.6, 0.075 * unit), color.spring);
   }
 
-  // ------------------------------------------------------------------------------------------------- what is known, forces
+  // --------------------------------------------------------------------------------------------- what is known, forces
 
   drawPoints() {
     const { pen, color, data } = this;
     if (Math.abs(this.right[0]) < 0.15) return; // from behind, what is ahead is hidden
     for (const points of data.points) {
-      const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
+      const x = this.raw(points.x),
+        y = this.raw(points.y),
+        spacing = this.raw(points.spacing);
       const used = Math.max(0, Math.round(this.raw(points.count)));
-      const there = points.heights.slice(0, used).map((h, i) => [x + i * spacing, y, this.tall(h)]), near = this.isNear(x, y);
+      const there = points.heights.slice(0, used).map((h, i) => [x + i * spacing, y, this.tall(h)]),
+        near = this.isNear(x, y);
       pen.strokeStyle = pen.fillStyle = color[points.role];
       pen.globalAlpha = near ? 1 : 0.4;
-      for (const [wide, style] of [[4.5, color.halo], [2, color[points.role]]]) {
+      for (const [wide, style] of [
+        [4.5, color.halo],
+        [2, color[points.role]],
+      ]) {
         if (wide > 4 && !near) continue;
         pen.strokeStyle = style;
         pen.lineWidth = wide;
@@ -905,7 +1230,8 @@ class SceneView {
       }
       pen.setLineDash([]);
       let last = -Infinity;
-      for (const p of there) { // dots, as far as they stand apart
+      for (const p of there) {
+        // dots, as far as they stand apart
         const [sx, sy] = this.screen(p);
         if (Math.abs(sx - last) < 6) continue;
         last = sx;
@@ -918,7 +1244,8 @@ class SceneView {
   }
 
   arrowsNow() {
-    const { data } = this, found = [];
+    const { data } = this,
+      found = [];
     for (const arrow of data.arrows) {
       const at = arrow.at.map((v, k) => (k === 2 ? this.tall(v) : this.raw(v)));
       let from = at;
@@ -933,21 +1260,30 @@ class SceneView {
   }
 
   drawArrows() {
-    const { pen, color, data } = this, longest = 0.34 * this.height;
+    const { pen, color, data } = this,
+      longest = 0.34 * this.height;
     for (const { role, from, force } of this.arrowsNow()) {
-      const hidden = data.wheels.length > 1 && role !== "body" && Math.abs(this.towards[1]) > 0.3 && from[1] * this.towards[1] < 0; // behind the vehicle
+      const hidden =
+        // behind the vehicle
+        data.wheels.length > 1 && role !== "body" && Math.abs(this.towards[1]) > 0.3 && from[1] * this.towards[1] < 0;
       if (data.wheels.length > 1 && role !== "body" && !this.isNear(from[0], from[1])) continue;
       const tip = from.map((c, k) => c + force[k] / data.forceScale);
       const [ax, ay] = this.screen(from);
       let [bx, by] = this.screen(tip);
       const length = Math.hypot(bx - ax, by - ay);
       if (length < 3) continue;
-      const ux = (bx - ax) / length, uy = (by - ay) / length, cut = length > longest;
+      const ux = (bx - ax) / length,
+        uy = (by - ay) / length,
+        cut = length > longest;
       if (cut) [bx, by] = [ax + longest * ux, ay + longest * uy];
-      const head = Math.min(9, 0.5 * length), style = color[`${role}-force`];
+      const head = Math.min(9, 0.5 * length),
+        style = color[`${role}-force`];
       const neck = [bx - head * ux, by - head * uy];
       pen.globalAlpha = hidden ? 0.4 : 1;
-      for (const [line, wide] of [[color.halo, 6], [style, 3.2]]) {
+      for (const [line, wide] of [
+        [color.halo, 6],
+        [style, 3.2],
+      ]) {
         pen.strokeStyle = line;
         pen.lineWidth = wide;
         pen.beginPath();
@@ -969,8 +1305,10 @@ class SceneView {
         const words = `${SceneView.force(Math.hypot(...force))}${cut ? ", cut" : ""}`;
         this.text(words, bx + 8, Math.max(14, by), style);
       }
-      if (cut) { // a break across the shaft, as drawings have it
-        const mx = ax + 0.6 * (bx - ax), my = ay + 0.6 * (by - ay);
+      if (cut) {
+        // a break across the shaft, as drawings have it
+        const mx = ax + 0.6 * (bx - ax),
+          my = ay + 0.6 * (by - ay);
         for (const along of [-2, 2]) {
           pen.strokeStyle = style;
           pen.lineWidth = 1.5;
@@ -984,7 +1322,7 @@ class SceneView {
     pen.globalAlpha = 1;
   }
 
-  // -------------------------------------------------------------------------------------------------------------- words
+  // ------------------------------------------------------------------------------------------------------------- words
 
   static force(newtons) {
     const size = Math.abs(newtons);
@@ -1007,9 +1345,16 @@ class SceneView {
 
   // Legend: colours with their words, and forces as long as they are drawn, where they are upright.
   legend() {
-    const { data } = this, roles = new Set(data.arrows.map((a) => a.role)), perPixel = data.forceScale / (this.scale * this.up[2]);
-    const entries = [...roles].map((role) => ({ kind: "force", color: this.color[`${role}-force`], words: SceneView.WORDS[role] }));
-    for (const role of new Set(data.points.map((p) => p.role))) entries.push({ kind: role, color: this.color[role], words: SceneView.WORDS[role] });
+    const { data } = this,
+      roles = new Set(data.arrows.map((a) => a.role)),
+      perPixel = data.forceScale / (this.scale * this.up[2]);
+    const entries = [...roles].map((role) => ({
+      kind: "force",
+      color: this.color[`${role}-force`],
+      words: SceneView.WORDS[role],
+    }));
+    for (const role of new Set(data.points.map((p) => p.role)))
+      entries.push({ kind: role, color: this.color[role], words: SceneView.WORDS[role] });
     let newtons = null;
     if (roles.size) {
       const power = 10 ** Math.floor(Math.log10(56 * perPixel));
@@ -1019,12 +1364,15 @@ class SceneView {
   }
 
   drawWords() {
-    const { pen, color, data } = this, { entries, newtons, pixels } = this.legend();
-    let x = 12, y = 16;
+    const { pen, color, data } = this,
+      { entries, newtons, pixels } = this.legend();
+    let x = 12,
+      y = 16;
     pen.font = `12px ${this.font}`;
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    if (newtons !== null) { // an upright bar
+    if (newtons !== null) {
+      // an upright bar
       pen.strokeStyle = color.ink;
       pen.lineWidth = 1.5;
       pen.beginPath();
@@ -1040,7 +1388,8 @@ class SceneView {
       pen.fillText(words, x + 8, 10 + pixels / 2);
       x += 20 + pen.measureText(words).width;
     }
-    const begin = x, rows = [[]];
+    const begin = x,
+      rows = [[]];
     for (const entry of entries) {
       const wide = 26 + pen.measureText(entry.words).width + 12;
       if (x + wide > this.width && x > begin) {
@@ -1064,7 +1413,8 @@ class SceneView {
         pen.fill();
       }
       pen.fillStyle = color.muted;
-      if (y > 16) { // what a further row may lie on
+      if (y > 16) {
+        // what a further row may lie on
         pen.strokeStyle = color.halo;
         pen.lineWidth = 3;
         pen.strokeText(entry.words, x + 26, y);
@@ -1082,7 +1432,8 @@ class SceneView {
     data.limits.forEach((limit, i) => {
       if (!this.lit[i] || line > 4) return;
       pen.font = `600 12px ${this.font}`;
-      const wide = pen.measureText(limit.label).width + 16, top = this.width < SceneView.NARROW ? this.height - 26 - 24 * line : y + 16 + 24 * line;
+      const wide = pen.measureText(limit.label).width + 16,
+        top = this.width < SceneView.NARROW ? this.height - 26 - 24 * line : y + 16 + 24 * line;
       pen.fillStyle = color.limit;
       pen.beginPath();
       pen.rect(this.width - wide - 8, top, wide, 20);
@@ -1095,7 +1446,7 @@ class SceneView {
     });
   }
 
-  // ---------------------------------------------------------------------------------------------------- pointer and keys
+  // -------------------------------------------------------------------------------------------------- pointer and keys
 
   orbit(dx, dy) {
     const { camera } = this;
@@ -1105,10 +1456,13 @@ class SceneView {
     camera.elevation = Math.max(0.02, Math.min(1.2, camera.elevation + 0.006 * dy));
   }
 
-  zoom(factor) { this.camera.zoom = Math.max(0.5, Math.min(6, this.camera.zoom * factor)); }
+  zoom(factor) {
+    this.camera.zoom = Math.max(0.5, Math.min(6, this.camera.zoom * factor));
+  }
 
   listen() {
-    const { canvas } = this, held = new Map();
+    const { canvas } = this,
+      held = new Map();
     const apart = () => {
       const [a, b] = [...held.values()];
       return Math.hypot(a.x - b.x, a.y - b.y);
@@ -1119,24 +1473,32 @@ class SceneView {
     });
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
-      if (!before || (before.still && Math.hypot(event.clientX - before.x, event.clientY - before.y) < SceneView.DRAG)) return;
+      if (!before || (before.still && Math.hypot(event.clientX - before.x, event.clientY - before.y) < SceneView.DRAG))
+        return;
       const distance = held.size === 2 ? apart() : 0;
       held.set(event.pointerId, { x: event.clientX, y: event.clientY, still: false });
       if (held.size === 1) this.orbit(event.clientX - before.x, event.clientY - before.y);
       else if (held.size === 2 && distance) this.zoom(apart() / distance);
       this.changed();
     });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(end, (event) => held.delete(event.pointerId));
-    canvas.addEventListener("wheel", (event) => { // a page still scrolls over a scene that nobody has chosen
-      if (!event.ctrlKey && !event.metaKey && document.activeElement !== canvas) return;
-      event.preventDefault();
-      this.zoom(Math.exp(-0.0015 * event.deltaY));
-      this.changed();
-    }, { passive: false });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"])
+      canvas.addEventListener(end, (event) => held.delete(event.pointerId));
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        // a page still scrolls over a scene that nobody has chosen
+        if (!event.ctrlKey && !event.metaKey && document.activeElement !== canvas) return;
+        event.preventDefault();
+        this.zoom(Math.exp(-0.0015 * event.deltaY));
+        this.changed();
+      },
+      { passive: false },
+    );
     canvas.addEventListener("keydown", (event) => {
       const turn = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, 15], ArrowDown: [0, -15] }[event.key];
       if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (turn && this.view === "three-quarter") this.orbit(...turn); // elsewhere the page drives with them
+      if (turn && this.view === "three-quarter")
+        this.orbit(...turn); // elsewhere the page drives with them
       else if (event.key === "+" || event.key === "=") this.zoom(1.2);
       else if (event.key === "-") this.zoom(1 / 1.2);
       else if (event.key === "0") this.camera.zoom = 1;
