@@ -21,6 +21,7 @@ from typing import Any, Protocol
 from build_fmus import qp_sources, safe_files
 from build_fmus.compile import toolchain_identity
 from build_fmus.interpreters import forget_safe_path, safe_path
+from build_fmus.layout import fmu_path
 
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
 _LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "osqp", "suspension-fmus")
@@ -61,7 +62,7 @@ class Options:
 
     def target(self, name: str, fmi: int) -> Path:
         """File of one FMU."""
-        return self.out / f"fmi{fmi}" / f"{name}.fmu"
+        return fmu_path(self.out, fmi, name)
 
 
 def with_needs(catalog: Mapping[str, Buildable], names: Iterable[str]) -> list[str]:

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-import fmpy
-
 from build_fmus import description, extras, generate, licences, reference, related, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
@@ -109,9 +107,15 @@ def source_files(component: Model, fmi: int, *, arrays: bool = False, clocks: bo
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
     files |= generate.solver_files(component) | generate.profile_files(component)
     files = generate.with_mathematics(files)
+    return files | fmi_headers(fmi)
+
+
+def fmi_headers(fmi: int) -> dict[str, bytes]:
+    """The headers of a version of FMI, by file name."""
+    import fmpy  # half a second, of every command of an experiment if it were imported above
+
     headers = Path(fmpy.__file__).parent / "c-code"
-    files |= {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}
-    return files
+    return {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}
 
 
 def _documentation(component: Model, fmi: int, result: reference.ReferenceResult) -> dict[str, bytes]:

@@ -1,4 +1,5 @@
-"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
+"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves, and
+``cosim/fmu/published.toml``, the names by which the master finds built FMUs.
 
 build-fmus
 python docs/write_fmus.py
@@ -15,7 +16,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from build_fmus import safe_files
+from build_fmus.layout import FMUS
 from cosim import Fmu, Variable
+from cosim.fmu.find import PUBLISHED
 from cosim.fmu.model_description import Description
 from fmu_sources.catalog import PAPERS, default_catalog
 
@@ -69,6 +72,12 @@ def index(fmus: Path, shown: Callable[[str], str] = "`{}`".format) -> str:
         rows.append(f"| {shown(name)} | {about.text} | {_kind(about)} |")
     table = "\n".join(["| FMU | what it is | kind and step |", "|---|---|---|", *rows])
     return f"{_head('as `docs/write_fmus.py` lists them from the FMUs themselves; do not edit')}\n{_LIST}{table}\n"
+
+
+def published() -> str:
+    """The names of the catalog as TOML."""
+    names = "".join(f'    "{name}",\n' for name in sorted(default_catalog()))
+    return f"# Names of the FMUs of the catalog, written by docs/write_fmus.py; do not edit.\nnames = [\n{names}]\n"
 
 
 def _about(fmus: Path, name: str) -> Description:
@@ -133,4 +142,5 @@ def _start(elements: list[Variable]) -> str:
 
 
 if __name__ == "__main__":
-    safe_files.write(HERE / "reference" / "fmus.md", index(HERE.parent / "fmus"))
+    safe_files.write(HERE / "reference" / "fmus.md", index(HERE.parent / FMUS))
+    safe_files.write(PUBLISHED, published())

@@ -17,6 +17,7 @@ from rich.table import Table
 from build_fmus import builder, safe_files, terminal
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
+from build_fmus.layout import FMUS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
 from build_fmus.sources import code_hash
 from build_fmus.terminal import Command, PackageVersion, console, one_of, show
@@ -166,7 +167,7 @@ def command(
     ] = None,
     period: Annotated[float, typer.Option(help="sample time of the law made by --weights [s]")] = 1e-3,
     name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
-    out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
+    out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = FMUS,
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
     clocks: Annotated[
         bool,

@@ -28,6 +28,7 @@ from cosim.check.worker import LATE, Answer, Job, receive_answer, send
 from cosim.errors import CosimError, FmuError
 from cosim.fmu import calls
 from cosim.fmu.archive import Archive
+from cosim.fmu.find import find
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 from cosim.memory import physical_memory
@@ -202,8 +203,8 @@ CHECKS.setdefault(READABLE.id, READABLE)
 
 def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> File | None:
     """The FMU, unpacked; None where it cannot be read, which the report then says."""
-    path = report.path
     try:
+        report.path = path = find(report.path)
         file = Archive(path, options.limits)
         xml = file.description()
     except FmuError as error:

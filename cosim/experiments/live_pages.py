@@ -8,6 +8,7 @@ import argparse
 from collections.abc import Collection
 from pathlib import Path
 
+from build_fmus.layout import FMUS
 from cosim.experiments import EXPERIMENTS
 from cosim.study.experiment import Experiment
 from cosim.study.fmus import FmuSet
@@ -36,7 +37,7 @@ def write_pages(fmus: FmuSet, folder: Path, names: Collection[str] | None = None
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="receives the pages")
-    parser.add_argument("--fmus", type=Path, default=Path("fmus"), help="folder with fmi3/")
+    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder with fmi3/")
     arguments = parser.parse_args()
     for page in write_pages(FmuSet(arguments.fmus), arguments.folder):
         print(f"{page}: {page.stat().st_size / 1e6:.1f} MB")

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fmpy
-
 from build_fmus import extras, generate, package, safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.escape import c_identifier, c_number, c_string
@@ -134,8 +132,7 @@ class SystemCode:
         if len(linked) < len(self.distinct):
             files[_FOREIGN.name] = _FOREIGN.read_bytes()
         files[f"fmi{self.fmi}.c"] = (generate.RUNTIME_DIR / f"fmi{self.fmi}.c").read_bytes()
-        headers = Path(fmpy.__file__).parent / "c-code"
-        files |= {n: (headers / n).read_bytes() for version in (2, 3) for n in package.FMI_HEADERS[version]}
+        files |= package.fmi_headers(2) | package.fmi_headers(3)
         files = generate.with_mathematics(files)
         toolchain = find_toolchain(platform or host())
         for part in linked:

@@ -19,6 +19,7 @@ from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
 from cosim.fmu import gate, terminals
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
+from cosim.fmu.find import find
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
 from cosim.fmu.model_description import read
@@ -97,6 +98,8 @@ def _process() -> Any:
 class FmuFile:
     """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
+    `path`: of a file or folder, or the name of a built FMU of the catalog (`cosim.fmu.find`).
+
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
     version, an FMU without Co-Simulation, and what cannot be run safely: names that are not unique, sizes beyond
     `limits`. What else deviates from the standard is in `verdict`; an FmuWarning tells of it unless `quiet`, and with
@@ -107,7 +110,7 @@ class FmuFile:
     def __init__(
         self, path: str | os.PathLike[str], *, strict: bool = False, limits: Limits | None = None, quiet: bool = False
     ):
-        self.path = Path(path)
+        self.path = find(path)
         limits = limits or Limits()
         self._archive = Archive(self.path, limits)
         xml = self._archive.description()

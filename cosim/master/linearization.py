@@ -34,7 +34,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-import control
 import numpy as np
 
 from build_fmus.checks import did_you_mean, glob
@@ -234,6 +233,8 @@ def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Ar
             f"an algebraic loop has no solution: {', '.join(names)} depend on themselves at the same instant with a"
             " gain of 1; give one of the connections delay=True and linearize with discrete=True"
         )
+    import control
+
     plant = control.StateSpace(model.a, model.b, model.c, model.d, remove_useless_states=False)
     closed = plant.feedback(control.StateSpace([], [], [], coupling), sign=1)
     return closed.A, closed.B, closed.C, closed.D

@@ -24,6 +24,7 @@ from rich.text import Text
 
 from build_fmus import safe_files
 from build_fmus.compile import PLATFORMS
+from build_fmus.layout import FMUS
 from build_fmus.terminal import APP, Command, console, one_of, show
 from cosim import EngineChoice, System
 from cosim.curve import bars as drawn_bars
@@ -90,7 +91,7 @@ Memory = Annotated[
     float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")
 ]
 
-_FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, Path("fmus")), "fmi": (Version, 3)}
+_FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, FMUS), "fmi": (Version, 3)}
 _OUT: dict[str, tuple[Any, Any]] = {"out": (Out, Path("results"))}
 _EXECUTION: dict[str, tuple[Any, Any]] = {
     "engine": (Engines, "auto"),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus import escape
+from build_fmus.layout import FMUS, fmu_path
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:
@@ -27,7 +28,7 @@ class FmuSet:
     files lie on this machine that are elsewhere, by their path.
     """
 
-    directory: Path = Path("fmus")
+    directory: Path = FMUS
     fmi: int = 3
     own: Mapping[str, tuple[str, str]] = field(default_factory=dict, hash=False)
     at: Mapping[str, str] = field(default_factory=dict, hash=False)
@@ -54,7 +55,7 @@ class FmuSet:
                 raise FileNotFoundError(f"{name} does not exist")
             return found
         used, options = self.own.get(name, (name, ""))
-        path = self._placed(self.directory / f"fmi{self.fmi}" / f"{used}.fmu")
+        path = self._placed(fmu_path(self.directory, self.fmi, used))
         if not path.is_file():
             raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(options)}` first")
         return path
@@ -69,7 +70,7 @@ class FmuSet:
     @property
     def own_paths(self) -> list[Path]:
         """Those files of a user's own that are there."""
-        paths = {self.directory / f"fmi{self.fmi}" / f"{name}.fmu" for name, _ in self.own.values()}
+        paths = {fmu_path(self.directory, self.fmi, name) for name, _ in self.own.values()}
         return sorted(p for p in paths if p.is_file())
 
     def build_command(self, options: str = "") -> str:

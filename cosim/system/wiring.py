@@ -18,6 +18,7 @@ from cosim.description import RECORDABLE, Description, Variable
 from cosim.errors import FmuWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
+from cosim.fmu.find import find
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
 from cosim.system import terminals
@@ -59,8 +60,8 @@ class Wiring:
         step_timeout: float | None = None,
         memory_limit: int | None = None,
     ) -> Member:
-        """Add a component: the path of an FMU, a loaded `Fmu`, any `Component`, or a class or function without
-        arguments that makes a `PythonComponent`.
+        """Add a component: the path of an FMU, the name of a built FMU of the catalog (`FullCarHmmwv`), a loaded `Fmu`,
+        any `Component`, or a class or function without arguments that makes a `PythonComponent`.
 
         Each run executes a copy of a `PythonComponent` as it was added, or what the class or function makes for it.
         The object that ran last is `system["name"].component`.
@@ -132,9 +133,10 @@ class Wiring:
 
     def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
-            path = Path(fmu).absolute()
+            file = find(fmu)
+            path = file.absolute()
             if path not in self._fmus:
-                self._fmus[path] = FmuFile(fmu, strict=strict)
+                self._fmus[path] = FmuFile(file, strict=strict)
             fmu = self._fmus[path]
         if isinstance(fmu, FmuFile):
             if strict:
@@ -142,7 +144,9 @@ class Wiring:
             fmu.check_platform()
             return FmuComponent(fmu)
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
-            raise WiringError(f"cannot use {fmu!r}: give the path of an .fmu file, an Fmu or a Component")
+            raise WiringError(
+                f"cannot use {fmu!r}: give the path of an .fmu file, the name of a built FMU, an Fmu or a Component"
+            )
         if any(fmu is m.component or (m.source and fmu is m.source.added) for m in self.members.values()):
             raise WiringError("this component object is already in the system; make a second one")
         return fmu  # type: ignore[no-any-return]

@@ -10,12 +10,21 @@ from built import FMUS, BuiltFmus
 from pages import PAGES, ROOT
 
 from cosim import Fmu
+from cosim.fmu.find import PUBLISHED, published_names
+from fmu_sources.catalog import default_catalog
 
 
 def test_the_reference_is_up_to_date(built_fmus: BuiltFmus) -> None:  # noqa: ARG001
     written = (ROOT / "docs" / "reference" / "fmus.md").read_text(encoding="utf-8")
     page = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["index"](FMUS)
     assert written == page, "run `build-fmus && python docs/write_fmus.py` and commit docs/reference/fmus.md"
+
+
+def test_the_names_of_the_catalog_are_up_to_date() -> None:
+    """The master finds built FMUs by them."""
+    text = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["published"]()
+    assert PUBLISHED.read_text(encoding="utf-8") == text, "run `python docs/write_fmus.py`; commit published.toml"
+    assert set(published_names()) == set(default_catalog())
 
 
 @pytest.fixture(scope="module")

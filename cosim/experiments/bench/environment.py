@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.bench.runs import Case, configure, wire
 from cosim.gym import Step, SystemEnv
@@ -53,7 +54,7 @@ def system(fmus: FmuSet) -> System:
 
 
 def environment(
-    fmus: str | Path = "fmus", *, fmi: int = 3, offsets: tuple[float, float] = OFFSETS, render_mode: str | None = None
+    fmus: str | Path = FMUS, *, fmi: int = 3, offsets: tuple[float, float] = OFFSETS, render_mode: str | None = None
 ) -> SystemEnv:
     """The environment.
 

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from build_fmus import safe_files
 from build_fmus.checks import number
+from build_fmus.layout import FMUS
 from build_fmus.terminal import console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
@@ -31,7 +32,7 @@ def identify(
     weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = R_PUBLISHED,
     horizon: Annotated[int, typer.Option(help="prediction horizon h_p")] = _DESIGN.h_p,
     control_horizon: Annotated[int, typer.Option(help="control horizon h_c")] = _DESIGN.h_c,
-    fmus: Fmus = Path("fmus"),
+    fmus: Fmus = FMUS,
     fmi: Version = 3,
     vehicle: Vehicles = None,
     out: Out = Path("results"),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus.layout import FMUS
 from cosim import System
 from cosim.experiments.hmmwv.runs import Case, configure, wire
 from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD
@@ -60,7 +61,7 @@ def system(fmus: FmuSet) -> System:
 
 
 def environment(
-    fmus: str | Path = "fmus",
+    fmus: str | Path = FMUS,
     *,
     fmi: int = 3,
     offsets: tuple[float, float] = OFFSETS,

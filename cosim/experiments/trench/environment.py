@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.metrics.crossing import LIMITS, WEIGHTS
 from cosim.experiments.trench.runs import TOUCH, Case, Course, configure, wire
@@ -78,7 +79,7 @@ def system(fmus: FmuSet) -> System:
     return made
 
 
-def environment(fmus: str | Path = "fmus", *, fmi: int = 3, render_mode: str | None = None) -> SystemEnv:
+def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | None = None) -> SystemEnv:
     """The environment.
 
     Args:
