@@ -101,7 +101,23 @@ First steps:
   cosim check MyModel.fmu                   does an FMU keep to the standard?
   cosim list                                all experiments and their options
 """
-app = typer.Typer(cls=Commands, epilog=EXAMPLES, **GROUP)
+BASE_EXAMPLES = f"""\b
+First steps:
+  cosim fmu MyModel.fmu                     what is in an FMU, with lines to paste into Python
+  cosim check MyModel.fmu                   does an FMU keep to the standard?
+  cosim run my_experiment.py                one run of an experiment of your own
+  cosim run Any.ssp                         one run of a system of another tool
+The experiments of the papers and build-fmus need {extras.named("studies")}
+"""
+"""First steps that work without extras."""
+
+
+def first_steps() -> str:
+    """Those that work with what is installed."""
+    return BASE_EXAMPLES if extras.missing("studies") else EXAMPLES
+
+
+app = typer.Typer(cls=Commands, epilog=first_steps(), **GROUP)
 FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py, cosim {0} Any.ssp"
 
 
@@ -147,7 +163,9 @@ app.add_typer(
 @app.command("list", cls=Command)
 def list_experiments() -> None:
     """List the experiments with the options of their runs."""
-    extras.require("studies", "the list of experiments")
+    if extras.missing("studies"):
+        show(Text(first_steps().removeprefix("\b\n"), end=""), as_is=True)
+        return
     table = Table("experiment", "what it is", box=None)
     table.add_column("options", overflow="fold")
     for name in NAMES:

@@ -217,7 +217,6 @@ MISSING = {
     "suspension-fmus build QuarterCarHmmwv": ("building FMUs", "build"),
     "suspension-fmus identify gpc": ("building FMUs", "build"),
     "suspension-fmus study step.py --height 0.02": ("writing a report", "reports"),
-    "cosim list": ("the list of experiments", "studies"),
     "cosim run gpc": ("the experiment gpc", "studies"),
     "suspension-fmus study bench": ("the experiment bench", "studies"),
 }
@@ -230,6 +229,26 @@ def test_a_command_names_the_extra_that_it_lacks(line: str, core: Environment, f
     assert (
         said == f"{line.partition(' ')[0]}: {what} needs the extra [{extra}]: pip install 'suspension-fmus[{extra}]'\n"
     )
+
+
+def test_first_steps_are_those_that_work_with_what_is_installed(core: Environment, fmu: Path) -> None:  # noqa: ARG001
+    """Without extras nothing is proposed that needs one; what is proposed runs."""
+    for said in (core.run("cosim", "list"), core.run("cosim", "--help")):
+        steps = re.findall(r"(?m)^ +cosim (\w+) (\S+)", said.partition("First steps:")[2])
+        assert steps == [
+            ("fmu", "MyModel.fmu"),
+            ("check", "MyModel.fmu"),
+            ("run", "my_experiment.py"),
+            ("run", "Any.ssp"),
+        ]
+        assert "need the extra [studies]: pip install 'suspension-fmus[studies]'" in " ".join(said.split())
+    for command in (["fmu", FMU], ["check", FMU], ["run", "step.py"]):
+        core.run("cosim", *command)
+
+
+def test_an_fmu_that_is_not_built_names_the_extra_that_builds_it(core: Environment) -> None:
+    said = core.run("cosim", "fmu", "FullCarHmmwv", code=1)
+    assert "run `build-fmus FullCarHmmwv`, which needs the extra [build]" in said
 
 
 def test_a_wrong_name_is_answered_with_those_there_are_and_the_extra_that_they_need(core: Environment) -> None:
