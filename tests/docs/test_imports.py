@@ -1,6 +1,6 @@
-"""Arrows between files: no circles, and between rooms only those of the table in docs/explanation/architecture.md.
+"""Imports between files: no cycles, and between packages only those of the table in docs/explanation/architecture.md.
 
-Imports are read, not run, wherever they stand: inside functions and under TYPE_CHECKING too.
+The test parses imports and does not execute them. Imports inside functions and under TYPE_CHECKING count too.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ def module(dotted: str) -> str:
     return next(file for file in candidates if file in files())
 
 
-def in_circles(arrows: dict[str, set[str]]) -> list[str]:
-    """The files of circles, and those between circles: what is left when files that import nothing, or that nobody
-    imports, are taken away until nothing changes."""
+def files_in_cycles(arrows: dict[str, set[str]]) -> list[str]:
+    """The files in cycles and between cycles: the rest after files that import nothing, or that no file imports, are
+    removed until nothing changes."""
     left = dict(arrows)
     while True:
         imported = set().union(*left.values())
@@ -92,51 +92,51 @@ def in_circles(arrows: dict[str, set[str]]) -> list[str]:
 
 
 @cache
-def rooms() -> dict[str, tuple[str, ...]]:
-    """Each room with the rooms it may import, from the table, lowest first."""
-    table = section("explanation/architecture.md", "Who may import whom")
+def allowed_imports() -> dict[str, tuple[str, ...]]:
+    """Each package of the table, lowest first, with the packages that it may import."""
+    table = section("explanation/architecture.md", "Allowed imports")
     rows = re.findall(r"^\| `([^`|]+)` \|[^|]*\|([^|]*)\|$", table, re.MULTILINE)
     assert len(rows) > 10
     return {one: tuple(re.findall(r"`([^`]+)`", arrows)) for one, arrows in rows}
 
 
-def room(file: str) -> str:
-    """The most specific room of a file: its own line, else its folder or those around, else the files of its folder."""
+def package_of(file: str) -> str:
+    """The most specific row of the table that contains a file: the file, else its folder, else an enclosing folder."""
     folder, *around = (p.as_posix() for p in Path(file).parents)
     for candidate in (file, f"{folder}/*.py", f"{folder}/", *(f"{p}/" for p in around)):
-        if candidate in rooms():
+        if candidate in allowed_imports():
             return candidate
-    raise AssertionError(f"{file} belongs to no room: add one to the table in docs/explanation/architecture.md")
+    raise AssertionError(f"{file} belongs to no package: add a row to the table in docs/explanation/architecture.md")
 
 
-def test_files_import_in_no_circle() -> None:
-    assert in_circles(graph()) == []
+def test_files_do_not_import_in_cycles() -> None:
+    assert files_in_cycles(graph()) == []
 
 
-def test_a_circle_is_found() -> None:
+def test_a_cycle_is_found() -> None:
     arrows = {"a": {"b", "x"}, "b": {"c"}, "c": {"a"}, "x": set(), "y": {"a"}}
-    assert in_circles(arrows) == ["a", "b", "c"]
-    assert in_circles({**arrows, "c": set()}) == []
+    assert files_in_cycles(arrows) == ["a", "b", "c"]
+    assert files_in_cycles({**arrows, "c": set()}) == []
 
 
-def test_rooms_import_only_rooms_below_them() -> None:
+def test_packages_import_only_packages_below_them() -> None:
     seen: list[str] = []
-    for one, arrows in rooms().items():
-        assert set(arrows) <= set(seen), f"{one} may import rooms that stand below it in the table"
+    for one, arrows in allowed_imports().items():
+        assert set(arrows) <= set(seen), f"{one} may import packages that are below it in the table"
         seen.append(one)
 
 
-def test_files_import_what_their_room_may() -> None:
-    arrows = {(room(file), room(other)): (file, other) for file, others in graph().items() for other in others}
-    allowed = {(one, other) for one, others in rooms().items() for other in others}
+def test_files_import_only_allowed_packages() -> None:
+    arrows = {(package_of(file), package_of(other)): (file, other) for file, others in graph().items() for other in others}
+    allowed = {(one, other) for one, others in allowed_imports().items() for other in others}
     wrong = {pair: files for pair, files in arrows.items() if pair[0] != pair[1] and pair not in allowed}
     assert wrong == {}
-    assert allowed - arrows.keys() == set(), "the table in docs/explanation/architecture.md has arrows that nobody uses"
+    assert allowed - arrows.keys() == set(), "the table in docs/explanation/architecture.md allows imports that no file has"
 
 
 def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:
     for one in CORE:
-        assert set(rooms()[one]) <= {*CORE, *BELOW}, one
+        assert set(allowed_imports()[one]) <= {*CORE, *BELOW}, one
 
 
 def folders() -> dict[str, list[str]]:
@@ -150,7 +150,7 @@ def folders() -> dict[str, list[str]]:
 
 
 def test_every_folder_of_components_has_a_line_in_the_table() -> None:
-    assert {f for f in folders() if not {f"{f}/", f"{f}/*.py"} & rooms().keys()} == set()
+    assert {f for f in folders() if not {f"{f}/", f"{f}/*.py"} & allowed_imports().keys()} == set()
 
 
 @pytest.mark.parametrize("folder", sorted(folders().keys() - {"fmu_sources"}))
