@@ -33,7 +33,7 @@ from cosim.report.maps import Map
 
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
 Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
-Mode = Literal["line", "line+markers", "markers"]
+Mode = Literal["line", "line+markers", "markers", "bar"]
 Scale = Literal["linear", "log"]
 
 
@@ -86,7 +86,10 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One pair of axes. Labels carry their unit: `"pitch [deg]"`, `"ratio [-]"`; `"peak [?]"` is drawn without one."""
+    """One pair of axes. Labels carry their unit: `"pitch [deg]"`, `"ratio [-]"`; `"peak [?]"` is drawn without one.
+
+    `x_names`: names of the positions 0, 1, 2, ... on the x axis, for series of mode "bar".
+    """
 
     title: str
     x_label: str
@@ -94,6 +97,7 @@ class Panel:
     series: Sequence[Series]
     x_scale: Scale = "linear"
     y_scale: Scale = "linear"
+    x_names: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         where = f"panel '{self.title or self.y_label}'"
@@ -105,6 +109,11 @@ class Panel:
         if not self.series:
             raise ValueError(f"{where} has no series")
         check_unique(where, "series", (s.name for s in self.series))
+        assign(self, "x_names", items(where, "x_names", self.x_names, str))
+        check_unique(where, "x name", self.x_names)
+        for s in self.series:
+            if s.mode == "bar" and not set(s.x_values) <= set(range(len(self.x_names))):
+                raise ValueError(f"{where}: series '{s.name}' has bars at positions without a name in 'x_names'")
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +214,9 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """`provenance` maps headings to values, lists, or mappings: `{"versions": {"casadi": "3.6.7"}, "seeds": [0, 1]}`.
+    """A report begins with its message: the sentence `lead`, and the `figure` and `animation` that show it.
 
+    `provenance` maps headings to values, lists, or mappings: `{"versions": {"casadi": "3.6.7"}, "seeds": [0, 1]}`.
     Keep time and machine out of it: the same results must give the same files.
     """
 
@@ -218,6 +228,8 @@ class Report:
     parameters: Sequence[Parameter] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
     results: Sequence[Result] = ()
+    figure: Figure | Map | None = None
+    animation: Animation | None = None
 
     def __post_init__(self) -> None:
         where = f"report '{self.experiment}'"
@@ -238,7 +250,8 @@ class Report:
 
     @property
     def figures(self) -> list[Figure | Map]:
-        return [figure for section in self.sections for figure in section.figures]
+        first = [] if self.figure is None else [self.figure]
+        return [*first, *(figure for section in self.sections for figure in section.figures)]
 
     @property
     def drawn(self) -> list[Figure]:
@@ -251,7 +264,8 @@ class Report:
 
     @property
     def animations(self) -> list[Animation]:
-        return [animation for section in self.sections for animation in section.animations]
+        first = [] if self.animation is None else [self.animation]
+        return [*first, *(animation for section in self.sections for animation in section.animations)]
 
     @property
     def published(self) -> list[Claim]:

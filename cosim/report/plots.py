@@ -13,7 +13,7 @@ import numpy as np
 
 from build_fmus import escape, extras
 from cosim.report.checks import UNKNOWN, Array, drawn_label, label_of, split_label
-from cosim.report.model import Color, Dash, Figure, Panel
+from cosim.report.model import Color, Dash, Figure, Panel, Series
 
 with extras.needed("reports", extras.WRITING):
     import plotly.graph_objects as go
@@ -30,6 +30,7 @@ COLORS: dict[Color, str] = {
     "grey": "#767676",
 }
 DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
+PATTERNS: dict[Dash, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash": "-", "dot": "."}  # of bars
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
 
 INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
@@ -110,8 +111,8 @@ def plotly_figure(figure: Figure, palette: Palette | None = None, *, narrow: boo
     return go.Figure(traces, _layout(figure, narrow))
 
 
-def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
-    traces = []
+def _traces(figure: Figure, palette: Palette) -> list[go.Scatter | go.Bar]:
+    traces: list[go.Scatter | go.Bar] = []
     named: set[str] = set()
     for number, panel in enumerate(figure.panels, start=1):
         axes = {"xaxis": _axis("x", number), "yaxis": _axis("y", number)}
@@ -121,6 +122,11 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
             # plotly reads names as markup
             common: dict[str, Any] = {**axes, "name": escape.html(series.name), "legendgroup": series.name}
             x = series.x_values
+            value = "%{y:.4~g}" + ("" if unit in ("-", "1", UNKNOWN) else f" {escape.html(unit)}")
+            if series.mode == "bar":
+                traces.append(_bar(series, look, common, value, showlegend=series.name not in named))
+                named.add(series.name)
+                continue
             if series.low is not None:
                 for values, fill in ((series.low, None), (series.high, "tonexty")):
                     traces.append(
@@ -136,7 +142,6 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
                             showlegend=False,
                         )
                     )
-            value = "%{y:.4~g}" + ("" if unit in ("-", "1", UNKNOWN) else f" {escape.html(unit)}")
             traces.append(
                 go.Scatter(
                     **common,
@@ -151,6 +156,25 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
             )
             named.add(series.name)
     return traces
+
+
+def _bar(series: Series, look: Look, common: dict[str, Any], value: str, *, showlegend: bool) -> go.Bar:
+    """Bars with their values written at them, or with error bars where the series has a band."""
+    y = _gaps(np.asarray(series.y))
+    label: dict[str, Any] = {"texttemplate": "%{y:.3~g}", "textposition": "outside", "cliponaxis": False}
+    if series.low is not None:
+        above, below = (np.abs(np.asarray(edge, dtype=float) - y) for edge in (series.high, series.low))
+        spread = {"array": above.tolist(), "arrayminus": below.tolist(), "symmetric": False, "color": INK, "width": 3}
+        label = {"error_y": {"type": "data", "thickness": 1.2, **spread}}
+    return go.Bar(
+        **common,
+        **label,
+        x=series.x_values,
+        y=y,
+        marker={"color": look.color, "pattern": {"shape": PATTERNS[look.dash], "fgcolor": PAPER, "fgopacity": 0.6}},
+        hovertemplate=f"%{{fullData.name}}: {value}<extra></extra>",
+        showlegend=showlegend,
+    )
 
 
 def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
@@ -182,7 +206,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         "separators": ".\u202f",
         "paper_bgcolor": PAPER,
         "plot_bgcolor": PAPER,
-        "hovermode": "x unified",
+        "hovermode": "closest" if any(panel.x_names for panel in figure.panels) else "x unified",
         "hoverlabel": {"bgcolor": PAPER, "bordercolor": RULE, "font": {"size": 12, "color": INK}, "namelength": -1},
         "legend": {
             "orientation": "h",
@@ -210,6 +234,13 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
             "hoverformat": ".5~g",
             "showticklabels": labelled[i],
         }
+        if panel.x_names:
+            x_axis |= {
+                "tickvals": list(range(len(panel.x_names))),
+                "ticktext": [escape.html(name).replace(", ", ",<br>") for name in panel.x_names],
+                "range": [-0.5, len(panel.x_names) - 0.5],
+                "ticks": "",
+            }
         if not labelled[i]:
             del x_axis["title"]
         if first != i:
@@ -271,7 +302,7 @@ def _shared_x(panels: Iterable[Panel]) -> list[tuple[object, ...]]:
         x = np.concatenate([s.x_values for s in panel.series])
         x = x[np.isfinite(x)]
         extent = (float(x.min()), float(x.max())) if len(x) else ()
-        keys.append((panel.x_label, panel.x_scale, *extent))
+        keys.append((panel.x_label, panel.x_scale, panel.x_names, *extent))
     return keys
 
 
@@ -329,13 +360,16 @@ def placed_columns(figure: Figure) -> tuple[list[tuple[str, Array]], list[tuple[
                 known = any(label == panel.x_label for label, _, _ in grids)
                 grids.append((panel.x_label, x, place))
                 shown = drawn_label(panel.x_label)
+                if panel.x_names:
+                    shown += f" ({', '.join(f'{i}: {name}' for i, name in enumerate(panel.x_names))})"
                 found.append((title, f"{series.name}: {shown}" if known else shown, x))
             own = {}
             for kind, values in series.columns():
                 suffix = "" if kind == "y" else f" {kind}"
                 own[kind] = len(found)
                 found.append((title, drawn_label(label_of(f"{series.name}: {quantity}{suffix}", unit)), values))
-            places += [(place, own[kind]) for kind in ("low", "high", "y") if kind in own]
+            kinds = ("y",) if series.mode == "bar" else ("low", "high", "y")
+            places += [(place, own[kind]) for kind in kinds if kind in own]
 
     count = Counter(header for _, header, _ in found)
     columns: dict[str, Array] = {}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cosim.study.experiment import Experiment, MeasureError, Metric, Row, Run, Search, Task
     from cosim.study.fmus import FmuSet
     from cosim.study.loading import ExperimentError, load
-    from cosim.study.pages import default_report, parameters, provenance, sections
+    from cosim.study.pages import default_report, make_lead, parameters, provenance, sections
     from cosim.study.results import Results, RunFailed
     from cosim.study.runner import Execution, Runner
 
@@ -57,6 +57,7 @@ _PLACES = {
     ),
     "cosim.study.pages": (
         "default_report",
+        "make_lead",
         "parameters",
         "provenance",
         "sections",
@@ -103,6 +104,7 @@ __all__ = [
     "fields",
     "grid",
     "load",
+    "make_lead",
     "option",
     "parameters",
     "provenance",

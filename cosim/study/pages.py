@@ -13,7 +13,7 @@ from typing import Any
 
 from build_fmus.terminal import PACKAGE
 from cosim.fmu.file import FmuFile
-from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
+from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
 from cosim.report.checks import Scalar, label_of
 from cosim.study import key
 from cosim.study.case import Field, differing
@@ -77,6 +77,20 @@ def sections(study: Any, makers: Iterable[Callable[[Any], Section | list[Section
             title = (maker.__doc__ or maker.__name__.strip("_").replace("_", " ")).partition("\n")[0].rstrip(".")
             made.append(Section(title[:1].upper() + title[1:], [f"Left out: {error}"]))
     return made
+
+
+def make_lead(study: Any, maker: Callable[[Any], tuple[str, Figure | Map | None]]) -> tuple[str, Figure | Map | None]:
+    """The lead sentence of a report and its figure; where they need a run which failed, the sentence says so."""
+    try:
+        return maker(study)
+    except RunFailed as error:
+        return f"The main result is left out: {error}", None
+
+
+def compared(value: float, base: float) -> str:
+    """A value compared with another one, in words: "25 % lower"."""
+    change = 100 * (value / base - 1)
+    return f"{abs(change):.0f} % {'lower' if change < 0 else 'higher'}"
 
 
 def failed_section(results: Results) -> list[Section]:

@@ -66,6 +66,14 @@ def series(report: Report, id_: str, panel: str, name: str) -> Series:
     return next(s for p in found.panels if p.title == panel for s in p.series if s.name == name)
 
 
+def bars(report: Report) -> dict[str, dict[str, float]]:
+    """Heights of the bars of the figure that the report begins with, by series and by the name of their position."""
+    assert isinstance(report.figure, Figure)
+    (panel,) = report.figure.panels
+    shown = [s for s in panel.series if s.mode == "bar"]
+    return {s.name: dict(zip((panel.x_names[int(i)] for i in s.x_values), s.y, strict=True)) for s in shown}  # type: ignore[call-overload]
+
+
 def axes(report: Report, id_: str) -> dict[str, tuple[str, str]]:
     """Labels of the axes of a figure's panels, by the panel's title."""
     found: Figure = next(f for f in report.figures if isinstance(f, Figure) and f.id == id_)

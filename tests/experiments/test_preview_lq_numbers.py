@@ -637,6 +637,7 @@ def test_a_plateau(page: Report) -> None:
 def test_words_of_the_sections(page: Report) -> None:
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert list(words) == [
+        "What was run",
         "Closed-loop poles",
         "Mean squares and index",
         "Preview time",
@@ -648,16 +649,30 @@ def test_words_of_the_sections(page: Report) -> None:
     assert "with the sprung mass of 1460 kg (source: weighed)." in words["Closed-loop poles"]
     assert "worse, by up to 12 %, before" in words["Preview time"]
     assert words["Mean squares and index"].startswith("Means over 1.2 s; preview 0.12 s.")
-    assert "at 75 km/h" in page.lead
+    assert "at 75 km/h" in words["What was run"]
 
 
-def test_figures_at_the_top(page: Report) -> None:
-    assert {r.name: (r.value, r.unit) for r in page.results} == {
-        "J with preview, ride comfort, both sides": (31.6, "% of passive"),
-        "J with preview, road holding, both sides": (31.7, "% of passive"),
-        "J with preview, ride comfort, left side": (31.6, "% of passive"),
-        "J with preview, road holding, left side": (31.7, "% of passive"),
+def test_main_result(page: Report) -> None:
+    assert page.lead == (
+        "With 0.12 s of preview, the quadratic indices of ride comfort and road holding are 31.6 % and 31.7 % of the"
+        " passive car's with input on both sides, compared with 50.0 % and 50.1 % if the controller only knows the road"
+        " of the rear wheels from the front wheels, and 70.0 % and 70.1 % without any information on the road."
+    )
+    assert made_up.axes(page, "main-result") == {"": ("index, input [?]", "J, per cent of passive [%]")}
+    parts = [f"{w}, {i} side{'s' * (i == 'both')}" for i in ("both", "left") for w in ("ride comfort", "road holding")]
+    assert made_up.bars(page) == {
+        c: {n: pytest.approx(v + 0.1 * n.startswith("road")) for n in parts}
+        for c, v in (("active", 70.0), ("delay", 50.0), ("preview", 31.6))
     }
+
+
+def test_main_result_takes_the_input_on_both_sides(study: Results, fmus: FmuSet) -> None:
+    """The bars show each input."""
+    both, left = (Case(i, "comfort", "preview") for i in ("both", "left"))
+    page = report(altered(study, {both: {"J": 9.0}, left: {"J": 2.0}}), fmus)
+    assert "are 45.0 % and 31.7 % of the passive car's" in page.lead
+    found = made_up.bars(page)["preview"]
+    assert (found["ride comfort, both sides"], found["ride comfort, left side"]) == (45.0, 20.0)
 
 
 def test_parameters_are_those_of_the_fmus(page: Report) -> None:

@@ -511,13 +511,29 @@ def test_of_a_speed_that_one_side_has_alone_there_is_no_change(study: Results, f
     assert row["correlated [km/h]"] == pytest.approx(16.5 * 0.99 * 0.9)
 
 
-def test_results_at_the_top(page: Any) -> None:
-    """Of each car as it is and under the law with which it is fastest."""
-    found = {r.name: (r.value, r.unit) for r in page.results}
-    assert found["speed of 6 W, 6x6 (003), passive, 1in rms"] == (16.0, "km/h")
-    assert found["speed of 6 W, 6x6 (003), MPC with preview, 1in rms"] == (17.5, "km/h")
-    assert found["speed of 6 W, full car, public model, passive, 1in rms"] == (22.0, "km/h")
-    assert len(found) == 2 * len(CARS) - 1  # the public car has one law
+def test_main_result(page: Any) -> None:
+    """Of each car as it is and with the controller with which it is fastest."""
+    assert page.lead == (
+        "On the course of 1 in rms, the driver absorbs 6 W at these speeds: HMMWV (001) 10.2 km/h (passive, hydraulic)"
+        " and 13.2 km/h (MPC with preview, hydraulic); sedan (004) 13.0 km/h (passive) and 16.0 km/h (preview LQ road"
+        " holding); 6x6 (003) 16.0 km/h (passive) and 17.5 km/h (MPC with preview); full car (000) 19.0 km/h (passive)"
+        " and 20.5 km/h (GPC with preview); full car, public model 22.0 km/h (passive)."
+    )
+    assert made_up.axes(page, "main-result") == {"": ("detrended rms of the course [mm]", "speed of 6 W [km/h]")}
+    (panel,) = page.figure.panels
+    assert [s.dash for s in panel.series] == ["dash", "solid"] * 4 + ["dash"]  # the public car has one law
+    curve = made_up.series(page, "main-result", "", "6x6 (003), MPC with preview")
+    assert curve.x_values == pytest.approx([24.62, 44.30, 83.83], abs=0.01)
+    assert np.asarray(curve.y) == pytest.approx([17.5, 8.6625, 4.33125])
+
+
+def test_main_result_takes_the_fastest_of_the_laws(study: Results, fmus: FmuSet) -> None:
+    search = first(study, "6x6", "lqr", "1in")
+    own = study.found(search)["speeds"]
+    faster = altered(study, {search: {"speeds": {**own, "absorbed_power_nrmm": [41.0] * search.seeds}}})
+    page = report(faster, fmus)
+    assert "6x6 (003) 16.0 km/h (passive) and 41.0 km/h (LQR);" in page.lead
+    assert "6x6 (003), LQR" in [s.name for s in page.figure.panels[0].series]  # type: ignore[union-attr]
 
 
 def judged(study: Results) -> dict[str, tuple[bool, str]]:

@@ -184,11 +184,11 @@ class TestCounts:
         assert [c["own"] for c in data["claims"]] == [False] * 4 + [True] * 2
         assert page.count('<span class="chip order">') == 1
         assert "1 order reproduced, magnitude not</span>" in page
-        assert "Fitted: the mass." in page
+        assert "<dt>Fitted</dt><dd>the mass</dd>" in page
         assert all(page.count(f"<code>{c['id']}</code>") == 1 for c in data["claims"]), (
             "tables and words name claims by id"
         )
-        assert "Criterion: magnitude between 10 and 20 %." in page
+        assert "<dt>Criterion</dt><dd>magnitude between 10 and 20 %</dd>" in page
         assert page.index('id="claim-c3"') < page.index('id="checks-title"') < page.index('id="claim-solver"')
 
     def test_every_verdict_has_a_look_of_its_own(self):

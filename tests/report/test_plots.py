@@ -144,6 +144,55 @@ def test_a_band_has_the_color_of_its_curve_but_paler():
     assert low.fillcolor == "rgba(0,114,178,0.16)"
 
 
+BARS = Figure(
+    "bars",
+    "Bars",
+    "",
+    [
+        Panel(
+            "",
+            "road [?]",
+            "power [W]",
+            [
+                Series("passive", [0, 1], [46.0, 18.0], color="grey", dash="dash", mode="bar"),
+                Series("MPC", [0, 1], [5.0, 4.0], [4.0, 3.5], [5.75, 4.5], mode="bar"),
+                Series("limit", [-0.5, 1.5], [6.0, 6.0]),
+            ],
+            x_names=["off road, class E", "track"],
+        )
+    ],
+)
+
+
+def test_bars_stand_at_their_names_with_their_values_or_their_spread():
+    drawn = plotly_figure(BARS)
+    plain, spread, line = drawn.data
+    assert [(t.type, t.name, list(t.x), list(t.y)) for t in (plain, spread, line)] == [
+        ("bar", "passive", [0, 1], [46.0, 18.0]),
+        ("bar", "MPC", [0, 1], [5.0, 4.0]),
+        ("scatter", "limit", [-0.5, 1.5], [6.0, 6.0]),
+    ]
+    assert (plain.texttemplate, plain.error_y.array, plain.marker.pattern.shape) == ("%{y:.3~g}", None, "/")
+    assert (spread.texttemplate, spread.error_y.array, spread.error_y.arrayminus) == (None, (0.75, 0.5), (1.0, 0.5))
+    axis = drawn.layout.xaxis
+    assert (axis.tickvals, axis.ticktext, axis.range) == ((0, 1), ("off road,<br>class E", "track"), (-0.5, 1.5))
+    assert drawn.layout.hovermode == "closest"
+
+
+def test_bars_in_files_say_what_their_positions_are():
+    columns, places = placed_columns(BARS)
+    assert [header for header, _ in columns] == [
+        "road (0: off road, class E, 1: track)",
+        "passive: power [W]",
+        "MPC: power [W]",
+        "MPC: power low [W]",
+        "MPC: power high [W]",
+        "limit: road (0: off road, class E, 1: track)",
+        "limit: power [W]",
+    ]
+    assert places == [(0, 1), (0, 2), (5, 6)]
+
+
 class TestColumns:
     def test_one_x_for_all_that_share_it(self, make_report):
         assert [header for header, _ in series_columns(make_report().figures[0])] == [

@@ -111,6 +111,30 @@ def test_figures_and_tables_are_counted_from_one(page):
         assert words in text
 
 
+def test_the_page_begins_with_its_message(make_report):
+    """The sentence, the figure that shows it, the verdicts, whose details unfold, and then the rest."""
+    bars = Series("MPC", [0, 1], [5.1, 2.8], mode="bar")
+    first = Figure("message", "Power by road", "", [Panel("", "road [?]", "power [W]", [bars], x_names=["a", "b"])])
+    report = make_report(figure=first)
+    text = render(report)
+    places = [
+        text.index(words)
+        for words in (
+            '<p class="lead">Three laws.</p>',
+            '<figure id="figure-message"',
+            '<dl class="strip">',
+            '<table class="claims"',
+            "<details>",
+            "<dt>Why</dt><dd>other road</dd>",
+            '<figure id="figure-histories"',
+        )
+    ]
+    assert places == sorted(places)
+    assert report.figures[0] is first
+    assert " ".join(Page(text).text.split()).index("Figure 1 Power by road") > 0
+    assert text.count("<details>") == len(report.claims) + 1  # and the parameters
+
+
 def test_two_writes_are_the_same_bytes(make_report, tmp_path):
     write_report(make_report(), tmp_path / "a")
     write_report(make_report(), tmp_path / "b")

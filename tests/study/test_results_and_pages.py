@@ -31,7 +31,7 @@ from cosim.study import (
     provenance,
     sections,
 )
-from cosim.study.pages import failed_section, report_of
+from cosim.study.pages import compared, failed_section, make_lead, report_of
 
 
 @dataclass(frozen=True)
@@ -257,6 +257,21 @@ def test_sections_that_survive_a_failed_run() -> None:
     assert [list(s.paragraphs) for s in made[1:3]] == [
         ["Left out: the run 30kmh-curb failed: ComponentError: it broke"]
     ] * 2
+
+
+def test_a_lead_that_survives_a_failed_run() -> None:
+    assert make_lead(results(), lambda study: (f"{len(study)} runs", None)) == ("6 runs", None)
+    assert make_lead(results(), lambda study: (str(study[Ride(30.0, "curb")]), None)) == (
+        "The main result is left out: the run 30kmh-curb failed: ComponentError: it broke",
+        None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.75, "25 % lower"), (1.5, "50 % higher"), (1.0, "0 % higher"), (0.996, "0 % lower")]
+)
+def test_a_value_compared_in_words(value: float, words: str) -> None:
+    assert compared(2 * value, 2.0) == words
 
 
 def test_the_section_of_what_failed() -> None:

@@ -14,9 +14,10 @@ from cosim.experiments.gpc.judge import R_TEXT, Judge, number
 from cosim.experiments.gpc.published import CURB_SPEED, LAWS, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.results import METRICS, Results, Study, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
-from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Report, Result, Section, Series, Table
-from cosim.study import Distribution, FmuSet, Row, parameters, provenance, sections
+from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Report, Section, Series, Table
+from cosim.study import Distribution, FmuSet, Row, make_lead, parameters, provenance, sections
 from cosim.study import Results as Runs
+from cosim.study.pages import compared
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.models.corners import CORNERS
@@ -46,32 +47,52 @@ def report(runs: Runs, fmus: FmuSet) -> Report:
         _refinement,
         _limits,
     ]
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Full car under generalized predictive control",
-        lead=(
+    lead, figure = make_lead(results, _main_result)
+    about = Section(
+        "What was run",
+        [
             f"A nonlinear HMMWV ({fmus.name(PLANT)}) crosses three roads at {len(study.speeds)} speeds, passive and"
             f" under three GPC laws, each identified {len(study.seeds)} times with another random excitation. Car,"
             " roads and controllers are native FMUs; the co-simulation master exchanges at 1 kHz, the laws act at 100"
             " Hz. Figures and claims of Brown, Murugan and Mazza stand beside what these runs give."
-        ),
+        ],
+    )
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="Full car under generalized predictive control",
+        lead=lead,
+        figure=figure,
         claims=found,
-        results=[Result("runs", len(study.rows)), *(_headlines(results) if not study.failures else [])],
-        sections=sections(results, makers),
+        sections=[about, *sections(results, makers)],
         parameters=given,
         provenance=_provenance(fmus, study),
     )
 
 
-def _headlines(results: Results) -> list[Result]:
-    improvements = {law: results.improvements("sine", SINE_SPEED, law) for law in LAWS}
-    return [
-        Result("open-loop peak on sine", results.open_loop_peak(), "km/h"),
-        *(
-            Result(f"improvement, {law}, sine {SINE_SPEED:g} km/h", float(f"{d.median / 100:.3g}"))
-            for law, d in improvements.items()
-        ),
+def _main_result(results: Results) -> tuple[str, Figure]:
+    """Response over speed on the sine road."""
+    gains = {law: results.improvements("sine", SINE_SPEED, law).median for law in LAWS}
+    changes = [
+        f"{compared(1 - gain / 100, 1.0) if math.isfinite(gain) else 'diverged'} with {law}"
+        for law, gain in gains.items()
     ]
+    lead = (
+        f"On the sine road at {SINE_SPEED:g} km/h, the response of the car (objective J of vertical acceleration, pitch"
+        f" and roll) is {', '.join(changes[:-1])} and {changes[-1]} GPC than that of the passive car (medians over"
+        f" {len(results.seeds)} identification seeds, {R_TEXT}); the passive response peaks at"
+        f" {results.open_loop_peak():g} km/h."
+    )
+    curves = [
+        _passive_curve(results, "sine"),
+        *(_curve(results, "response", law, results.speeds, _at_published_weight(results, law)) for law in LAWS),
+    ]
+    panel = Panel("", _SPEED, _QUANTITIES[0][2], [c for c in curves if c is not None])
+    caption = f"{R_TEXT} for every controller: nothing is matched. {_OVER_SEEDS}"
+    return lead, Figure("main-result", "Response over speed on the sine road", caption, [panel])
+
+
+def _at_published_weight(results: Results, law: str) -> Rows:
+    return lambda v, s: results.published("sine", v, law, s)
 
 
 def _fitted(parameters: Iterable[Parameter]) -> str:

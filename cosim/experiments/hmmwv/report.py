@@ -30,7 +30,7 @@ from cosim.experiments.hmmwv.tracking.report import section as tracking_section
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, SPEED_KMH
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, keep_peaks
 from cosim.report.model import Scalar
-from cosim.study import FmuSet, Results, parameters, provenance, sections
+from cosim.study import FmuSet, Results, make_lead, parameters, provenance, sections
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 _LOOKS = {
@@ -42,6 +42,7 @@ _LOOKS = {
     "mpc": ("vermilion", "solid"),
     "mpc-preview": ("green", "solid"),
 }
+_LIMIT = "limit of the driver"
 _X, _POWER = "distance of the CG [m]", "absorbed power over 1 s [W]"
 
 
@@ -60,10 +61,10 @@ def report(study: Results, fmus: FmuSet) -> Report:
         _refinement,
         _on_vehicle(_limits),
     )
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Active suspension of a HMMWV with hydraulic actuators",
-        lead=(
+    lead, figure = make_lead(averages, _main_result)
+    about = Section(
+        "What was run",
+        [
             f"A HMMWV drives at 20 mph ({SPEED_KMH:.1f} km/h) over speed bumps and off road. Each wheel has a hydraulic"
             " actuator whose servo valve is commanded every millisecond by a force tracking controller; a controller"
             " of the whole vehicle gives the forces every 30 ms. The passive car is the same car with the pump off;"
@@ -73,25 +74,23 @@ def report(study: Results, fmus: FmuSet) -> Report:
             f" its pressure at any flow, and with what the pump delivers, {PUMP.words(averages)} (id ending in -pump)."
             " Figures are medians over the places of a bump on the controllers' grid of 30 ms, or over the stretches"
             " of an off-road course."
-        ),
+        ],
+    )
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="Active suspension of a HMMWV with hydraulic actuators",
+        lead=lead,
+        figure=figure,
         claims=judged,
         results=[
-            *(
-                Result(
-                    f"statements on the controlled car reproduced in full, {at.words(averages)}",
-                    sum(verdicts[s.id + suffix].reproduced for s in STATEMENTS),
-                    f"of {len(STATEMENTS)}",
-                )
-                for suffix, at in CONDITIONS.items()
-            ),
-            *(
-                Result(f"absorbed power, {ROAD_NAMES[road]}, {NAMES[c]}", round(averages.power(Case(road, c)), 2), "W")
-                for road in ROADS
-                for c in ("passive", "mpc", "mpc-preview")
-                if averages.ran(Case(road, c))
-            ),
+            Result(
+                f"statements on the controlled car reproduced in full, {at.words(averages)}",
+                sum(verdicts[s.id + suffix].reproduced for s in STATEMENTS),
+                f"of {len(STATEMENTS)}",
+            )
+            for suffix, at in CONDITIONS.items()
         ],
-        sections=sections(study, makers),
+        sections=[about, *sections(study, makers)],
         parameters=_parameters(fmus),
         provenance=provenance(EXPERIMENT, fmus)
         | {
@@ -119,6 +118,31 @@ def _refinement(study: Results) -> Section:
 def _series(name: str, x: Any, y: Any) -> Series:
     color, dash = _LOOKS[name]
     return Series(NAMES[name], *keep_peaks(x, y), color=color, dash=dash)  # type: ignore[arg-type]
+
+
+def _main_result(study: Averages) -> tuple[str, Figure]:
+    """Absorbed power by road and controller."""
+    passive, mpc, preview = (study.power(Case("off-road", c)) for c in ("passive", "mpc", "mpc-preview"))
+    lead = (
+        f"Off road at {SPEED_KMH:.1f} km/h, the driver absorbs {passive:.1f} W in the passive car, {mpc:.2f} W with MPC"
+        f" and {preview:.2f} W with MPC and preview, if the pump holds its pressure at any flow, and"
+        f" {study.power(PUMP(Case('off-road', 'mpc'))):.1f} W with MPC and {PUMP.words(study)}; the limit that a driver"
+        f" bears is {ABSORBED_POWER_LIMIT:g} W."
+    )
+    bars = []
+    for c in CONTROLLERS:
+        powers = [study.distribution("absorbed_power", Case(road, c)) for road in ROADS]
+        (median, low, high) = zip(*((p.median, p.low, p.high) for p in powers), strict=True)
+        color, dash = _LOOKS[c]
+        at = range(len(ROADS))
+        bars.append(Series(NAMES[c], at, median, low, high, color=color, dash=dash, mode="bar"))  # type: ignore[arg-type]
+    limit = Series(_LIMIT, [-0.5, len(ROADS) - 0.5], [ABSORBED_POWER_LIMIT] * 2, color="black", dash="dot")
+    panel = Panel("", "road [?]", "absorbed power [W]", [*bars, limit], x_names=[ROAD_NAMES[r] for r in ROADS])
+    caption = (
+        "Pump without limit. Bars: medians over the places of the bump or the stretches off road; lines: from the"
+        " lowest to the highest."
+    )
+    return lead, Figure("main-result", "Absorbed power by road and controller", caption, [panel])
 
 
 def _overview(study: Averages) -> Section:
@@ -192,7 +216,7 @@ def _power_panel(study: Averages, road: str, controllers: tuple[str, ...]) -> Pa
         h = study.signals(Case(road, c))
         curves.append(_series(c, h["x"], h["power_window"]))
     x = curves[0].x_values
-    limit = Series("limit of the driver", [x[0], x[-1]], [ABSORBED_POWER_LIMIT] * 2, color="black", dash="dot")
+    limit = Series(_LIMIT, [x[0], x[-1]], [ABSORBED_POWER_LIMIT] * 2, color="black", dash="dot")
     return Panel(ROAD_NAMES[road], _X, _POWER, [*curves, limit])
 
 

@@ -42,9 +42,9 @@ from cosim.experiments.preview_lq.runs import (
     designed_weights,
 )
 from cosim.experiments.steps import HALVED, halved
-from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
+from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
 from cosim.report.model import Color, Dash, Scalar
-from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
+from cosim.study import FmuSet, Results, Row, make_lead, parameters, provenance, sections
 from fmu_sources.models.corners import CORNERS
 
 _SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in PAPER_CORNERS))
@@ -66,30 +66,57 @@ _OVER_TIME_COLORS: dict[str, Color] = dict(zip(_OVER_TIME, ("orange", "purple", 
 def report(study: Results, fmus: FmuSet) -> Report:
     """The whole report of a study."""
     makers = (_poles, _table3, _figure3, _histories, _sampling, _refinement, _offset)
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Optimal preview control of a car with seven degrees of freedom",
-        lead=(
+    lead, figure = make_lead(study, _main_result)
+    about = Section(
+        "What was run",
+        [
             f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ law with"
             " three information patterns: none of the road, the rear wheels' road from the front wheels, and preview"
             " ahead. Car, road and controller are native FMUs exchanging every millisecond. Tables and figures of"
             " Marzbanrad, Hojjat, Zohoor and Nikravesh stand beside what these runs give."
-        ),
-        claims=CLAIMS.judge(study),
-        results=[
-            Result(
-                f"J with preview, {WEIGHT_NAMES[w]}, {INPUT_NAMES[i]}",
-                round(relative_index(study, i, w, "preview"), 1),
-                "% of passive",
-            )
-            for i in INPUTS
-            for w in WEIGHT_SETS
-            if {Case(i, w, "preview"), Case(i, w, "passive")} <= set(study.ran)
         ],
-        sections=sections(study, makers),
+    )
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="Optimal preview control of a car with seven degrees of freedom",
+        lead=lead,
+        figure=figure,
+        claims=CLAIMS.judge(study),
+        sections=[about, *sections(study, makers)],
         parameters=_parameters(fmus),
         provenance=provenance(EXPERIMENT, fmus),
     )
+
+
+def _main_result(study: Results) -> tuple[str, Figure]:
+    """The index by what the controller knows of the road."""
+    shares = {(i, w, c): relative_index(study, i, w, c) for i, w in PARTS for c in CONTROLLED}
+    preview, delay, active = (
+        " and ".join(f"{shares['both', w, c]:.1f} %" for w in WEIGHT_SETS) for c in ("preview", "delay", "active")
+    )
+    lead = (
+        f"With {PREVIEW_TIME:g} s of preview, the quadratic indices of {' and '.join(WEIGHT_NAMES.values())} are"
+        f" {preview} of the passive car's with input on both sides, compared with {delay} if the controller only"
+        f" knows the road of the rear wheels from the front wheels, and {active} without any information on the road."
+    )
+    bars = [
+        Series(
+            c,
+            range(len(PARTS)),
+            [shares[i, w, c] for i, w in PARTS],
+            color=_LOOKS[c][0],  # type: ignore[arg-type]
+            dash=_LOOKS[c][1],  # type: ignore[arg-type]
+            mode="bar",
+        )
+        for c in CONTROLLED
+    ]
+    names = [f"{WEIGHT_NAMES[w]}, {INPUT_NAMES[i]}" for i, w in PARTS]
+    panel = Panel("", "index, input [?]", "J, per cent of passive [%]", bars, x_names=names)
+    caption = (
+        "active: no information on the road; delay: the road of the rear wheels from the front wheels; preview: the"
+        f" road {PREVIEW_TIME:g} s ahead. The passive car is at 100 %."
+    )
+    return lead, Figure("main-result", "Index J by what the controller knows of the road", caption, [panel])
 
 
 def _poles(study: Results) -> Section:

@@ -4,6 +4,7 @@ power over speed."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from cosim.experiments.ride.published import APART, HEIGHTS, POWERS, System
 from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, on, ran, runs, speeds, system_of
 from cosim.experiments.ride.runs import CARS, LIMIT_G, METRICS, NUMBER, OBSTACLE
 from cosim.experiments.ride.search import LIMITS, TOLERANCE, WITHIN, SpeedLimit
-from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
+from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
 from cosim.report.model import Scalar
-from cosim.study import FmuSet, Results, parameters, provenance, sections
+from cosim.study import FmuSet, Results, make_lead, parameters, provenance, sections
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 from fmu_sources.roads.rms_course import COURSES
 
@@ -58,18 +59,23 @@ def report(study: Results, fmus: FmuSet) -> Report:
         if file
         else "synthetic courses with the rms and spectrum of a proving ground's, and over half-rounds"
     )
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Absorbed power and obstacles: how fast each car can be driven",
-        lead=(
+    lead, figure = make_lead(study, _main_result)
+    about = Section(
+        "What was run",
+        [
             f"Every car of the project under every law that fits it drives over {course}. How fast it can be driven is"
             f" where its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where the seat sees"
             f" {LIMIT_G:g} g. Everything is of the driver's seat, without seat and cushion. Absorbed power is by both"
             " definitions in use, which must not be mixed."
-        ),
+        ],
+    )
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="Absorbed power and obstacles: how fast each car can be driven",
+        lead=lead,
+        figure=figure,
         claims=CLAIMS.judge(study) if not file and _cars(study) == list(CARS) else [],  # they compare cars
-        results=[] if file else _results(study),
-        sections=sections(study, makers),
+        sections=[about, *sections(study, makers)],
         parameters=_parameters(fmus),
         provenance=provenance(EXPERIMENT, fmus),
     )
@@ -80,19 +86,32 @@ def _file(study: Results) -> str:
     return next((s.case.course for s in ran(study) if s.case.course not in NUMBER), "")
 
 
-def _results(study: Results) -> list[Result]:
-    """Of every car without control, and under the law with which it is fastest."""
-    found = []
-    for car in _cars(study):
-        medians = [(speeds(study, s, NRMM).median, system_of(s)) for s in _of(study, car, course=APART, sides="alike")]
-        known = [(v, system) for v, system in medians if v is not None]
-        shown = [(v, system) for v, system in known if system[1] == "passive"][:1]
-        shown += [fastest for fastest in [max(known, default=None)] if fastest is not None and fastest not in shown]
-        found += [
-            Result(f"speed of 6 W, {CAR_NAMES[car]}, {name(system)}, {APART} rms", round(v, 1), "km/h")
-            for v, system in shown
-        ]
-    return found
+def _main_result(study: Results) -> tuple[str, Figure | None]:
+    """How fast each car can be driven, without control and with the controller with which it is fastest."""
+    course = _file(study) or APART
+    compared = {car: found for car in _cars(study) if (found := _slow_and_fast(study, car, course))}
+    texts = [
+        f"{CAR_NAMES[car]} {' and '.join(f'{v:.1f} km/h ({name(s)})' for v, s in found)}"
+        for car, found in compared.items()
+    ]
+    where = f"the course {course}" if _file(study) else f"the course of {course.removesuffix('in')} in rms"
+    lead = (
+        f"On {where}, the driver absorbs {ABSORBED_POWER_LIMIT:g} W at these speeds: {'; '.join(texts)}."
+        if texts
+        else f"On {where}, no car was found to reach {ABSORBED_POWER_LIMIT:g} W of absorbed power."
+    )
+    return lead, _over_power(study) if _file(study) else _over_roughness(study, compared)
+
+
+Fast = tuple[float, System]  # speed of 6 W [km/h]
+
+
+def _slow_and_fast(study: Results, car: str, course: str) -> list[Fast]:
+    """Of a car without control, and with the controller with which it is fastest."""
+    medians = [(speeds(study, s, NRMM).median, system_of(s)) for s in _of(study, car, course=course, sides="alike")]
+    known = [(v, system) for v, system in medians if v is not None]
+    shown = [(v, system) for v, system in known if system[1] == "passive"][:1]
+    return shown + [fastest for fastest in [max(known, default=None)] if fastest is not None and fastest not in shown]
 
 
 def study_failed(study: Results, search: SpeedLimit) -> bool:
@@ -266,7 +285,35 @@ def _over_courses(study: Results, car: str) -> Panel | None:
             band = {"low": [min(v.found) for v in own.values()], "high": [max(v.found) for v in own.values()]}
             medians = [v.median for v in own.values() if v.median is not None]
             series.append(_series(system, [1e3 * COURSES[c].rms for c in own], medians, **band))
-    return Panel("over courses", "detrended rms of the course [mm]", "speed of 6 W [km/h]", series) if series else None
+    return Panel("over courses", *_ROUGHNESS, series) if series else None
+
+
+_ROUGHNESS = "detrended rms of the course [mm]", "speed of 6 W [km/h]"
+_CAR_COLORS = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion"), strict=True))
+
+
+def _over_roughness(study: Results, compared: Mapping[str, Sequence[Fast]]) -> Figure | None:
+    """Speed over roughness of the systems that are compared, those without control dashed."""
+    curves = []
+    for car, found in compared.items():
+        panel = _over_courses(study, car)
+        for _, system in found if panel else ():
+            curve = next(s for s in panel.series if s.name == name(system))
+            look = {"color": _CAR_COLORS[car], "dash": "dash" if system[1] == "passive" else "solid"}
+            curves.append(replace(curve, name=f"{CAR_NAMES[car]}, {curve.name}", **look))
+    if not curves:
+        return None
+    caption = (
+        "Without control (dashed), and with the controller with which the car is fastest on the course of"
+        f" {APART} rms. Absorbed power by the filter of third order; bands from the lowest to the highest of the"
+        " profiles."
+    )
+    return Figure(
+        "main-result",
+        f"Speed at which the driver absorbs {ABSORBED_POWER_LIMIT:g} W, over roughness",
+        caption,
+        [Panel("", *_ROUGHNESS, curves)],
+    )
 
 
 def _over_obstacles(study: Results, car: str) -> Panel | None:
@@ -360,14 +407,16 @@ def _on_file(study: Results) -> Section:
         rows,
         "What stands beside the speeds is of the run that is nearest to 6 W by the filter of third order.",
     )
+    text = "Both tracks are those of the file, as wheels roll over them."
+    return Section(f"Course {_file(study)}", [text], tables=[table])
+
+
+def _over_power(study: Results) -> Figure | None:
+    """Absorbed power over speed on the course of a file."""
     file = _file(study)
     panels = [p for car in _cars(study) if (p := _curves(study, car, file, CAR_NAMES[car])) is not None]
-    figures = (
-        [Figure("power", "Absorbed power over speed", "Third order; points are runs.", panels, columns=2)]
-        if panels
-        else []
-    )
-    return Section(f"Course {file}", ["Both tracks are those of the file, as wheels roll over them."], figures, [table])
+    caption = "Third order; points are runs."
+    return Figure("power", "Absorbed power over speed", caption, panels, columns=2) if panels else None
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:

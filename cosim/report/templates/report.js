@@ -12,7 +12,7 @@
     document.head.append(library);
   }
 
-  // ---- colours: what the system prefers, unless the reader chose; paper is white
+  // ---- colors: what the system prefers, unless the reader chose; paper is white
 
   const system = matchMedia("(prefers-color-scheme: dark)");
   const shade = figures.length ? JSON.parse(document.getElementById("dark-colors").textContent) : {};
@@ -124,7 +124,7 @@
 
   const button = document.querySelector("button.theme");
   const recolored = () => {
-    button.textContent = dark() ? "Light colours" : "Dark colours";
+    button.textContent = dark() ? "Light colors" : "Dark colors";
     redraw();
     window.dispatchEvent(new Event("recolored"));
   };
