@@ -25,15 +25,17 @@ from fmu_sources.catalog import PAPERS, default_catalog
 HERE = Path(__file__).parent
 _HEAD = """# FMU reference
 
-Every FMU of the catalog, {how}. FMI 2.0
-and 3.0 have the same variables. Corners are `fl fr rl rr`, axes ISO 8855, units SI. `name[1..8]` stands for
-`name[1]` to `name[8]`. Numbers of papers in sources:
+<!-- Written by docs/write_fmus.py. -->
+
+{contents} FMUs have the same variables in FMI 2.0 and 3.0. Corners are
+`fl fr rl rr`, axes ISO 8855, units SI. `name[1..8]` stands for `name[1]` to `name[8]`. Sources cite papers by number:
 
 {papers}
 """
-_LIST = """The inputs, outputs and parameters of an FMU, with their units and sources, are printed by `cosim fmu
-fmus/fmi3/NAME.fmu`. They are also in `documentation/index.html` inside the FMU, on its page of the site (`make docs`),
-and for all FMUs in the `docs/reference/fmus.md` of a release.
+_LIST = """\
+`cosim fmu NAME` prints the inputs, outputs and parameters of an FMU, with their units and sources. The same tables are
+in `documentation/index.html` in the FMU, on its page of the site (`make docs`), and for all FMUs in
+`docs/reference/fmus.md` of a release.
 
 """
 
@@ -61,7 +63,7 @@ def sections(fmus: Path, names: Iterable[str] | None = None) -> dict[str, str]:
 def reference(fmus: Path, names: Iterable[str] | None = None) -> str:
     """FMUs with their variables in one page."""
     parts = [f"## {name}\n\n{text}" for name, text in sections(fmus, names).items()]
-    return "\n".join([_head("with its variables, written from the FMUs themselves"), *parts])
+    return "\n".join([_head("This page lists every FMU of the catalog with its variables."), *parts])
 
 
 def index(fmus: Path, shown: Callable[[str], str] = "`{}`".format) -> str:
@@ -70,8 +72,8 @@ def index(fmus: Path, shown: Callable[[str], str] = "`{}`".format) -> str:
     for name in default_catalog():
         about = _about(fmus, name)
         rows.append(f"| {shown(name)} | {about.text} | {_kind(about)} |")
-    table = "\n".join(["| FMU | what it is | kind and step |", "|---|---|---|", *rows])
-    return f"{_head('as `docs/write_fmus.py` lists them from the FMUs themselves; do not edit')}\n{_LIST}{table}\n"
+    table = "\n".join(["| FMU | description | kind and step |", "|---|---|---|", *rows])
+    return f"{_head('This page lists every FMU of the catalog.')}\n{_LIST}{table}\n"
 
 
 def published() -> str:
@@ -84,9 +86,11 @@ def _about(fmus: Path, name: str) -> Description:
     return Fmu(fmus / "fmi3" / f"{name}.fmu").description
 
 
-def _head(how: str) -> str:
+def _head(contents: str) -> str:
     papers = (f"- {number}: {title}" for number, title in sorted(PAPERS.items()))
-    return _HEAD.format(how=how, papers="\n".join(textwrap.fill(p, 120, subsequent_indent="  ") for p in papers))
+    return _HEAD.format(
+        contents=contents, papers="\n".join(textwrap.fill(p, 120, subsequent_indent="  ") for p in papers)
+    )
 
 
 def _kind(about: Description) -> str:

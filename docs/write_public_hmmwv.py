@@ -153,17 +153,18 @@ def cells(found: Figures, beside: Figures | None = None) -> str:
 
 
 def table(courses: list[tuple[str, int]], folder: Path | None) -> str:
-    """Figures of Chrono and ours, row by row."""
+    """Table rows of Project Chrono and of the FMU."""
     text = HEAD
     for course, mph in courses:
         beside = CHRONO[course, mph][2]
-        text += f"| {course}, Chrono | {mph} | {cells(beside)}| ours | | {cells(ours(course, mph, folder)[0], beside)}"
+        text += f"| {course}, Chrono | {mph} | {cells(beside)}"
+        text += f"| `FullCarHmmwvPublic` | | {cells(ours(course, mph, folder)[0], beside)}"
     return text
 
 
 def power_table(folder: Path) -> str:
-    """Absorbed power at the seat, of Chrono and ours."""
-    text = "| course | mph | Chrono [W] | ours [W] | difference |\n|---|---|---|---|---|\n"
+    """Table of the absorbed power at the seat, of Project Chrono and of the FMU."""
+    text = "| course | mph | Chrono [W] | `FullCarHmmwvPublic` [W] | difference |\n|---|---|---|---|---|\n"
     for (course, mph), beside in POWER.items():
         own = ours(course, mph, None if "half" in course else folder)[1]
         text += f"| {course} | {mph} | {beside:.2f} | {own:.2f} | {100 * (own / beside - 1):+.0f} % |\n"
@@ -175,7 +176,8 @@ def judged() -> str:
     text = HEAD
     for course, mph in JUDGED:
         beside = CHRONO[course, mph][2]
-        text += f"| {course}, Chrono | {mph} | {cells(beside)}| ours | | {cells(ours(course, mph, None)[0], beside)}"
+        text += f"| {course}, Chrono | {mph} | {cells(beside)}"
+        text += f"| `FullCarHmmwvPublic` | | {cells(ours(course, mph, None)[0], beside)}"
         text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), beside)}"
         text += f"| rigid bodies, contact as in Chrono | | {cells(rigid(course, mph, shifted=True), beside)}"
     return text

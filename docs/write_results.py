@@ -58,7 +58,7 @@ def missing(studies: list[Summary]) -> str:
     """A sentence that names the experiments whose verdicts are not kept yet; nothing when all are."""
     names = sorted(set(NAMES) - {s["experiment"] for s in studies})
     commands = ", ".join(f"`cosim study {n}`" for n in names)
-    return f"Not in this table yet, since they were not run on the newest FMUs: {commands}." if names else ""
+    return f"Not in this table, because they were not run with the current FMUs: {commands}." if names else ""
 
 
 def condense(summary: Summary) -> Summary:
@@ -83,8 +83,8 @@ def count(study: Summary, verdict: str) -> int:
 
 
 def table(studies: list[Summary]) -> str:
-    """Verdicts by experiment, checks of ours apart."""
-    head = ["experiment", "published claims", *OUTCOMES, "checks of our own that hold"]
+    """Verdicts by experiment; additional checks are counted separately."""
+    head = ["experiment", "published claims", *OUTCOMES, "additional checks passed"]
     rows = []
     for s in studies:
         own = [c for c in s["claims"] if c["own"]]
@@ -102,7 +102,15 @@ def table(studies: list[Summary]) -> str:
 
 def section(studies: list[Summary]) -> str:
     """The README's section: for each paper its subject, one published number beside ours, and the reproduced claims."""
-    head = ["paper", "subject", "one number", "published", "here", "[claims reproduced](docs/results.md)", "studies"]
+    head = [
+        "paper",
+        "subject",
+        "example",
+        "published",
+        "this project",
+        "[claims reproduced](docs/results.md)",
+        "studies",
+    ]
     rows = []
     for number, (authors, subject, quantity, *which) in FEATURED.items():
         own = [s for s in studies if paper(s["experiment"]) == number]
@@ -117,14 +125,14 @@ def section(studies: list[Summary]) -> str:
 
 
 def page(studies: list[Summary]) -> str:
-    """All claims of all papers with published figure, ours, verdict and the rule behind it."""
+    """All claims of all papers with published number, number of this project, verdict and criterion."""
     parts = [
-        "# What the papers say and what came out",
+        "# Results of the studies",
         _wrapped(
-            "Written by `docs/write_results.py` from the summaries of the studies; do not edit. Each claim is judged as"
-            " its paper words it: whether what it says holds and, where it gives a number, whether ours lies in a band"
-            " around it. Checks of our own, which no paper states, are counted apart. Reports with figures and tables:"
-            " `make studies`."
+            "This page lists every claim of the papers with its verdict. A claim is judged as the paper states it:"
+            " whether the statement holds and, if the paper gives a number, whether the number of this project is in a"
+            " tolerance band around it. Additional checks, which no paper states, are counted separately."
+            " `make studies` creates the reports with figures and tables."
         ),
         table(studies),
         *filter(None, [missing(studies)]),
@@ -133,16 +141,16 @@ def page(studies: list[Summary]) -> str:
         parts.append(f"## {_heading(s)}")
         if s["results"]:
             parts.append(_wrapped(_figures(s)))
-        for own, title in ((False, "claim"), (True, "check of our own")):
+        for own, title in ((False, "claim"), (True, "additional check")):
             claims = [c for c in s["claims"] if c["own"] == own]
             if claims:
-                head = [title, "expected" if own else "published", "ours", "verdict", "why"]
+                head = [title, "expected" if own else "published", "this project", "verdict", "reason"]
                 rows = [[_judged(c), _source(c), c["ours"], c["verdict"], c["reason"]] for c in claims]
                 parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
     return "\n\n".join(parts) + "\n"
 
 
-CLAIM_COLUMNS = ("paper", "claim", "where", "published", "ours", "verdict", "more")
+CLAIM_COLUMNS = ("paper", "claim", "source", "published", "this project", "verdict", "details")
 
 
 def paper(experiment: str) -> str:
@@ -172,11 +180,12 @@ def one_table(studies: list[Summary]) -> str:
     return (
         "\n\n".join(
             [
-                "---\nhide: [toc]\n---\n\n# The papers' claims",
+                "---\nhide: [toc]\n---\n\n# Claims of the papers",
                 (
-                    f"All {len(claims)} published claims that are judged: {said}. Each is judged as its paper words it,"
-                    " on the distribution over seeds, speeds or places where it speaks of more than one run; by which"
-                    " rule, with what was fitted, and why one is not reproduced stands where the last column leads."
+                    f"All {len(claims)} published claims that are judged: {said}. A claim is judged as the paper states"
+                    " it. If it concerns more than one run, it is judged on the distribution over seeds, speeds or"
+                    " places. The link in the last column leads to the criterion, the fitted parameters, and the reason"
+                    " if a claim is not reproduced."
                 ),
                 '<div class="claims" markdown>\n\n'
                 + "\n".join([_row(list(CLAIM_COLUMNS)), _row(["---"] * len(CLAIM_COLUMNS)), *map(_row, rows)])

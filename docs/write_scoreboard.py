@@ -138,21 +138,20 @@ def text(faults: list[str], clean: list[str]) -> str:
 
 <!-- written by docs/write_scoreboard.py -->
 
-This page shows which checker finds which of the deliberate faults of `tests/foreign/faulty.py`, and which FMUs
-without a fault it reports. `cosim check` was written together with these faults (its column is what
-`tests/check/test_faults.py` and `tests/conformance/test_compliance.py` assert). The table therefore shows that the
-command does what it promises, not that it finds faults that nobody has thought of. The other checkers promise less:
-they read the model description and run nothing.
+This page shows which of the deliberate faults in `tests/foreign/faulty.py` each checker finds, and for which FMUs
+without a fault it reports an error. `cosim check` was developed with these faults, and tests assert its column
+(`tests/check/test_faults.py`, `tests/conformance/test_compliance.py`). The table therefore shows that the command works
+as documented, not that it finds unknown faults. The other checkers have a smaller scope: they read the model
+description and do not run the FMU.
 
 Versions: {named}.
-Other checkers (FMUComplianceChecker, VDMCheck) are on no package index.
+Other checkers (FMUComplianceChecker, VDMCheck) are not available on PyPI.
 
-| checker | faults noticed | FMUs without a fault accused |
+| checker | faults found | errors in FMUs without a fault |
 |---|---|---|
 {summary}
-A fault counts as noticed when `cosim check` has a finding, or when `fmpy validate` or `fmutool -check` report a
-problem. An FMU without a fault counts as accused when there is an error.
-"FMI 2" or "FMI 3": in this version only.
+A fault counts as found if `cosim check` has a finding, or if `fmpy validate` or `fmutool -check` report a problem.
+"FMI 2" or "FMI 3" means that the fault is found in this version only.
 
 ## Faults
 
@@ -160,7 +159,7 @@ problem. An FMU without a fault counts as accused when there is an error.
 
 ## FMUs without a fault
 
-The first have properties that the standard allows and a checker may take for faults.
+The first rows are FMUs with properties that the standard allows and that a checker may mistake for faults.
 
 {head}{chr(10).join(clean)}
 """

@@ -145,7 +145,7 @@ def module_pages(modules: Sequence[str] = MODULES) -> dict[str, str]:
 
 
 def claims_page() -> str:
-    """The papers' claims as one table (``write_results.py``)."""
+    """The claims of the papers as one table (``write_results.py``)."""
     written = runpy.run_path(str(HERE / "write_results.py"))
     return str(written["one_table"](written["kept"]()))
 

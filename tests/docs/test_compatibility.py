@@ -12,7 +12,7 @@ from pages import ROOT, section
 TRIED = (
     "FMUs of this project in other programs",
     "Systems as SSP in other programs",
-    "FMUs of others in this master",
+    "Third-party FMUs in this master",
     "Platforms",
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
