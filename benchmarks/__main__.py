@@ -85,7 +85,7 @@ def main() -> None:
         learning.TITLE: learning.measure(),
         batch.TITLE: batch.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
-        "solver step checked at initialization": solver_check.measure(),
+        "solver check at initialization": solver_check.measure(),
         "mathematical library inside the FMUs": mathematics.measure(),
         "cosim study gpc": study(),
         exchange_lag.TITLE: exchange_lag.measure(),

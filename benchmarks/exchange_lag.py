@@ -26,7 +26,7 @@ from fmu_sources.models.corners import CORNERS
 ROAD, SPEED_KMH, CONTROLLER = "sine", 50.0, "preview"
 STEP, EVERY = 1e-3, 10  # s of exchange, steps from decision to decision
 SETTLING = 4  # passes over all FMUs during initialization: more than their longest chain
-TITLE = f"lag of one exchange step, GPC {CONTROLLER} over the {ROAD} road at {SPEED_KMH:g} km/h"
+TITLE = f"lag of one communication step, GPC {CONTROLLER} over the {ROAD} road at {SPEED_KMH:g} km/h"
 COMMANDS = tuple(f"force.{k}" for k in CORNERS)
 FELT = "body.az"
 

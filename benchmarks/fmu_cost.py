@@ -21,7 +21,7 @@ from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_fil
 from cosim.study import FmuSet
 
 STEPS = 50_000  # of 1 ms; the contact plant a tenth of it
-TITLE = "FMUs beside older ones, in bare C loops"
+TITLE = "comparison with older FMUs, in bare C loops"
 
 
 def gpc_system(fmus: FmuSet, controller: str) -> list[Wired]:
