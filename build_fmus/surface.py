@@ -1,4 +1,4 @@
-"""How the user gives values: as options of a shell command, or as arguments in Python. Messages speak of what there is."""
+"""How the user gives values: as options of a shell command, or as arguments in Python. Messages use the same terms."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ Continuous component::
 
 Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Component.update` instead of ``derivative``.
 At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
-updated; outputs hold until the next sample (see ``docs/explanation/architecture.md``, exchange rule).
+updated; outputs hold until the next sample (see ``docs/explanation/architecture.md``, the co-simulation algorithm).
 
 What users write with is the builder :class:`Component`. ``component.model()`` freezes what it has collected into a
 :class:`Model`, once; the generator, the model description, the Python evaluation and the checks read that. Everything

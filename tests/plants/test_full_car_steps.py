@@ -79,10 +79,12 @@ def test_the_documented_differences(column: int) -> None:
 
 
 def test_the_documented_error_of_the_solver_step() -> None:
-    """What halving solver.step moves at doSteps of 1 ms, to compare with."""
+    """The effect of halving solver.step at doSteps of 1 ms, for comparison."""
     text = " ".join(ARCHITECTURE.read_text().split())
-    said = re.search(r"Halving `solver\.step` at 1 ms moves motion by (\S+) and any output by (\S+) of its range", text)
-    assert said, "docs/explanation/architecture.md does not say what halving solver.step moves"
+    said = re.search(
+        r"Halving `solver\.step` at 1 ms changes motion by (\S+) and any output by (\S+) of its range", text
+    )
+    assert said, "docs/explanation/architecture.md does not say what halving solver.step changes"
     found = worst(1.0, 2.5e-4)
     assert found["motion"] == pytest.approx(float(said[1]), rel=0.1)
     assert found["any output"] == pytest.approx(float(said[2]), rel=0.1)
