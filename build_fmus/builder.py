@@ -126,7 +126,7 @@ class Stamps:
             return False
         try:
             stamp = safe_files.kept_json(self._path(target))
-        except safe_files.NotKept:
+        except safe_files.CacheMiss:
             return False
         if stamp["key"] != key:
             return False

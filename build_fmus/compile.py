@@ -260,5 +260,5 @@ class ObjectCache:
     def _kept(self, key: str, suffix: str, build: Callable[[Path], None]) -> Path:
         try:
             return safe_files.kept_file(self.directory, key, suffix)
-        except safe_files.NotKept:
+        except safe_files.CacheMiss:
             return safe_files.keep_file(self.directory, key, suffix, build)

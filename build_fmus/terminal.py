@@ -37,7 +37,7 @@ What is styled is a ``Text``.
 console = Console(stderr=True, highlight=False, soft_wrap=True, **AS_TEXT)
 
 
-class Stopped(Exception):  # noqa: N818
+class UserAbort(Exception):  # noqa: N818
     """Ctrl-C, on its way through typer, which would end the program without a word."""
 
 
@@ -103,7 +103,7 @@ _Less = Annotated[
 ]
 
 
-def _loudness() -> list[Any]:
+def _verbosity_options() -> list[Any]:
     """Options of every command."""
     app = typer.Typer(**APP)
 
@@ -125,13 +125,13 @@ class Command(TyperCommand):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         taken = {name for parameter in self.params for name in parameter.opts}
-        self.params += [option for option in _loudness() if not taken & set(option.opts)]
+        self.params += [option for option in _verbosity_options() if not taken & set(option.opts)]
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
-            raise Stopped(str(error)) from error
+            raise UserAbort(str(error)) from error
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         list_choices(self)
@@ -183,7 +183,7 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
-            raise Stopped(str(error)) from error
+            raise UserAbort(str(error)) from error
 
 
 def list_choices(command: Any) -> None:
@@ -234,7 +234,7 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
     escape_unprintable()
     try:
         app()
-    except Stopped as stopped:
+    except UserAbort as stopped:
         console.quiet = False
         console.print(str(stopped) or interrupted)
         sys.exit(130)

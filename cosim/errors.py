@@ -61,7 +61,7 @@ class StabilityWarning(UserWarning):
     """The coupled continuous components amplify their own errors with the chosen steps."""
 
 
-class ProcessLostWarning(UserWarning):
+class IsolationCrashedWarning(UserWarning):
     """An isolated FMU was lost after its last step."""
 
 
@@ -118,7 +118,7 @@ class NotFinite(CallFailed):
         )
 
 
-class ProcessLost(CallFailed):
+class IsolationCrashed(CallFailed):
     """An isolated FMU was lost in a call; `how` says in which way."""
 
     def __init__(self, component: str, function: str, how: str, messages: Sequence[str] = ()):

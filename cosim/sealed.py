@@ -22,8 +22,8 @@ LARGEST_DESCRIPTION = 2**26
 _LENGTH = struct.Struct("<Q")
 
 
-def seal(magic: bytes, description: dict[str, Any], pieces: Sequence[bytes]) -> bytes:
-    """All in one. Raises CosimError when it is larger than what `opened` takes."""
+def pack(magic: bytes, description: dict[str, Any], pieces: Sequence[bytes]) -> bytes:
+    """All in one. Raises CosimError when it is larger than what `unpack` takes."""
     text = _canonical({"lengths": [len(p) for p in pieces], "description": description})
     body = b"".join([_LENGTH.pack(len(text)), text, *pieces])
     if len(body) > LARGEST or len(text) > LARGEST_DESCRIPTION:
@@ -31,8 +31,8 @@ def seal(magic: bytes, description: dict[str, Any], pieces: Sequence[bytes]) -> 
     return magic + hashlib.sha256(body).digest() + body
 
 
-def opened(magic: bytes, data: bytes, what: str) -> tuple[dict[str, Any], list[bytes]]:
-    """Description and pieces. Raises CosimError, which begins with `what`, when these are not what `seal` made."""
+def unpack(magic: bytes, data: bytes, what: str) -> tuple[dict[str, Any], list[bytes]]:
+    """Description and pieces. Raises CosimError, which begins with `what`, when these are not what `pack` made."""
     start = len(magic) + hashlib.sha256().digest_size
     if not data.startswith(magic):
         kind, _, version = magic.rstrip(b"\n").rpartition(b" ")

@@ -345,15 +345,15 @@ class System(Wiring):
 
         `title` and `text` stand above it. `values`: inputs and parameters, `member.variable`, that it starts with.
         `controls`: inputs and parameters that get a slider at once (all of them have a field below). `plots`: outputs
-        of the charts at first. `scene`: what it looks like; `cosim.scenes.recognised(system)` finds that by the names
+        of the charts at first. `scene`: what it looks like; `cosim.scenes.infer_scene(system)` finds that by the names
         of its variables. For several systems side by side, measures and controls with words of their own:
         `cosim.export.web.page.export_web`. Needs the extras [build] and [zig]. Raises WiringError and CosimError naming
         what cannot be in it, CompileError.
         """
-        from cosim.export.web.page import Control, Shown, WebPage, export_web
+        from cosim.export.web.page import Control, PageSystem, WebPage, export_web
 
         page = WebPage(title or Path(path).stem, text, [Control(name, [name]) for name in controls], plots)
-        return export_web(Path(path), [Shown(page.title, self, values or {}, scene=scene)], page)
+        return export_web(Path(path), [PageSystem(page.title, self, values or {}, scene=scene)], page)
 
     def export_ssp(
         self,

@@ -64,7 +64,7 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 
     slow = c.constant("slow", 1e-2, "m/s", "up to here the mass counts as at rest", source="none")
     c.output("sector", ca.floor(x / quarter), None, "quarter metre the mass is in", type=int)
     c.output("moving", v * v > slow**2, None, "whether the mass moves", type=bool)
-    c.stimulate(
+    c.reference_input(
         {
             "force": lambda t: 10.0 * math.sin(5.0 * t),
             "corner.fl.kick[2]": lambda t: 3.0 if t > 0.05 else 0.5,
@@ -114,7 +114,7 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
     c.output("u.step", 0.005, "s", "time between outputs")
     c.output("samples", count, None, "samples before this one", type=int)
     c.output("saturated", ca.mmax(ca.fabs(raw)) > limit, None, "whether a limit is active", type=bool)
-    c.stimulate(
+    c.reference_input(
         {
             "y[1]": lambda t: math.sin(40 * t),
             "y[2]": lambda t: math.cos(25 * t),
@@ -161,7 +161,7 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
     c.output("command", ca.fmin(ca.fmax(command, -limit), limit), "N", "best commands within the limits")
     c.output("price", s.multipliers[3], "1", "multiplier of the equation")
     c.output("failures", failures, None, "samples without a solution", type=int)
-    c.stimulate(
+    c.reference_input(
         {
             "requested[1]": lambda t: 3 * math.sin(12 * t),
             "requested[2]": lambda t: 2 * math.cos(31 * t),

@@ -38,7 +38,7 @@ def kept_object(source: Path, include: Path, *told: str, sanitizers: Sequence[st
     key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
     try:
         return safe_files.kept_file(KEPT, key, ".o")
-    except safe_files.NotKept:
+    except safe_files.CacheMiss:
         return safe_files.keep_file(
             KEPT, key, ".o", lambda out: gcc(*flags, f"-I{include}", "-c", str(source), "-o", str(out))
         )

@@ -402,17 +402,17 @@ class Component:
         return symbol
 
     @_declares
-    def latch(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
+    def initial_value(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
         """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start. Returns its
         symbol.
         """
         if self.kind != "discrete":
             raise DeclarationError(
-                f"{self.name}: latch() is for discrete components; a continuous one has no first sample"
+                f"{self.name}: initial_value() is for discrete components; a continuous one has no first sample"
             )
         expression = self._symbols(expression)
         symbol = self.state(name, unit, description, start=expression, shape=_shape(expression))
-        self._changes[name] = self._flat(self._variables[name], symbol, "latch")
+        self._changes[name] = self._flat(self._variables[name], symbol, "initial_value")
         return symbol
 
     @_declares
@@ -663,7 +663,7 @@ class Component:
         self.operating_points[name] = dict(values)
 
     @_declares
-    def stimulate(self, signals: Mapping[str, Callable[[float], float]]) -> None:
+    def reference_input(self, signals: Mapping[str, Callable[[float], float]]) -> None:
         """Input signals over time for the reference result (``NAME_in.csv``); inputs without one keep their start."""
         known = self._element_names("input")
         for name in signals:

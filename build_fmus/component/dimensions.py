@@ -97,13 +97,13 @@ class Dimensions:
         component: its name.
         violations: what does not scale as declared.
         unchecked: elements that are, or depend on, real values without a unit.
-        unseen: real elements that were 0 or not finite at every point, so that nothing can be said of them.
+        not_exercised: real elements that were 0 or not finite at every point, so that nothing can be said of them.
     """
 
     component: str
     violations: tuple[Violation, ...]
     unchecked: tuple[str, ...]
-    unseen: tuple[str, ...]
+    not_exercised: tuple[str, ...]
 
     def check(self) -> None:
         """Refuse violations.
@@ -338,8 +338,10 @@ class _Scaling:
             exponent = (row.exponents or {}).get(base, 0)
             found = powers.pop() if len(powers) == 1 else None
             violations.append(Violation(row.name, row.unit, base, exponent, None if found == exponent else found))
-        unseen = [r.name for r, k, s in zip(self.rows, self.checked, seen, strict=True) if k and r.real and not s]
-        return Dimensions(self.d.name, tuple(violations), tuple(self.unchecked), tuple(unseen))
+        not_exercised = [
+            r.name for r, k, s in zip(self.rows, self.checked, seen, strict=True) if k and r.real and not s
+        ]
+        return Dimensions(self.d.name, tuple(violations), tuple(self.unchecked), tuple(not_exercised))
 
     def _evaluate(self, point: Sequence[np.ndarray], fixed: Sequence[Any]) -> np.ndarray:
         return np.asarray(self.function(*point, *fixed)).ravel()

@@ -4,8 +4,8 @@ Beside the three rooms, because all of them write files; it knows of nothing but
 """
 
 from build_fmus.safe_files.kept import (
+    CacheMiss,
     DamagedWarning,
-    NotKept,
     anew,
     clock,
     keep_file,
@@ -19,8 +19,8 @@ from build_fmus.safe_files.scratch import scratch
 from build_fmus.safe_files.whole import is_full, named, opened, sentence, write
 
 __all__ = [
+    "CacheMiss",
     "DamagedWarning",
-    "NotKept",
     "SharedFolderWarning",
     "anew",
     "cache_directory",

@@ -26,7 +26,7 @@ class DamagedWarning(UserWarning):
     """Something kept is not what was written; it is made again."""
 
 
-class NotKept(LookupError):  # noqa: N818
+class CacheMiss(LookupError):  # noqa: N818
     """There is no entry, or none that can be used."""
 
 
@@ -42,10 +42,10 @@ def kept_json(path: Path) -> Any:
     """The value that :func:`keep_json` wrote there.
 
     Raises:
-        NotKept: no such file, one that is older than :func:`anew` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than :func:`anew` allows, or a damaged one.
     """
     if not _usable(path):
-        raise NotKept(path)
+        raise CacheMiss(path)
     try:
         entry = json.loads(path.read_bytes())
         if entry["sha256"] == _digest(path.name, entry["value"]):
@@ -53,7 +53,7 @@ def kept_json(path: Path) -> Any:
     except (ValueError, KeyError, TypeError, RecursionError):  # the last of brackets without an end
         pass
     _discard(path)
-    raise NotKept(path)
+    raise CacheMiss(path)
 
 
 def _digest(name: str, value: Any) -> str:
@@ -81,7 +81,7 @@ def kept_file(directory: Path, key: str, suffix: str) -> Path:
     """The file that :func:`keep_file` kept under ``key``.
 
     Raises:
-        NotKept: no such file, one that is older than :func:`anew` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than :func:`anew` allows, or a damaged one.
     """
     for path in sorted(directory.glob(f"{key}-*{suffix}")):
         if path.name == f"{key}-{_file_digest(key, path)}{suffix}":
@@ -89,7 +89,7 @@ def kept_file(directory: Path, key: str, suffix: str) -> Path:
                 return path
         else:
             _discard(path)
-    raise NotKept(directory / f"{key}{suffix}")
+    raise CacheMiss(directory / f"{key}{suffix}")
 
 
 def _file_digest(key: str, path: Path) -> str:

@@ -152,7 +152,7 @@ class Batch:
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
         self._check_memory()
-        self._twins: dict[Member, list[Any]] = {}
+        self._clones: dict[Member, list[Any]] = {}
         self._pool: ThreadPoolExecutor | None = None
         self.failures: list[CopyFailure] = []
         """Copies that have ended, in the order in which that was found."""
@@ -219,7 +219,7 @@ class Batch:
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
         for m in self._alone:
-            self._twins.setdefault(m, [m.component.twin() for _ in range(self.copies)])  # type: ignore[attr-defined]
+            self._clones.setdefault(m, [m.component.clone() for _ in range(self.copies)])  # type: ignore[attr-defined]
         self._begin(given)
 
     def _given(self, start: Mapping[str, Any]) -> dict[tuple[Member, str], list[Any]]:
@@ -272,7 +272,7 @@ class Batch:
                 for m, values, _ in kept:
                     m.values = dict(values)
                     if m in self._alone:
-                        m.component = self._twins[m][copy]
+                        m.component = self._clones[m][copy]
                 for (m, name), each in given.items():
                     m.values[name] = each[copy]
                 try:
@@ -409,7 +409,7 @@ class Batch:
             mine = [(i, v) for i, (owner, v) in enumerate(self._inputs) if owner is m]
             for copy in np.flatnonzero(running) if mine else ():
                 try:
-                    self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+                    self._clones[m][copy].set({v: float(given[copy, i]) for i, v in mine})
                 except CallFailed as failure:
                     self._alive[copy] = 0
                     self._ended(
@@ -577,10 +577,10 @@ class Batch:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-        for twins in self._twins.values():
-            for component in twins:
+        for clones in self._clones.values():
+            for component in clones:
                 component.close()
-        self._twins.clear()
+        self._clones.clear()
 
     def __enter__(self) -> Batch:
         return self

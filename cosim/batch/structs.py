@@ -121,7 +121,7 @@ class Structs:
 
     def _fill(self, m: Any, plan: MemberPlan, number: int) -> None:
         ffi = interface()
-        m.clock, m.step, m.look_before, m.number = plan.clock, plan.step, plan.look_before, number
+        m.clock, m.step, m.check_before, m.number = plan.clock, plan.step, plan.check_before, number
         copies = [*plan.remember, *plan.show]
         m.copies = (
             self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies])

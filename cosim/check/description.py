@@ -12,7 +12,7 @@ from typing import Any
 from build_fmus.checks import one_line
 from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
-from cosim.fmu import gate
+from cosim.fmu import validation
 from cosim.fmu.archive import Archive
 
 Found = Iterator["str | tuple[int, str] | Finding"]
@@ -38,8 +38,8 @@ class File:
 def schema(file: File) -> Found:
     from copy import deepcopy
 
-    found = list(gate._schema(deepcopy(file.root), file.model.version))
-    known = list(gate.quirks())
+    found = list(validation._schema(deepcopy(file.root), file.model.version))
+    known = list(validation.quirks())
     for f in found:
         reason = next((q.reason for q in known if q.fits(file.model.tool, f.text)), "")
         yield warning(f"{f.text} (known of this tool: {reason})", f.line) if reason else (f.line, f.text)

@@ -15,7 +15,7 @@ from build_fmus.checks import one_line
 from cosim.check.description import File
 from cosim.check.rules import Finding, NotApplicable, check, note, warning
 from cosim.errors import FmuError
-from cosim.fmu import gate
+from cosim.fmu import validation
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 
@@ -27,7 +27,7 @@ SCHEMAS = {
 }
 """Layered standards whose schema is carried: its file, and the version that it belongs to (None: any)."""
 MOST_SHOWN = 5
-_FOLDERS = (Path(__file__).parent / "schemas", Path(gate.__file__).parent / "schemas" / "fmi3")
+_FOLDERS = (Path(__file__).parent / "schemas", Path(validation.__file__).parent / "schemas" / "fmi3")
 
 Found = Iterator[Finding]
 

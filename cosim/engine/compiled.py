@@ -200,7 +200,7 @@ class BoundEngine:
 
     def _fill(self, m: Any, plan: MemberPlan) -> None:
         ports, place = self._exchange.ports[plan.member], self._exchange.layout.places[plan.member]
-        m.clock, m.step, m.look_before = plan.clock, plan.step, plan.look_before
+        m.clock, m.step, m.check_before = plan.clock, plan.step, plan.check_before
         copies = [*plan.remember, *plan.show]
         m.copies, m.n_copies = self._array("EngineCopy", [_copy(c) for c in copies]), len(copies)
         m.n_copies_before = len(plan.remember)

@@ -19,13 +19,13 @@
 #if defined(__GNUC__)
 #define RARELY(condition) __builtin_expect(condition, 0)
 #define INLINE static inline __attribute__((always_inline))
-#define APART static __attribute__((noinline)) /* what only some systems need stays out of the way of what all do */
-#define ASIDE static __attribute__((noinline, cold)) /* and so does what hardly ever runs */
+#define NOINLINE static __attribute__((noinline)) /* what only some systems need stays out of the way of what all do */
+#define COLD static __attribute__((noinline, cold)) /* and so does what hardly ever runs */
 #else
 #define RARELY(condition) (condition)
 #define INLINE static inline
-#define APART static
-#define ASIDE static
+#define NOINLINE static
+#define COLD static
 #endif
 
 enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */
@@ -38,7 +38,7 @@ double engine_time(const Engine *e, int64_t tick) {
 /* ------------------------------------------------------------------ values */
 
 /* Extrapolate inputs, and convert them to their units. */
-APART void convert(const double *values, const EngineMember *m, double t) {
+NOINLINE void convert(const double *values, const EngineMember *m, double t) {
     double *u = m->u;
     for (size_t i = 0; i < m->n_lines; i++) {
         const EngineLine *l = &m->lines[i];
@@ -98,7 +98,7 @@ static void collect(const EngineTransfer *s, double *y) {
     }
 }
 
-ASIDE int failed(Engine *e, int32_t call, uint32_t status) {
+COLD int failed(Engine *e, int32_t call, uint32_t status) {
     e->call = call;
     e->status = status;
     return ENGINE_CALL_FAILED;
@@ -146,7 +146,7 @@ INLINE int step3(Engine *e, const EngineMember *m, double t) {
 }
 
 /* Set, step and get of a member with any number of calls. */
-APART int run_parts(Engine *e, const EngineMember *m, double t) {
+NOINLINE int run_parts(Engine *e, const EngineMember *m, double t) {
     int result = engine_set(e, m);
     if (!result) result = m->fmi == 3 ? step3(e, m, t) : step2(e, m, t);
     return result ? result : engine_get(e, m);
@@ -164,11 +164,11 @@ APART int run_parts(Engine *e, const EngineMember *m, double t) {
 INLINE int run2(Engine *e, const EngineMember *m, double t) { RUN(CALL2, step2); }
 INLINE int run3(Engine *e, const EngineMember *m, double t) { RUN(CALL3, step3); }
 
-APART int run_back(Engine *e, const EngineMember *m, double t) {
+NOINLINE int run_back(Engine *e, const EngineMember *m, double t) {
     return e->back(e->context, (int32_t)(m - e->members), t) == 0 ? ENGINE_AT_END : ENGINE_BACK_FAILED;
 }
 
-ASIDE void put_back(Engine *e, const EngineMember *m) {
+COLD void put_back(Engine *e, const EngineMember *m) {
     e->members[m - e->members].changed |= environment_restore(e->environment);
 }
 
@@ -199,7 +199,7 @@ INLINE bool all_finite(const double *y, size_t n) {
 
 /* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their
  * list. */
-ASIDE int look_at(Engine *e, int32_t first, int32_t end) {
+COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = first; k < end; k++) {
         const EngineMember *m = e->list[k];
@@ -216,7 +216,7 @@ INLINE int look_at_reached(Engine *e) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = 0; k < e->n_reached; k++)
         if (!all_finite(e->values + e->reached[k].from, e->reached[k].n))
-            return look_at(e, e->n_due_discrete, e->n_due);
+            return check_outputs_finite(e, e->n_due_discrete, e->n_due);
     return ENGINE_AT_END;
 }
 
@@ -252,7 +252,7 @@ INLINE bool holds(const EngineStop *s, const double *values) {
 INLINE int sample(Engine *e, double t) {
     for (int32_t k = 0; k < e->n_due_discrete; k++) {
         int result = run_member(e, e->list[k], t);
-        if (!result) result = look_at(e, k, k + 1);
+        if (!result) result = check_outputs_finite(e, k, k + 1);
         if (result) return result;
     }
     if (e->due[e->n_clocks - 1]) {
@@ -274,14 +274,14 @@ INLINE int advance(Engine *e, double t) {
         int32_t first = e->n_due_discrete;
         for (int32_t k = first; k < n; k++) {
             int result = ENGINE_AT_END;
-            if (e->list[k]->look_before) {
-                result = look_at(e, first, k);
+            if (e->list[k]->check_before) {
+                result = check_outputs_finite(e, first, k);
                 first = k;
             }
             if (!result) result = run_member(e, e->list[k], t);
             if (result) return result;
         }
-        return look_at(e, first, n);
+        return check_outputs_finite(e, first, n);
     }
     for (int32_t k = e->n_due_discrete; k < n; k++) {
         const int result = run_member(e, e->list[k], t);
@@ -322,7 +322,7 @@ static void list_due(Engine *e) {
             e->n_due_discrete++;
             continue;
         }
-        if (m->look_before) e->in_line = true;
+        if (m->check_before) e->in_line = true;
         append(e, m);
     }
 }

@@ -65,7 +65,7 @@ typedef struct {
     int32_t fmi;                /* 2, 3, or 0: called back */
     int32_t clock;
     double step;                /* [s] */
-    int32_t look_before;        /* continuous: it reads what those before it have just reached */
+    int32_t check_before;        /* continuous: it reads what those before it have just reached */
     int32_t n_copies_before;    /* of `copies`: values that are remembered; the others show what has been reached */
     const EngineCopy *copies;   /* at an arrival */
     int32_t n_copies;

@@ -28,7 +28,7 @@ class MemberPlan:
     member: Member
     clock: int
     step: float
-    look_before: bool
+    check_before: bool
     remember: tuple[Copy, ...]
     show: tuple[Copy, ...]
     stamp: int | None
@@ -81,7 +81,7 @@ def _member(layout: Layout, member: Member, clock: int, seidel: bool) -> MemberP
         member=member,
         clock=clock,
         step=float(member.step),
-        look_before=seidel,
+        check_before=seidel,
         remember=tuple(_runs(remember)),
         show=tuple(_runs(show)),
         stamp=layout.reached.get(member),

@@ -194,7 +194,7 @@ class SystemCode:
             "resources": part.resources,
             "clock": p.clock,
             "step": c_number(p.step),
-            "look_before": p.look_before,
+            "check_before": p.check_before,
             "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies],
             "n_remembered": len(p.remember),
             "stamp": -1 if p.stamp is None else p.stamp,

@@ -19,11 +19,19 @@ import cosim.fmu.calls as fmi
 from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.description import Variable
-from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, ProcessLost, ProcessLostWarning, WiringError
+from cosim.errors import (
+    STATUS_NAMES,
+    CallFailed,
+    CosimError,
+    FmuError,
+    IsolationCrashed,
+    IsolationCrashedWarning,
+    WiringError,
+)
 from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.file import FmuFile, Library
-from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
+from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
@@ -75,7 +83,9 @@ class FmuComponent:
         self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
         self._foreign = False  # another's, in this process
         self._restore = _nothing_to_restore
-        self._told: set[int] = set()  # what it has changed of the floating-point environment, as far as that was said
+        self._reported: set[int] = (
+            set()
+        )  # what it has changed of the floating-point environment, as far as that was said
         self._library: Library | IsolatedLibrary
         self._instance: Any = None
         self._dead = False
@@ -85,7 +95,7 @@ class FmuComponent:
         self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
         self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
         self._layout: StateLayout | None = None  # of the states of a sampled FMU of ours
-        self._tells_values = False  # from initialization on
+        self._reads_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
@@ -99,7 +109,7 @@ class FmuComponent:
         about = self.description
         return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
 
-    def twin(self) -> FmuComponent:
+    def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
         return FmuComponent(self.fmu, self.isolation)
 
@@ -107,7 +117,7 @@ class FmuComponent:
 
     def instantiate(self, name: str) -> None:
         self._forget_messages()
-        self._tells_values = False
+        self._reads_values = False
         self._given.clear()
         self._kept.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
@@ -131,14 +141,14 @@ class FmuComponent:
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         with_events = {"event_mode": True} if events is not None else {}
         instance = library.instantiate(texts, log, self._keep, **with_events)
-        self._look_at_environment()
+        self._check_environment()
         if instance == self._ffi.NULL:
             lost = library.lost()
             library.release()
             if lost:
-                raise ProcessLost(name, f"fmi{self.fmu.major}Instantiate", lost, self._said())
-            misdeed = library.misdeed()
-            said = [f"    {line}" for line in [*self._said(), *([misdeed] if misdeed else [])]]
+                raise IsolationCrashed(name, f"fmi{self.fmu.major}Instantiate", lost, self._recent_log())
+            failure_detail = library.failure_detail()
+            said = [f"    {line}" for line in [*self._recent_log(), *([failure_detail] if failure_detail else [])]]
             if self.description.needs_tool:
                 said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
             colon = ":\n" if said else ""
@@ -152,8 +162,8 @@ class FmuComponent:
             return self.fmu.library()
         try:
             return self.fmu.isolated(self.isolation)
-        except Lost as lost:
-            raise ProcessLost(self.name, "loading its library", str(lost)) from None
+        except WorkerCrashed as lost:
+            raise IsolationCrashed(self.name, "loading its library", str(lost)) from None
 
     def enter_initialization(self, start: float, stop: float | None) -> None:
         tolerance = self.description.tolerance
@@ -163,7 +173,7 @@ class FmuComponent:
         else:
             self._must("SetupExperiment", *experiment)
             self._must("EnterInitializationMode")
-        self._tells_values = True
+        self._reads_values = True
         if self._events is not None:
             self._events.enter_initialization(start)
 
@@ -176,7 +186,7 @@ class FmuComponent:
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
             self._call("Terminate")
-            self._tell_lost("Terminate")
+            self._warn_of_crash("Terminate")
 
     def close(self) -> None:
         """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its
@@ -187,17 +197,17 @@ class FmuComponent:
                 self._dropped += self._states.values()
                 self._free_dropped()
                 self._finalizer()
-                self._tell_lost("FreeInstance")
+                self._warn_of_crash("FreeInstance")
             self._instance = None
             self._states.clear()
             self._dropped.clear()
 
-    def _tell_lost(self, function: str) -> None:
+    def _warn_of_crash(self, function: str) -> None:
         """Warn where an isolated FMU was lost when nothing more was wanted of it."""
         lost = self._library.lost()
         if lost:
-            said = str(ProcessLost(self.name, f"fmi{self.fmu.major}{function}", lost, self._said()))
-            warnings.warn(said, ProcessLostWarning, stacklevel=3)
+            said = str(IsolationCrashed(self.name, f"fmi{self.fmu.major}{function}", lost, self._recent_log()))
+            warnings.warn(said, IsolationCrashedWarning, stacklevel=3)
 
     # Calls and what to do with their status.
 
@@ -207,19 +217,19 @@ class FmuComponent:
         if self._dead:
             raise CosimError(f"'{self.name}' was lost: initialize its system again")
         status = self._function(name)(self._instance, *arguments)
-        self._look_at_environment()
+        self._check_environment()
         if status == fmi.FATAL:
             self._die()
         return status
 
-    def _look_at_environment(self) -> None:
+    def _check_environment(self) -> None:
         changed = self._restore()
         if changed:
             self._tell_changed(changed)
 
     def _tell_changed(self, bits: int) -> None:
-        if bits not in self._told:
-            self._told.add(bits)
+        if bits not in self._reported:
+            self._reported.add(bits)
             text = (
                 f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; it is put back after its"
                 " calls"
@@ -239,16 +249,16 @@ class FmuComponent:
 
     def _fail(self, function: str, status: int, detail: str = "") -> None:
         lost = self._library.lost()
-        function, detail = self._library.blamed(function), self._library.misdeed() or detail
+        function, detail = self._library.failing_function(function), self._library.failure_detail() or detail
         if status == fmi.FATAL or lost:
             self._die()
         if self._library.cancelled:
             raise KeyboardInterrupt
         if lost:
-            raise ProcessLost(self.name, f"fmi{self.fmu.major}{function}", lost, self._said())
+            raise IsolationCrashed(self.name, f"fmi{self.fmu.major}{function}", lost, self._recent_log())
         signed = int(self._ffi.cast("int32_t", status))
         known = STATUS_NAMES[: fmi.PENDING] if self._v3 else STATUS_NAMES
-        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._said(), known)
+        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._recent_log(), known)
 
     def _die(self) -> None:
         """Nothing of this instance may be called any more."""
@@ -266,14 +276,14 @@ class FmuComponent:
         self.messages.clear()
         self.problems.clear()
 
-    def _said(self) -> list[str]:
+    def _recent_log(self) -> list[str]:
         """The last log lines, those about problems if there are any."""
         return list(self.problems or self.messages)[-10:]
 
     # Values, one call at a time: parameters, start values, inspection.
 
     def set(self, values: Mapping[Variable, Any]) -> None:
-        if self._events is not None and self._tells_values and not self._events.initializing:
+        if self._events is not None and self._reads_values and not self._events.initializing:
             self._events.set(values)
         else:
             self._set_values(values)
@@ -285,7 +295,7 @@ class FmuComponent:
                 for variable in elements:
                     data[variable.index] = values[variable]
                 self._set_raw(fmi_type, reference, data, elements[0].declared)
-                if not self._tells_values:
+                if not self._reads_values:
                     self._given[reference] = data
         self._keep_values()
 
@@ -304,7 +314,7 @@ class FmuComponent:
         one = elements[0]
         if len(elements) == one.size:
             return [None] * one.size
-        if self._tells_values:
+        if self._reads_values:
             return self._get_raw(one.fmi_type, [one.reference], one.size)
         if one.reference in self._given:
             return list(self._given[one.reference])
@@ -387,7 +397,7 @@ class FmuComponent:
 
     def _guarded(self, call: Callable[..., None]) -> Callable[..., None]:
         """The floating-point environment is put back after it."""
-        look = self._look_at_environment
+        look = self._check_environment
 
         def guarded(*arguments: float) -> None:
             try:
@@ -511,17 +521,17 @@ class FmuComponent:
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
         last, terminated, whole = None, False, False
-        if (blamed := self._library.blamed("DoStep")) != "DoStep":
-            self._fail(blamed, status)
+        if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
+            self._fail(failing_function, status)
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]
         elif status == fmi.DISCARD:
             number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
-            if self._tells("GetRealStatus", 2, number):
+            if self._query("GetRealStatus", 2, number):
                 last = number[0]
                 whole = last >= t + h - 1e-6 * h
-            if self._tells("GetBooleanStatus", 3, boolean):
+            if self._query("GetBooleanStatus", 3, boolean):
                 terminated = bool(boolean[0])
         detail = f"step from {t:.9g} s, length {seconds_text(h)}"
         if last is not None and not whole:
@@ -530,7 +540,7 @@ class FmuComponent:
             detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if terminated:
             text = f"component '{self.name}' asked to end the simulation ({detail})"
-            said = self._said()[-1:]
+            said = self._recent_log()[-1:]
             if whole:
                 self._get_outputs()
             raise EndRequested(self.name, text + (f"; it says: {said[0]}" if said else ""), complete=whole)
@@ -538,7 +548,7 @@ class FmuComponent:
             detail += "; asynchronous steps are not supported"
         self._fail("DoStep", max(status, fmi.DISCARD), detail)
 
-    def _tells(self, function: str, *arguments: Any) -> bool:
+    def _query(self, function: str, *arguments: Any) -> bool:
         """Call what an FMU need not answer, or have."""
         try:
             return self._call(function, *arguments) <= fmi.WARNING

@@ -17,7 +17,7 @@ from rich.text import Text
 from cosim.description import RECORDABLE, Clock, Description, Variable, split_index
 from cosim.errors import FmuError
 from cosim.fmu.file import FmuFile
-from cosim.fmu.gate import Finding
+from cosim.fmu.validation import Finding
 from cosim.time import seconds_text
 
 

@@ -17,7 +17,7 @@ import cosim.fmu.calls as fmi
 from build_fmus import safe_files
 from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
-from cosim.fmu import gate, terminals
+from cosim.fmu import terminals, validation
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
@@ -70,11 +70,11 @@ class Library:
         """How the FMU was lost, in words: in this process it is there as long as the process is."""
         return None
 
-    def blamed(self, function: str) -> str:
+    def failing_function(self, function: str) -> str:
         """The function that failed, where `function` was called."""
         return function
 
-    def misdeed(self) -> str:
+    def failure_detail(self) -> str:
         """What is to be said about a call that failed, apart from its status."""
         return ""
 
@@ -116,7 +116,7 @@ class FmuFile:
         xml = self._archive.description()
         root = tree(xml, str(self.path), limits)
         self.description: Description = read(root, str(self.path), limits)
-        self.verdict = gate.verdict(xml, root, self.description)
+        self.verdict = validation.verdict(xml, root, self.description)
         if strict:
             self.require_standard()
         elif self.verdict and not quiet:
@@ -224,7 +224,7 @@ class FmuFile:
         return library
 
     def isolated(self, isolation: Isolation) -> IsolatedLibrary:
-        """The library in a process of its own, for one instance. Raises FmuError, NoIsolation and Lost."""
+        """The library in a process of its own, for one instance. Raises FmuError, NoIsolation and WorkerCrashed."""
         self.check_platform()
         folder = self._folder or self._unpack()
         file = folder / self.binary

@@ -17,8 +17,8 @@ held (inputs of the latest step of a continuous member that show in its outputs,
 over the period; y[k] is what a recording shows at k T. Continuous members are linearized where they stand at the
 beginning of the period and made discrete exactly for inputs held over their steps. Sampled members are linearized at
 each of their samples of one period, by perturbing their states and inputs (central differences) while the system runs
-through it. Then all are replaced by these models (`cosim.master.twins`), and the same master with the same schedule
-takes every unit deviation through the period.
+through it. Then all are replaced by these models (`cosim.master.linearized`), and the same master with the same
+schedule takes every unit deviation through the period.
 
 A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a
 counter of samples) is a matter of the period: both are left out. A component with a kink or jump at the operating point
@@ -42,7 +42,14 @@ from cosim.description import Variable
 from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
-from cosim.master.twins import ContinuousTwin, Model, SampledTwin, Source, diagonal, model_of
+from cosim.master.linearized import (
+    LinearizedContinuous,
+    LinearizedSampled,
+    Model,
+    Source,
+    diagonal,
+    model_of,
+)
 from cosim.statespace import Matrices
 from cosim.system.members import Connection, Group, Member
 from cosim.system.names import Members, elements, fits_any
@@ -297,14 +304,14 @@ class _Updates:
                 drop.append(i)
         return drop
 
-    def twin(self) -> tuple[SampledTwin, list[str]]:
+    def linearized(self) -> tuple[LinearizedSampled, list[str]]:
         """The linear model, and the names of its states."""
         drop, width = self.left_out(), len(self.names) + len(self.inputs)
         columns = [i for i in range(width) if i not in drop]
         rows = [i for i in range(len(self.names) + len(self.outputs)) if i not in drop]
         kept = [m[np.ix_(rows, columns)] for m in self.matrices]
         names = [f"{self.member.name}.{n}" for i, n in enumerate(self.names) if i not in drop]
-        return SampledTwin(kept, self.inputs, self.outputs), names
+        return LinearizedSampled(kept, self.inputs, self.outputs), names
 
     def look(self, step: Callable[[], None]) -> None:
         """Linearize the member's next sample about where it stands, and leave it there."""
@@ -422,16 +429,16 @@ def sampled_model(
     known = [(m, v) for m in schedule.continuous for v in m.description.states]
     units, point = _units([*known, *inputs, *outputs]), _point([*known, *inputs, *outputs])
     found = _through_period(exchange, length, ports)
-    twins: dict[Member, Member] = {}
+    linearized_components: dict[Member, Member] = {}
     names: dict[Member, list[str]] = {}
     for m in schedule.members:
         if m.discrete:
-            twin, names[m] = found[m].twin()
+            linearized, names[m] = found[m].linearized()
         else:
-            twin = ContinuousTwin(models[m], *ports[m], float(m.step))  # type: ignore[assignment]
+            linearized = LinearizedContinuous(models[m], *ports[m], float(m.step))  # type: ignore[assignment]
             names[m] = [name for name, _ in _state_signals(m, len(models[m].a))]
-        twins[m] = Member(m.name, twin, m.step, m.offset, m.kind)
-    return _Period(schedule, twins, names, real, inputs, outputs, period, begin).matrices(units, point)
+        linearized_components[m] = Member(m.name, linearized, m.step, m.offset, m.kind)
+    return _Period(schedule, linearized_components, names, real, inputs, outputs, period, begin).matrices(units, point)
 
 
 def _through_period(
@@ -447,13 +454,13 @@ def _through_period(
         if not hasattr(m.component, "sampled_states"):
             raise CosimError(f"'{m.name}' cannot be linearized: it does not say what it remembers between samples")
         found[m] = _Updates(m, *ports[m], samples=max(1, length // int(m.step / exchange.schedule.tick)))
-        exchange.ports[m] = _looking(exchange.ports[m], found[m])
+        exchange.ports[m] = _linearizing(exchange.ports[m], found[m])
     exchange.forget()
     exchange.run_instants_to(exchange.tick + length)
     return found
 
 
-def _looking(ports: Ports, updates: _Updates) -> Ports:
+def _linearizing(ports: Ports, updates: _Updates) -> Ports:
     """Ports that linearize the component before each step."""
 
     def run(t: float, h: float) -> None:
@@ -477,7 +484,7 @@ class _Period:
     def __init__(
         self,
         schedule: Schedule,
-        twins: dict[Member, Member],
+        linearized_components: dict[Member, Member],
         names: dict[Member, list[str]],
         real: Sequence[Connection],
         inputs: Sequence[Signal],
@@ -485,22 +492,28 @@ class _Period:
         period: Fraction,
         begin: int,
     ):
-        copies = [replace(c, source=twins[c.source], target=twins[c.target], offset=0.0) for c in real]
+        copies = [
+            replace(c, source=linearized_components[c.source], target=linearized_components[c.target], offset=0.0)
+            for c in real
+        ]
         self._source = Source(drives := [replace(v, name=f"{m.name}.{v.name}", causality="output") for m, v in inputs])
         first: tuple[Member, ...] = ()
         if inputs:
             source = Member("", self._source, period, Fraction(0), "discrete")
             first = (source,)
-            copies += [Connection(source, drive, twins[m], v) for drive, (m, v) in zip(drives, inputs, strict=True)]
+            copies += [
+                Connection(source, drive, linearized_components[m], v)
+                for drive, (m, v) in zip(drives, inputs, strict=True)
+            ]
         linear = Schedule(
             schedule.tick,
-            first + tuple(twins[m] for m in schedule.discrete),
-            tuple(Group(g.name, tuple(twins[m] for m in g.members), g.method) for g in schedule.groups),
+            first + tuple(linearized_components[m] for m in schedule.discrete),
+            tuple(Group(g.name, tuple(linearized_components[m] for m in g.members), g.method) for g in schedule.groups),
             (),
             tuple(sorted(copies, key=lambda c: c.target_name)),
             (),
         )
-        watched = [(twins[m], v) for m, v in outputs]
+        watched = [(linearized_components[m], v) for m, v in outputs]
         self.exchange = Exchange(linear, watch=watched, interval=period, allow_nan=True)
         initialize(self.exchange)
         self.exchange.check_samples(self._sample)
@@ -509,16 +522,16 @@ class _Period:
         layout = self.exchange.layout
         self._out = [layout.readable[name_of(s)] for s in outputs]
         self._inputs, self._outputs = [name_of(s) for s in inputs], [name_of(s) for s in outputs]
-        self._members = list(twins.values())
+        self._members = list(linearized_components.values())
         self._parts: list[
             tuple[Array, list[str], bool]
         ] = []  # an array of states, their names, whether they are held values
-        for m, twin in twins.items():
-            self._parts.append((twin.component.x, names[m], False))  # type: ignore[attr-defined]
-        for m, twin in twins.items():
+        for m, linearized in linearized_components.items():
+            self._parts.append((linearized.component.x, names[m], False))  # type: ignore[attr-defined]
+        for m, linearized in linearized_components.items():
             if not m.discrete:
-                labels = [f"{m.name}.{v.name}.held" for v in twin.component._inputs]  # type: ignore[attr-defined]
-                self._parts.append((twin.component.held, labels, True))  # type: ignore[attr-defined]
+                labels = [f"{m.name}.{v.name}.held" for v in linearized.component._inputs]  # type: ignore[attr-defined]
+                self._parts.append((linearized.component.held, labels, True))  # type: ignore[attr-defined]
         self._slots = [
             (slot, f"{name_of(key)}.{word}")
             for slots, word in ((layout.visible, "shown"), (layout.previous, "before"))
@@ -541,10 +554,10 @@ class _Period:
         exchange.values[[slot for slot, _ in self._slots]] = x[place:]
         self._source.values[:] = u
         for m in self._members:
-            if isinstance(m.component, ContinuousTwin):
+            if isinstance(m.component, LinearizedContinuous):
                 for variable, value in zip(m.component._outputs, m.component.outputs_now(), strict=True):
                     exchange.values[exchange.layout.latest[m, variable]] = value
-            elif isinstance(m.component, SampledTwin):
+            elif isinstance(m.component, LinearizedSampled):
                 m.component.sample = 0
         exchange.tick, exchange.phase, self._shown = self._begin, Phase.NOTHING, None
         exchange.run_instants(self._begin + self._length)

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Collection
 
 from cosim.dependencies import Dependencies
-from cosim.errors import AlgebraicLoopWarning, CallFailed, CosimError, ProcessLost
+from cosim.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed
 from cosim.system.loops import Loop, components, declared, find_loops, path_of, refuse_loops
 from cosim.system.members import Member
 from cosim.system.schedule import Schedule
@@ -58,7 +58,7 @@ def _measured(schedule: Schedule, member: Member) -> Dependencies:
     try:
         found: Dependencies = measure(inputs, [v for v in outputs if declared(member, v.name) is None])
     except CosimError as error:
-        if isinstance(error, ProcessLost) or (isinstance(error, CallFailed) and error.status == "Fatal"):
+        if isinstance(error, IsolationCrashed) or (isinstance(error, CallFailed) and error.status == "Fatal"):
             raise  # nothing of it can be called any more
         return {}
     return found

@@ -25,10 +25,10 @@ from scipy.linalg import schur
 
 from cosim.component import Array
 from cosim.description import Variable
-from cosim.errors import CosimError, ProcessLost, StabilityWarning
+from cosim.errors import CosimError, IsolationCrashed, StabilityWarning
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
-from cosim.master.twins import ContinuousTwin, Model, diagonal, model_of
+from cosim.master.linearized import LinearizedContinuous, Model, diagonal, model_of
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule, make_schedule
 from cosim.time import seconds_text
@@ -70,7 +70,7 @@ def warn_if_unstable(schedule: Schedule) -> None:
     """Issue a StabilityWarning when the exchange makes the system grow; silent when nothing can be checked."""
     try:
         result = coupled_spectral_radius(schedule)
-    except ProcessLost:
+    except IsolationCrashed:
         raise
     except CosimError:
         return
@@ -97,7 +97,7 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
         ports[m] = (inputs, outputs)
         try:
             models[m] = model_of(m, inputs, outputs)
-        except ProcessLost:
+        except IsolationCrashed:
             raise
         except CosimError as error:
             unchecked[m.name] = str(error)
@@ -135,16 +135,21 @@ def _linear_schedule(
     connections: Sequence[Connection],
 ) -> Schedule:
     """The same schedule with linear models in the place of the components."""
-    twin: dict[Member, Member] = {}
+    linearized: dict[Member, Member] = {}
     for m, model in models.items():
-        twin[m] = Member(m.name, ContinuousTwin(model, *ports[m], float(m.step)), m.step, m.offset, "continuous")
+        linearized[m] = Member(
+            m.name, LinearizedContinuous(model, *ports[m], float(m.step)), m.step, m.offset, "continuous"
+        )
     copies = [
-        Connection(twin[c.source], c.output, twin[c.target], c.input, c.delay, scale=c.scale) for c in connections
+        Connection(linearized[c.source], c.output, linearized[c.target], c.input, c.delay, scale=c.scale)
+        for c in connections
     ]
     groups = [
-        Group(g.name, tuple(twin[m] for m in g.members if m in twin), g.method) for g in schedule.groups if g.name
+        Group(g.name, tuple(linearized[m] for m in g.members if m in linearized), g.method)
+        for g in schedule.groups
+        if g.name
     ]
-    return make_schedule(twin.values(), copies, groups, loops_are_solved=True)
+    return make_schedule(linearized.values(), copies, groups, loops_are_solved=True)
 
 
 def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:

@@ -109,7 +109,7 @@ class SystemState:
             "keys": [list(key) for key in self.keys],
             "components": [[name, dict(p.identity)] for name, p in packed.items()],
         }
-        return sealed.seal(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
+        return sealed.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
 
     def _packed(self, member: Member, saved: Any) -> Packed:
         """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be
@@ -230,7 +230,7 @@ def _doubles(values: Array) -> bytes:
 
 
 def _read(data: bytes, what: str) -> SystemState:
-    about, pieces = sealed.opened(MAGIC, data, what)
+    about, pieces = sealed.unpack(MAGIC, data, what)
 
     def refuse(part: str) -> NoReturn:
         raise CosimError(f"{what} was not written by this program: {part}")

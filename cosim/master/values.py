@@ -33,7 +33,7 @@ _FEW = 24  # values that Python adds up faster than NumPy begins
 
 
 @dataclass
-class Place:
+class PortLayout:
     """One component's part. Inputs come from values[index], then scale and offset; `u` and `y` are its buffers, `y` a
     slice of the values."""
 
@@ -69,7 +69,7 @@ class Layout:
 
     def __init__(self) -> None:
         self.values: Array = np.empty(0)
-        self.places: dict[Member, Place] = {}
+        self.places: dict[Member, PortLayout] = {}
         self.visible: dict[tuple[Member, Variable], int] = {}
         self.latest: dict[tuple[Member, Variable], int] = {}
         self.previous: dict[tuple[Member, Variable], int] = {}
@@ -279,7 +279,7 @@ def _storage_order(variable: Variable) -> tuple[str, int, int]:
     return variable.fmi_type, variable.reference, variable.index
 
 
-def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Variable]) -> Place:
+def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Variable]) -> PortLayout:
     incoming = sorted((c for c in schedule.connections if c.target is member), key=lambda c: _storage_order(c.input))
     ahead = _ahead(schedule, member)
     slots = layout.visible if member.discrete else layout.latest
@@ -301,7 +301,7 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
     index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
     begin = int(index[0]) if len(index) else 0
     in_place = not converts and not lines and np.array_equal(index, begin + np.arange(len(index)))
-    return Place(
+    return PortLayout(
         inputs=[c.input for c in incoming],
         outputs=outputs,
         u=layout.values[begin : begin + len(index)] if in_place else np.zeros(len(index)),

@@ -153,7 +153,7 @@ class Distribution:
         """How many values are on the claimed side."""
         return sum(bool(holds(v)) for v in self.values)
 
-    def clearly(self, holds: Callable[[float], bool]) -> bool:
+    def is_significant(self, holds: Callable[[float], bool]) -> bool:
         """Whether a random design decides for the claimed side: one-sided sign test at 5 % (7 of 8, 5 of 5)."""
         n = len(self.values)
         chance = sum(math.comb(n, k) for k in range(self.count(holds), n + 1)) / 2**n  # of at least so many
@@ -161,7 +161,7 @@ class Distribution:
 
     def too_few(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, but so few that it may be chance (4 of 4): nothing is decided."""
-        return self.everywhere(holds) and not self.clearly(holds)
+        return self.everywhere(holds) and not self.is_significant(holds)
 
     def everywhere(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, as a claim over all speeds needs it."""
@@ -244,7 +244,7 @@ def verdict_of(
     number = _figure(value if over is None else over.median)
     magnitude = band is None or (number is not None and number in band)
     if band is not None and band.open and over is not None:
-        magnitude = magnitude and over.clearly(band.__contains__)
+        magnitude = magnitude and over.is_significant(band.__contains__)
     return "reproduced" if magnitude else "order reproduced, magnitude not"
 
 
@@ -260,13 +260,13 @@ class Claims(list[Claim]):
         super().__init__(claims)
         self.evidence: list[Evidence] = []
 
-    def clearly(
+    def is_significant(
         self, id: str, quantity: str, values: Distribution, holds: Callable[[float], bool], unit: str = "-"
     ) -> bool:
-        """Whether `values` decide for the claimed side (:meth:`Distribution.clearly`); kept as evidence
+        """Whether `values` decide for the claimed side (:meth:`Distribution.is_significant`); kept as evidence
         for claim `id`."""
         self.evidence.append(Evidence(id, quantity, unit, values, values.count(holds)))
-        return values.clearly(holds)
+        return values.is_significant(holds)
 
     def judge(
         self,
@@ -298,7 +298,7 @@ class Claims(list[Claim]):
             band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude
                 not".
             over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
-                bound, which then has to hold clearly (:meth:`Distribution.clearly`), not in the median alone.
+                bound, which then has to hold clearly (:meth:`Distribution.is_significant`), not in the median alone.
             criterion: the rule of `holds` in words; that of the band is added.
             fitted: what was chosen with published figures in view, or matched by construction.
             undecided: why the runs do not decide; the verdict is "open" then.
@@ -312,8 +312,8 @@ class Claims(list[Claim]):
         verdict = verdict_of(holds, value, band, over, undecided)
         rules = [criterion] if criterion else []
         if band is not None:
-            clearly = f" in clearly most {over.of}" if over is not None and band.open else ""
-            rules.append(f"magnitude {band.text(unit)}{clearly}" + (f" ({band.reason})" if band.reason else ""))
+            is_significant = f" in clearly most {over.of}" if over is not None and band.open else ""
+            rules.append(f"magnitude {band.text(unit)}{is_significant}" + (f" ({band.reason})" if band.reason else ""))
         reason = undecided or reason
         self._add(id, claim, published, ours, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
 

@@ -1,10 +1,10 @@
 """What systems look like: scenes for live pages, found by the names of variables.
 
-- `recognise`: :func:`recognised`, the scene of a system, from the names that plants, roads and controllers have in
+- `infer`: :func:`infer_scene`, the scene of a system, from the names that plants, roads and controllers have in
   common
-- `shapes`: hulls of vehicles and test rigs
+- `shapes`: bodies of vehicles and test rigs
 """
 
-from cosim.scenes.recognise import recognised
+from cosim.scenes.infer import infer_scene
 
-__all__ = ["recognised"]
+__all__ = ["infer_scene"]

@@ -144,7 +144,7 @@ class Calibration:
             ]
 
     @property
-    def untold(self) -> list[str]:
+    def not_identifiable(self) -> list[str]:
         """Parameters that these data do not tell: a relative standard deviation beyond one half, or a fit that ended at
         a bound.
         """
@@ -211,8 +211,8 @@ class Calibration:
         for name, at in zip(self.names, self.at_bounds, strict=True):
             if at:
                 lines.append(f"{name} ended at a bound of its range: its value is that of the range.")
-        if self.untold:
-            lines.append(f"Not told by these data: {', '.join(self.untold)}.")
+        if self.not_identifiable:
+            lines.append(f"Not told by these data: {', '.join(self.not_identifiable)}.")
         lines += [f"Told together only: {a} and {b} (correlation {r:+.3f})." for a, b, r in self.correlated]
         kind = "estimated from the residuals" if self.estimated else "as given"
         lines.append(f"Noise {kind}: {', '.join(f'{s:.3g}' for s in self.noise.tolist())}.")

@@ -26,14 +26,14 @@ class Evidence:
 
     seen: list[tuple[str, Distribution, Callable[[float], bool], str]] = field(default_factory=list)
 
-    def clearly(
+    def is_significant(
         self, quantity: str, values: Distribution | None, holds: Callable[[float], bool], unit: str = "-"
     ) -> bool:
-        """Whether ``values`` decide for the claimed side (:meth:`Distribution.clearly`); None decides nothing."""
+        """Whether ``values`` are on the claimed side (:meth:`Distribution.is_significant`); None is not."""
         if values is None:
             return False
         self.seen.append((quantity, values, holds, unit))
-        return values.clearly(holds)
+        return values.is_significant(holds)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class ClaimList:
                 f = Finding("a run failed", False, str(error), undecided=str(error))
             text = s.text(study) if callable(s.text) else s.text
             for quantity, values, holds, unit in f.evidence.seen:
-                found.clearly(s.id, quantity, values, holds, unit)
+                found.is_significant(s.id, quantity, values, holds, unit)
             if s.own:
                 found.check(
                     s.id,

@@ -20,15 +20,15 @@ from typing import Any
 
 from cosim.errors import CosimError
 from cosim.study.processes import NoWorkerError, WorkerDiedError
-from cosim.study.store import seal
-from cosim.study.work import Given, Reply, Ship, work
+from cosim.study.store import pack
+from cosim.study.work import JobContext, Reply, TaskSpec, work
 
 CHUNK = 0.2  # s
 CLUSTER = 1.0  # s, of executors whose tasks cost client and scheduler some 7 ms (Dask)
 LARGEST = 500  # runs of a chunk
 TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
-HOPELESS = 8  # chunks that nobody could begin, and none that anybody could
+MAX_START_FAILURES = 8  # chunks that nobody could begin, and none that anybody could
 DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
 LOST = (
     "the executor's workers, or their scheduler, died; what was finished is stored, and the same study continues from"
@@ -38,7 +38,7 @@ Results = Generator[tuple[int, bytes], None, None]
 Making = Callable[[], AbstractContextManager[Executor]]
 
 
-class ExecutorLostError(CosimError, RuntimeError):
+class ExecutorLost(CosimError, RuntimeError):
     """The executor can do no more, or nothing of what it is given."""
 
 
@@ -53,9 +53,13 @@ class Dispatch:
     """
 
     def __init__(
-        self, ship: Ship, given: Callable[[int], Given], cost: Callable[[int], float], width: Callable[[Executor], int]
+        self,
+        job: JobContext,
+        task_spec: Callable[[int], TaskSpec],
+        cost: Callable[[int], float],
+        width: Callable[[Executor], int],
     ) -> None:
-        self.ship, self.given, self.cost, self.width = ship, given, cost, width
+        self.job, self.task_spec, self.cost, self.width = job, task_spec, cost, width
         self._pace: float | None = None  # s per cost
         self._chunk = CHUNK
         self._tries: dict[int, int] = {}
@@ -68,25 +72,25 @@ class Dispatch:
         Raises:
             ExecutorLostError: it is broken.
         """
-        lost = yield from self._run(executor, _Order(order, left), careful=False)
+        lost = yield from self._run(executor, TaskQueue(order, left), careful=False)
         if lost is not None:
-            raise ExecutorLostError(LOST)
+            raise ExecutorLost(LOST)
 
-    def through_new(self, make: Making, order: Iterable[int], left: int) -> Results:
+    def run_with_restarts(self, make: Making, order: Iterable[int], left: int) -> Results:
         """The same with executors that are made again when one breaks."""
-        waiting = _Order(order, left)
+        waiting = TaskQueue(order, left)
         lost: list[int] | None = []
         while lost is not None:
             with make() as executor:
                 if lost:  # one at a time: the one that breaks the executor is the culprit
-                    suspects = _Order(lost, len(lost))
+                    suspects = TaskQueue(lost, len(lost))
                     again = yield from self._run(executor, suspects, careful=True)
                     if again is not None:
                         lost = [*again, *suspects]
                         continue
                 lost = yield from self._run(executor, waiting, careful=False)
 
-    def _run(self, executor: Executor, waiting: _Order, *, careful: bool) -> Any:
+    def _run(self, executor: Executor, waiting: TaskQueue, *, careful: bool) -> Any:
         """Generator of results; its value is what was lost when the executor broke, or None."""
         done: queue.SimpleQueue[Future[Reply]] = queue.SimpleQueue()
         held: dict[Future[Reply], list[int]] = {}
@@ -99,7 +103,7 @@ class Dispatch:
 
         def submit(chunk: list[int], contents: dict[str, bytes] | None = None) -> None:
             try:
-                future = executor.submit(work, self.ship, [self.given(i) for i in chunk], contents)
+                future = executor.submit(work, self.job, [self.task_spec(i) for i in chunk], contents)
             except BaseException:
                 alone.extendleft(reversed(chunk))
                 raise
@@ -123,7 +127,7 @@ class Dispatch:
                     held[future] = chunk
                     raise
                 except NoWorkerError as error:
-                    raise ExecutorLostError(str(error)) from None
+                    raise ExecutorLost(str(error)) from None
                 except Exception as error:
                     yield from self._lost(chunk, error, alone, None if exact or apart else suspects)
                     continue
@@ -149,7 +153,7 @@ class Dispatch:
             for future in held:
                 future.cancel()
 
-    def _next(self, alone: deque[int], waiting: _Order, workers: int, *, single: bool) -> list[int]:
+    def _next(self, alone: deque[int], waiting: TaskQueue, workers: int, *, single: bool) -> list[int]:
         """Numbers of the next chunk; none when there is nothing to do."""
         if alone:
             return [alone.popleft()]
@@ -176,8 +180,8 @@ class Dispatch:
         died = isinstance(error, WorkerDiedError | BrokenExecutor) or type(error).__name__ == "KilledWorker"  # of Dask
         if not died:
             self._unbegun += 1
-            if not self._began and self._unbegun >= HOPELESS:
-                raise ExecutorLostError(
+            if not self._began and self._unbegun >= MAX_START_FAILURES:
+                raise ExecutorLost(
                     f"no worker could do anything: {type(error).__name__}: {error}; is this project installed there?"
                 )
         for i in chunk:
@@ -186,13 +190,13 @@ class Dispatch:
                 suspects.append(i)
             elif len(chunk) == 1 and self._tries[i] >= TRIES:
                 reason = DIED if died else f"its worker gave no result: {type(error).__name__}: {error}"
-                yield i, seal(self.given(i)[0], {"failed": reason})
+                yield i, pack(self.task_spec(i)[0], {"failed": reason})
             else:
                 alone.append(i)
 
     def _contents(self, missing: Iterable[str]) -> dict[str, bytes]:
         """FMUs by hash, for a worker that has none of them."""
-        paths = {digest: path for path, digest in self.ship.hashes.items()}
+        paths = {digest: path for path, digest in self.job.hashes.items()}
         found = {}
         for digest in missing:
             data = Path(paths[digest]).read_bytes()
@@ -207,7 +211,7 @@ def failed(line: bytes) -> bool:
     return line.startswith(b'{"failed"', HEAD)
 
 
-class _Order:
+class TaskQueue:
     """Numbers of tasks in the order in which they are begun, one of which can be looked at."""
 
     def __init__(self, numbers: Iterable[int], left: int) -> None:

@@ -24,7 +24,7 @@ from cosim.study.results import Results
 from cosim.study.runner import Execution, entry_key
 from cosim.study.store import NotStored, RunStore, Store, Stored
 from cosim.study.swept import Parameters
-from cosim.study.work import Ship, given, hashes
+from cosim.study.work import JobContext, hashes, task_spec
 
 Arriving = Generator[tuple[int, bytes], None, None]
 Progressed = Callable[[int, int], None]
@@ -84,14 +84,14 @@ def run_study(
     done = len(todo) - len(order)
     progress(done, len(todo))
     searches = any(not isinstance(todo[i], Task) for i in order)  # alone ask for runs, which others may have made
-    ship = ship_of(experiment, fmus, by_part, salts, execution, store if searches else None)
-    dispatch = Dispatch(ship, lambda i: given(names[i], todo[i]), lambda i: getattr(todo[i], "cost", 1.0), width)
+    job = job_context(experiment, fmus, by_part, salts, execution, store if searches else None)
+    dispatch = Dispatch(job, lambda i: task_spec(names[i], todo[i]), lambda i: getattr(todo[i], "cost", 1.0), width)
     for _ in stored(dispatch, kept, order, executor, processes):
         progress(done := done + 1, len(todo))
     return Results(todo, Stored(kept, names))
 
 
-def ship_of(
+def job_context(
     experiment: Experiment,
     fmus: FmuSet,
     parts: Iterable[str],
@@ -99,11 +99,11 @@ def ship_of(
     execution: Execution | None,
     store: Path | None = None,
     parameters: Parameters = (),
-) -> Ship:
+) -> JobContext:
     """What workers need for runs of an experiment and of some of its parts."""
     files = [*(p for name in parts for p in fmus.paths(experiment.part(name).fmus)), *fmus.own_paths]
     group = f"of{os.getpid()}x{time.time_ns():x}"
-    return Ship(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)
+    return JobContext(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)
 
 
 def stored(
@@ -118,13 +118,13 @@ def stored(
     if not order:
         return
     if executor is None:
-        found = dispatch.through_new(
+        found = dispatch.run_with_restarts(
             lambda: local_processes(min(processes or os.cpu_count() or 1, len(order))), order, len(order)
         )
     elif isinstance(executor, Executor):
         found = dispatch.through(executor, order, len(order))
     else:
-        found = dispatch.through_new(executor, order, len(order))
+        found = dispatch.run_with_restarts(executor, order, len(order))
     with closing(found):
         try:
             for i, line in found:
@@ -135,7 +135,7 @@ def stored(
             raise
     kept.flush()
     if executor is None:
-        kept.absorb(dispatch.ship.group)
+        kept.absorb(dispatch.job.group)
 
 
 def usable(kept: Store, name: str, *, failed: bool) -> bool:

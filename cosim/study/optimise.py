@@ -46,7 +46,7 @@ texts to choose from.
 
 
 @runtime_checkable
-class Together(Protocol):
+class BatchEvaluation(Protocol):
     """What tries several values at once, as :class:`CaseRuns` does."""
 
     def check(self, names: Sequence[str]) -> None:
@@ -57,7 +57,7 @@ class Together(Protocol):
         """A text that changes when anything does that the numbers depend on besides the values."""
         ...
 
-    def together(self, tried: Sequence[Values]) -> list[Row]:
+    def evaluate_batch(self, tried: Sequence[Values]) -> list[Row]:
         """Numbers by name of each; ``{"failed": message}`` where one has none."""
         ...
 
@@ -144,7 +144,7 @@ class CaseRuns:
         """Of code, FMUs and what the case is otherwise."""
         return f"{self.case!r}|{salt_of(self.experiment, '', self.fmus, [Task(self.case)])}"
 
-    def together(self, tried: Sequence[Values]) -> list[Row]:
+    def evaluate_batch(self, tried: Sequence[Values]) -> list[Row]:
         """Rows of several cases; ``{"failed": message}`` where one has none."""
         cases: list[Any] = []
         for values in tried:
@@ -165,7 +165,7 @@ class CaseRuns:
 
 
 def optimise(
-    evaluate: Evaluate | Together,
+    evaluate: Evaluate | BatchEvaluation,
     space: Mapping[str, Limits],
     objectives: Mapping[str, str],
     *,
@@ -207,7 +207,7 @@ def optimise(
     _check(space, objectives, evaluate, first)
     whole_number("trials", trials, error=OptimisationError)
     whole_number("batch", batch, error=OptimisationError)
-    model = evaluate.identity() if isinstance(evaluate, Together) else identity
+    model = evaluate.identity() if isinstance(evaluate, BatchEvaluation) else identity
     what = {
         "space": {n: list(limits) for n, limits in space.items()},
         "objectives": dict(objectives),
@@ -268,11 +268,11 @@ def _suggest(trial: Any, name: str, limits: Limits) -> None:
 
 
 def _rows(
-    evaluate: Evaluate | Together, tried: Sequence[Values], executor: Executor | None
+    evaluate: Evaluate | BatchEvaluation, tried: Sequence[Values], executor: Executor | None
 ) -> Iterable[Mapping[str, Any]]:
     """The numbers of some trials, in their order, as they come."""
-    if isinstance(evaluate, Together):
-        return evaluate.together(tried)
+    if isinstance(evaluate, BatchEvaluation):
+        return evaluate.evaluate_batch(tried)
     if executor is None:
         return (_row(evaluate, values) for values in tried)
     return executor.map(_row, [evaluate] * len(tried), tried)
@@ -368,14 +368,17 @@ def _opened(path: Path) -> Any:
 
 
 def _check(
-    space: Mapping[str, Limits], objectives: Mapping[str, str], evaluate: Evaluate | Together, first: Sequence[Values]
+    space: Mapping[str, Limits],
+    objectives: Mapping[str, str],
+    evaluate: Evaluate | BatchEvaluation,
+    first: Sequence[Values],
 ) -> None:
     if not space or not objectives:
         raise OptimisationError("a search needs something to vary and an objective")
     for name, direction in objectives.items():
         if direction not in ("min", "max"):
             raise OptimisationError(f"the objective {name} is {direction!r}; give 'min' or 'max'")
-    if isinstance(evaluate, Together):
+    if isinstance(evaluate, BatchEvaluation):
         evaluate.check(list(space))
     for name, limits in space.items():
         _check_limits(name, limits)

@@ -98,7 +98,7 @@ class PointRuns:
         """Of code, FMUs and the options that do not vary."""
         return f"{dict(sorted(self.sweep.base.items()))!r}|{self.sweep.salt(self.fmus)}"
 
-    def together(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
+    def evaluate_batch(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
         """Rows of several points; ``{"failed": message}`` where one has none."""
         columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
         table = run_sweep(

@@ -35,7 +35,7 @@ class NotStored(LookupError):  # noqa: N818
     """There is no such result, or none that can be used."""
 
 
-def seal(name: str, entry: Any) -> bytes:
+def pack(name: str, entry: Any) -> bytes:
     """The line of a result: the name of its key, a hash of both, and the result as JSON (NaN included)."""
     text = json.dumps(entry)
     return f"{name} {_digest(name, text)} {text}\n".encode()
@@ -208,7 +208,7 @@ class Store:
     # ---------------------------------------------------------------------------------------------------------- writing
 
     def append(self, lines: Sequence[bytes]) -> None:
-        """Store results, each as :func:`seal` made it. They are safe from the end of this process when this returns.
+        """Store results, each as :func:`pack` made it. They are safe from the end of this process when this returns.
 
         Raises:
             OSError: with the path; what had been stored before stays, and nothing of these is.
@@ -373,7 +373,7 @@ class RunStore:
 
     def put(self, key: Any, result: Any) -> Any:
         """Store a result (a JSON value, NaN included), and return it as it will be read."""
-        line = seal(self.name(key), result)
+        line = pack(self.name(key), result)
         self.store.append([line])
         return json.loads(_parts(line)[2])
 

@@ -26,14 +26,14 @@ from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
 from cosim.study.design import Design, DesignError, whole
 from cosim.study.dispatch import HEAD, Dispatch, Making, failed
-from cosim.study.driver import salt_of, ship_of, stored, usable
+from cosim.study.driver import job_context, salt_of, stored, usable
 from cosim.study.executors import width
 from cosim.study.experiment import Experiment, Task
 from cosim.study.fmus import FmuSet
 from cosim.study.runner import Execution, Runner, entry_key
 from cosim.study.store import NotStored, RunStore, Store, write_table
 from cosim.study.swept import KINDS, Parameters, attribute, set_parameters, swept
-from cosim.study.work import given, history_name
+from cosim.study.work import history_name, task_spec
 
 Watch = Callable[[int, int, int], None]
 HISTORIES = "histories"  # folder beside the table
@@ -229,7 +229,7 @@ def history(table: str | Path, run: int) -> Recording:
     return Recording.read(path.parent / name)
 
 
-class Running:
+class RunningStats:
     """Statistics of the metrics of runs as they arrive, without keeping these (Welford 1962).
 
     Attributes:
@@ -275,7 +275,7 @@ def run_sweep(
     force: bool = False,
     execution: Execution | None = None,
     progress: Watch = lambda done, total, lost: None,
-    running: Running | None = None,
+    running_stats: RunningStats | None = None,
     histories: bool = False,
     needed: str = "",
 ) -> SweepTable:
@@ -326,15 +326,15 @@ def run_sweep(
         elif not kept_history(key):
             order.append(i)
             continue
-        if running is not None:
-            running.add(text)
+        if running_stats is not None:
+            running_stats.add(text)
     del seen
     done, named = total - len(order), False
     progress(done, total, lost)
-    ship = replace(
-        ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder
+    job = replace(
+        job_context(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder
     )
-    dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
+    dispatch = Dispatch(job, lambda i: task_spec(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
     with closing(stored(dispatch, kept, order, executor, processes)) as found:
         for i, line in found:
             if failed(line):
@@ -345,8 +345,8 @@ def run_sweep(
                 if needed and needed not in metrics:
                     raise DesignError(unknown("metric", needed, metrics))
                 named = True
-            if running is not None:
-                running.add(line[HEAD:])
+            if running_stats is not None:
+                running_stats.add(line[HEAD:])
             progress(done := done + 1, total, lost)
     table = _table(sweep, kept, name)
     if folder is None:

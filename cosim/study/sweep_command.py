@@ -31,7 +31,7 @@ from cosim.study.commands import (
 )
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
 from cosim.study.experiment import Experiment
-from cosim.study.sweep import HISTORIES, Running, Sweep, Watch, prepare, run_sweep
+from cosim.study.sweep import HISTORIES, RunningStats, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
 
 REFRESH = 2.0  # 1/s, of the table on the screen
@@ -152,7 +152,7 @@ def write_sweep(
 
     ranking = None if worst is None else Worst.of(worst)
     folder = make_folder(fmus.results(out, sweep.experiment.name) / "sweep")
-    with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running):
+    with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running_stats):
         try:
             table = run_sweep(
                 sweep,
@@ -160,7 +160,7 @@ def write_sweep(
                 folder / ".runs",
                 executor=executor,
                 progress=progress,
-                running=running,
+                running_stats=running_stats,
                 needed=ranking.metric if ranking else "",
                 **options,
             )
@@ -185,7 +185,7 @@ def write_sweep(
 
 
 @contextmanager
-def _shown(sweep: Sweep) -> Iterator[tuple[Watch, Running | None]]:
+def _shown(sweep: Sweep) -> Iterator[tuple[Watch, RunningStats | None]]:
     """A progress bar; on a terminal with a table below it, of the metrics as they stand."""
     columns = [
         TextColumn("{task.description}", markup=False),
@@ -205,17 +205,19 @@ def _shown(sweep: Sweep) -> Iterator[tuple[Watch, Running | None]]:
         with bar:
             yield progress, None
         return
-    running = Running()
-    with Live(get_renderable=lambda: Group(bar, running_table(running)), console=console, refresh_per_second=REFRESH):
-        yield progress, running
+    running_stats = RunningStats()
+    with Live(
+        get_renderable=lambda: Group(bar, running_table(running_stats)), console=console, refresh_per_second=REFRESH
+    ):
+        yield progress, running_stats
 
 
-def running_table(running: Running) -> Table:
+def running_table(running_stats: RunningStats) -> Table:
     """The metrics of the runs so far, as a table for the screen."""
     table = Table("metric", "runs", "mean", "deviation", "smallest", "largest", box=None)
-    for name, *numbers in running.rows()[:MOST]:
+    for name, *numbers in running_stats.rows()[:MOST]:
         table.add_row(Text(name), *(f"{x:.4g}" for x in numbers))
-    if (more := len(running.rows()) - MOST) > 0:
+    if (more := len(running_stats.rows()) - MOST) > 0:
         table.add_row(Text(f"and {more} more"))
     return table
 

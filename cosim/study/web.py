@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.checks import did_you_mean
-from cosim.export.web.page import Shown, WebPage, export_web
-from cosim.scenes import recognised
+from cosim.export.web.page import PageSystem, WebPage, export_web
+from cosim.scenes import infer_scene
 from cosim.study.case import CaseError, Field, fields, label
 from cosim.study.experiment import Experiment, resolved
 from cosim.study.fmus import FmuSet
@@ -55,7 +55,7 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
                 Runner(experiment, fmus)
             )  # one each: cases alike share a system, and its values
             system = runner.system(each.case)
-            shown.append(Shown(each.title, system, each.values, each.group, recognised(system)))
+            shown.append(PageSystem(each.title, system, each.values, each.group, infer_scene(system)))
         return export_web(path, shown, live.page)
 
 

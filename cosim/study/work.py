@@ -26,12 +26,12 @@ from cosim.study.experiment import Experiment, Row, Search, Task
 from cosim.study.fmus import FmuSet
 from cosim.study.loading import load
 from cosim.study.runner import Execution, HistoryError, Runner
-from cosim.study.store import RunStore, Store, seal
+from cosim.study.store import RunStore, Store, pack
 from cosim.study.swept import Parameters, load_swept, swept
 
 
 @dataclass(frozen=True)
-class Ship:
+class JobContext:
     """What goes with every chunk.
 
     Attributes:
@@ -70,7 +70,7 @@ class Reply:
     problem: str = ""
 
 
-Given = tuple[str, Any]
+TaskSpec = tuple[str, Any]
 """A task as it goes to another process, where a class of cases made at run time is another one: name of its key, and
 (part, values of the case, whether signals are kept) or a search.
 """
@@ -81,43 +81,43 @@ def history_name(name: str) -> str:
     return f"{name}.parquet"
 
 
-def given(name: str, task: Task | Search) -> Given:
+def task_spec(name: str, task: Task | Search) -> TaskSpec:
     """A task as it travels."""
     return name, (task.part, values(task.case), task.signals) if isinstance(task, Task) else task
 
 
-def work(ship: Ship, chunk: Sequence[Given], contents: Mapping[str, bytes] | None = None) -> Reply:
+def work(job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, bytes] | None = None) -> Reply:
     """Do tasks; a failure is an entry that says so. ``contents`` are FMUs by hash."""
     since = time.perf_counter()
     try:
-        places, missing = _places(ship.hashes, contents or {})
+        places, missing = _places(job.hashes, contents or {})
     except OSError as error:  # no room for them here
         return Reply(problem=_full(error))
     if missing:
         return Reply(missing=missing)
-    fmus = replace(ship.fmus, at=places) if places else ship.fmus
+    fmus = replace(job.fmus, at=places) if places else job.fmus
     try:
-        experiment = _experiment(ship)
+        experiment = _experiment(job)
     except Exception as error:
-        lines = [seal(name, _failure(error)) for name, _ in chunk]
+        lines = [pack(name, _failure(error)) for name, _ in chunk]
     else:
         lines = []
         for name, task in chunk:
             try:
-                lines.append(seal(name, _entry(ship, experiment, fmus, name, task)))
+                lines.append(pack(name, _entry(job, experiment, fmus, name, task)))
             except HistoryError as error:
                 return Reply(lines, problem=str(error))
             except Exception as error:
                 if safe_files.is_full(error):
                     return Reply(lines, problem=_full(error))
-                lines.append(seal(name, _failure(error)))
+                lines.append(pack(name, _failure(error)))
     return Reply(lines, seconds=time.perf_counter() - since)
 
 
-def _experiment(ship: Ship) -> Experiment:
-    if isinstance(ship.experiment, str):
-        return load_swept(ship.experiment, ship.parameters) if ship.parameters else load(ship.experiment)
-    return swept(ship.experiment, ship.parameters) if ship.parameters else ship.experiment
+def _experiment(job: JobContext) -> Experiment:
+    if isinstance(job.experiment, str):
+        return load_swept(job.experiment, job.parameters) if job.parameters else load(job.experiment)
+    return swept(job.experiment, job.parameters) if job.parameters else job.experiment
 
 
 def _full(error: Exception) -> str:
@@ -132,13 +132,13 @@ def _failure(error: Exception) -> Row:
     return {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _entry(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> Row:
+def _entry(job: JobContext, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> Row:
     if isinstance(task, tuple):
         part, case, signals = task
-        runner = _runner(experiment, part, ship, fmus)
-        history = None if ship.histories is None else ship.histories / history_name(name)
+        runner = _runner(experiment, part, job, fmus)
+        history = None if job.histories is None else job.histories / history_name(name)
         return runner.entry(runner.experiment.case(**case), signals=signals, history=history)
-    return {"found": task(_runner(experiment, getattr(task, "part", ""), ship, fmus))}
+    return {"found": task(_runner(experiment, getattr(task, "part", ""), job, fmus))}
 
 
 # ---------------------------------------------------------------------------------------------- FMUs that have
@@ -185,15 +185,15 @@ def hashes(paths: Sequence[Path]) -> dict[str, str]:
 _here = threading.local()  # per thread, since a system runs one simulation at a time
 
 
-def _runner(experiment: Experiment, part: str, ship: Ship, fmus: FmuSet) -> Runner:
+def _runner(experiment: Experiment, part: str, job: JobContext, fmus: FmuSet) -> Runner:
     study = (
         experiment.name,
         experiment.module,
         fmus,
-        ship.hashes,
-        ship.salts,
-        ship.execution,
-        ship.parameters,
+        job.hashes,
+        job.salts,
+        job.execution,
+        job.parameters,
         os.getpid(),
     )
     if getattr(_here, "study", None) != study:
@@ -202,8 +202,8 @@ def _runner(experiment: Experiment, part: str, ship: Ship, fmus: FmuSet) -> Runn
         _here.study, _here.runners = study, {}
     runners: dict[str, Runner] = _here.runners
     if part not in runners:
-        runners[part] = Runner(experiment.part(part), fmus, execution=ship.execution)
-    runners[part].store = None if ship.store is None else RunStore(_store(ship.store, ship.group), ship.salts[part])
+        runners[part] = Runner(experiment.part(part), fmus, execution=job.execution)
+    runners[part].store = None if job.store is None else RunStore(_store(job.store, job.group), job.salts[part])
     return runners[part]
 
 

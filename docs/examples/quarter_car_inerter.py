@@ -45,7 +45,7 @@ def quarter_car_inerter() -> Component:
     c.derivative(zw, vw)
     c.derivative(vw, aw)
     c.output("body.az", ab, "m/s2", "vertical body acceleration")
-    c.stimulate({"road.height": lambda t: 0.02 * sin(2 * pi * 1.5 * t)})  # for the reference result
+    c.reference_input({"road.height": lambda t: 0.02 * sin(2 * pi * 1.5 * t)})  # for the reference result
     return c
 
 

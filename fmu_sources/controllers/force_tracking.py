@@ -246,7 +246,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
         "whether the load leaves less than supply.least_drop of the supply pressure",
         type=bool,
     )
-    c.stimulate(
+    c.reference_input(
         {
             "force.desired": lambda t: 2000.0 if math.sin(2 * math.pi * 12.0 * t) >= 0 else -2000.0,
             "force.measured": lambda t: 1800.0 * math.sin(2 * math.pi * 12.0 * t - 0.9),

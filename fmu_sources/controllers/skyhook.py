@@ -63,7 +63,7 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
         c.value(f"body_velocity_{k}", body)
         forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
     force_outputs(c, forces)
-    c.stimulate(sines(dict.fromkeys(RELATIVE_STATES[8:], 0.3)))
+    c.reference_input(sines(dict.fromkeys(RELATIVE_STATES[8:], 0.3)))
     return c
 
 

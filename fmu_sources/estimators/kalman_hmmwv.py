@@ -223,7 +223,7 @@ def kalman_hmmwv(
     _deviation_outputs(c, car, [ca.sqrt(ca.fmax(0, variance[i])) for i in range(len(RELATIVE_STATES))])
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": unknown.gain.tolist()}
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 
@@ -270,7 +270,7 @@ def kalman_hmmwv_printed(
     _deviation_outputs(c, car, sigma, ", were the road flat")
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": f.gain.tolist()}
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 

@@ -202,7 +202,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
     c.operating_point("stops closed", {"body.z": -0.16})
     c.operating_point("wheels hanging", {f"wheel.{k}.z": -0.16 for k in corners})
-    c.stimulate(rough_patch())
+    c.reference_input(rough_patch())
     return c
 
 

@@ -142,7 +142,7 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
 
     c.operating_point("stall", {"load_pressure": vehicle.supply.pressure.value, "spool.position": _stroke(vehicle)})
     c.operating_point("bypass", {"bypass.area": 5e-4})
-    c.stimulate(
+    c.reference_input(
         {
             "valve.voltage": lambda t: 12.0 if 0.06 < t < 0.075 else 2.0 * sin(2 * pi * 20.0 * t),
             "bypass.area": lambda t: 2e-5 if 0.04 < t < 0.055 else 0.0,

@@ -261,7 +261,7 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
             k.stiffness * (k.road - q[3 + k.place]) + k.damping * (k.road_rate - dq[3 + k.place])
         )
     ride_outputs(c, corners, moving, ax, az)
-    c.stimulate(bump_at_an_angle(list(CORNERS)))
+    c.reference_input(bump_at_an_angle(list(CORNERS)))
     return c
 
 

@@ -81,7 +81,7 @@ def quarter_car(
     c.output("suspension.velocity", vb - vw, "m/s", "rate of the suspension deflection")
     c.output("tire.deflection", zw - r, "m", "wheel height minus road height", display_unit="mm")
 
-    c.stimulate(
+    c.reference_input(
         {
             "road.height": lambda t: 0.02 * sin(2 * pi * 1.5 * t),
             "road.rate": lambda t: 0.02 * 2 * pi * 1.5 * (1.0 - 2 * sin(pi * 1.5 * t) ** 2),

@@ -146,7 +146,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     # Small angles: the seat rises with y roll - x pitch and moves ahead with z pitch.
     seat_az = az + p.seat.y * roll_acceleration - p.seat.x * pitch_acceleration
     ride_outputs(c, corners, acceleration, p.seat.z * pitch_acceleration, seat_az)
-    c.stimulate(bump_at_an_angle(corners.all("name")))
+    c.reference_input(bump_at_an_angle(corners.all("name")))
     return c
 
 

@@ -367,7 +367,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.operating_point("axles at the stops", {f"suspension.{w}.deflection": -0.25 for w in wheels})
     c.operating_point("deep in the tires", {"body.z": -0.25})
     c.operating_point("body on the ground", {"body.z": -0.61})
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 

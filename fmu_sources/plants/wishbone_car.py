@@ -317,7 +317,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
     c.operating_point("in jounce", {f"wheel.{k}.travel": 0.05 for k in corners})
     c.operating_point("wheels hanging", {f"wheel.{k}.travel": -0.155 for k in corners})
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 

@@ -170,7 +170,7 @@ def road(
     front = position[max(layout.wheels, key=lambda w: w.x).corner]
     c.output("end_of_road", x + front > shape.end, None, "the front wheels are beyond the end of the road", type=bool)
 
-    c.stimulate({"x": lambda t: stimulus_start + 30.0 * t, "speed": lambda _: 30.0})
+    c.reference_input({"x": lambda t: stimulus_start + 30.0 * t, "speed": lambda _: 30.0})
     return c
 
 

@@ -52,5 +52,5 @@ def speed_command(name: str = "SpeedCommand") -> Component:
     c.update(x, x + c.period * (speed + change / 2))
     c.output("x", x, "m", "distance along the road")
     c.output("speed", speed, "m/s", "speed", display_unit="km/h")
-    c.stimulate({"target.speed": lambda t: 5.0 if t < 1.0 else 25.0 if t < 3.0 else 12.0})
+    c.reference_input({"target.speed": lambda t: 5.0 if t < 1.0 else 25.0 if t < 3.0 else 12.0})
     return c

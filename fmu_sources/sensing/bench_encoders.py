@@ -62,7 +62,7 @@ def bench_encoders(name: str = "BenchEncoders") -> Component:
     c.output("body.vz", _rate(c, "body", read["body"]), "m/s", "vertical body velocity, estimated")
     c.output("tire.deflection", wheel - read["road"], "m", "wheel height minus road height", display_unit="mm")
     c.output("wheel.vz", _rate(c, "wheel", wheel), "m/s", "vertical wheel velocity, estimated")
-    c.stimulate(
+    c.reference_input(
         {
             "encoder.suspension": lambda t: 0.004 * sin(30 * t),
             "encoder.body": lambda t: 0.01 * sin(12 * t),

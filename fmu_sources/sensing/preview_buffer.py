@@ -196,7 +196,7 @@ def preview_buffer(
     front = places[max(layout.wheels, key=lambda w: w.x).corner]
     sight = ca.fmin(*foremost.values()) * size - x - front
     c.output("preview.reach", ca.fmax(0, sight), "m", "how far ahead of the front wheels the road is known or held")
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 

@@ -125,7 +125,7 @@ def preview_sensor(
             source="Z_road of 001 (1.18)",
         )
         c.output(f"sensed.{side}.valid", valid, None, "from a range that is measured", type=bool)
-    c.stimulate(_stimulus(mount_range(sensors)))
+    c.reference_input(_stimulus(mount_range(sensors)))
     return c
 
 

@@ -110,7 +110,7 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
     )
     dose = ca.sqrt(ca.sqrt((fourths + weighted**4) * period))
     c.output("vdv", dose, None, "fourth-power vibration dose value since the start [m/s1.75]")
-    c.stimulate({"body.az": lambda t: 3.0 * math.sin(2 * math.pi * 4.0 * t) + math.sin(2 * math.pi * 17.0 * t)})
+    c.reference_input({"body.az": lambda t: 3.0 * math.sin(2 * math.pi * 4.0 * t) + math.sin(2 * math.pi * 17.0 * t)})
     return c
 
 

@@ -228,7 +228,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
             type=bool,
         )
 
-    c.stimulate(_stimulus(scan))
+    c.reference_input(_stimulus(scan))
     return c
 
 

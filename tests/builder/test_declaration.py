@@ -127,7 +127,10 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"),
         r"Mass\.g: start value is inf m/s2; give a finite number$",
     ),
-    "latch of a continuous one": (lambda: mass().latch("x0", 1.0, "m"), r"Mass: latch\(\) is for discrete components"),
+    "initial_value of a continuous one": (
+        lambda: mass().initial_value("x0", 1.0, "m"),
+        r"Mass: initial_value\(\) is for discrete components",
+    ),
     "operating point of no state": (
         lambda: mass().operating_point("far", {"x": 1.0}),
         r"Mass: operating point 'far' sets 'x', which is neither state nor input",
@@ -157,7 +160,7 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         r"Mass\.f: two values of this name",
     ),
     "stimulus of no input": (
-        lambda: mass().stimulate({"f": math.sin}),
+        lambda: mass().reference_input({"f": math.sin}),
         r"Mass: stimulus for 'f', which is not an input",
     ),
 }
@@ -222,7 +225,7 @@ LATE: dict[str, Callable[[Component], object]] = {
     "a variable": lambda c: c.parameter("late", 1.0, "1", "late", source="none"),
     "an output": lambda c: c.output("late", c.time, "s", "late"),
     "a check": lambda c: c.check(1.0, "late"),
-    "a stimulus": lambda c: c.stimulate({"f": math.sin}),
+    "a stimulus": lambda c: c.reference_input({"f": math.sin}),
     "an operating point": lambda c: c.operating_point("late", {}),
     "a solver": lambda c: c.choose_backend("osqp"),
     "an attribute": lambda c: setattr(c, "description", "late"),
@@ -278,7 +281,7 @@ def test_a_constant_is_a_number_in_the_code(symbols: object) -> None:
 def test_a_latched_value_stays() -> None:
     c = sampled()
     y = c.input("y", "m", "heights", shape=(3,))
-    c.output("moved", y - c.latch("y0", y, "m", "heights at the start"), "m", "since the start")
+    c.output("moved", y - c.initial_value("y0", y, "m", "heights at the start"), "m", "since the start")
     run = Evaluator(c.model())
     run.u[:] = 1.0, 2.0, 3.0
     for _ in range(3):

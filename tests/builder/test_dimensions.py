@@ -53,7 +53,7 @@ def wrong(equation: Callable[[Mass], None], symbols: Any) -> list[tuple[str, str
     """Violations of a mass with one more equation."""
     found = with_equation(equation, symbols).dimensions
     assert not found.unchecked
-    assert not found.unseen
+    assert not found.not_exercised
     return [(w.name, w.base, w.declared, w.found) for w in found.violations]
 
 
@@ -263,7 +263,7 @@ def test_the_catalog_has_the_dimensions_that_it_declares(name: str) -> None:
     found = model.dimensions
     found.check()
     assert bool(found.unchecked) == (name in UNCHECKED), found.unchecked[:5]
-    assert bool(found.unseen) == (name in UNSEEN), found.unseen[:5]
+    assert bool(found.not_exercised) == (name in UNSEEN), found.not_exercised[:5]
     by_row = any(v.rows for v in model.all_variables)
     if model.symbols is ca.SX and not by_row and not found.unchecked:
         assert inconsistent(model) == []  # in all branches, by algebra

@@ -195,7 +195,7 @@ def uncommon() -> Component:
     table = ca.interpolant("table", "linear", [[0.0, 1.0, 2.0], [0.0, 1.0, 4.0]], list(range(9)))
     c.derivative(x, ca.solve(ca.diag(ca.vertcat(2.0, 3.0)) + u @ u.T, u - x))
     c.output("read", table(u), "1", "from a table")
-    c.stimulate({"u[1]": np.sin, "u[2]": lambda t: 1.0 + t})
+    c.reference_input({"u[1]": np.sin, "u[2]": lambda t: 1.0 + t})
     return c
 
 

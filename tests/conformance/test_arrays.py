@@ -16,7 +16,7 @@ from lxml import etree
 
 from cosim import System
 from cosim.fmu.file import FmuFile
-from cosim.fmu.gate import Verdict
+from cosim.fmu.validation import Verdict
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 

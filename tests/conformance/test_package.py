@@ -24,7 +24,7 @@ from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
 from cosim.check import layered
 from cosim.fmu.file import FmuFile
-from cosim.fmu.gate import Verdict
+from cosim.fmu.validation import Verdict
 from cosim.terminals import by_names, by_path
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"

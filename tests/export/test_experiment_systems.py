@@ -11,7 +11,7 @@ from ssp.systems import EVERY, experiment_system
 
 from cosim.check import Options, check
 from cosim.fmu.file import FmuFile
-from cosim.fmu.gate import Verdict
+from cosim.fmu.validation import Verdict
 
 QUICK = "bench"
 """The smallest; `make test-full` checks all."""

@@ -23,7 +23,7 @@ from same import bits
 from cosim import CosimError, Fmu, FmuError, PythonComponent, System, WiringError
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.runs import Case, wire
-from cosim.fmu.gate import Verdict
+from cosim.fmu.validation import Verdict
 from cosim.study import FmuSet, Runner
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")

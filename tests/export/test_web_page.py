@@ -20,9 +20,9 @@ from cosim.experiments.live_pages import write_pages
 from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
-from cosim.export.web.page import Control, Finish, Measure, Shown, WebPage, export_web
+from cosim.export.web.page import Control, Finish, Measure, PageSystem, WebPage, export_web
 from cosim.export.web.scene import Value
-from cosim.scenes import recognised
+from cosim.scenes import infer_scene
 from cosim.study import FmuSet, Runner
 from cosim.study.case import CaseError
 from cosim.study.web import _changed
@@ -73,8 +73,8 @@ PAGE = WebPage(
 @pytest.fixture(scope="module")
 def page(systems, tmp_path_factory: pytest.TempPathFactory) -> Path:
     shown = [
-        Shown("Alone", systems[0], {"car.body.mass": 900.0}, "one", recognised(systems[0])),
-        Shown("Judged", systems[1], group="two", scene=recognised(systems[1])),
+        PageSystem("Alone", systems[0], {"car.body.mass": 900.0}, "one", infer_scene(systems[0])),
+        PageSystem("Judged", systems[1], group="two", scene=infer_scene(systems[1])),
     ]
     return export_web(tmp_path_factory.mktemp("page") / "quarter.html", shown, PAGE)
 
@@ -107,8 +107,8 @@ def test_it_carries_the_licences(page: Path) -> None:
 
 def test_the_same_bytes_again(page: Path, systems, tmp_path: Path) -> None:
     shown = [
-        Shown("Alone", systems[0], {"car.body.mass": 900.0}, "one", recognised(systems[0])),
-        Shown("Judged", systems[1], group="two", scene=recognised(systems[1])),
+        PageSystem("Alone", systems[0], {"car.body.mass": 900.0}, "one", infer_scene(systems[0])),
+        PageSystem("Judged", systems[1], group="two", scene=infer_scene(systems[1])),
     ]
     assert export_web(tmp_path / "again.html", shown, PAGE).read_bytes() == page.read_bytes()
 
@@ -200,17 +200,17 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
 )
 def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], said: str) -> None:
     with pytest.raises((WiringError, CosimError, ValueError), match=said):
-        export_web(tmp_path / "x.html", [Shown("One", systems[0])], WebPage("One", **change))
+        export_web(tmp_path / "x.html", [PageSystem("One", systems[0])], WebPage("One", **change))
     assert not (tmp_path / "x.html").exists()
 
 
 def test_what_else_is_refused(systems, tmp_path: Path) -> None:
     with pytest.raises(WiringError, match=r"One has no input or parameter 'car.bod'"):
-        export_web(tmp_path / "x.html", [Shown("One", systems[0], {"car.bod": 1.0})], WebPage("One"))
+        export_web(tmp_path / "x.html", [PageSystem("One", systems[0], {"car.bod": 1.0})], WebPage("One"))
     with pytest.raises(CosimError, match=r"name the page FILE.html"):
-        export_web(tmp_path / "x.htm", [Shown("One", systems[0])], WebPage("One"))
+        export_web(tmp_path / "x.htm", [PageSystem("One", systems[0])], WebPage("One"))
     with pytest.raises(CosimError, match="5 systems side by side"):
-        export_web(tmp_path / "x.html", [Shown(str(i), systems[0]) for i in range(5)], WebPage("One"))
+        export_web(tmp_path / "x.html", [PageSystem(str(i), systems[0]) for i in range(5)], WebPage("One"))
     with pytest.raises(CosimError, match="at least one system"):
         export_web(tmp_path / "x.html", [], WebPage("One"))
     with pytest.raises(CosimError, match="'least' is none of peak, largest, rms, mean square"):
@@ -219,7 +219,7 @@ def test_what_else_is_refused(systems, tmp_path: Path) -> None:
 
 def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
     path = systems[0].export_web(
-        tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=recognised(systems[0])
+        tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=infer_scene(systems[0])
     )
     about = json.loads(block(path, "data"))
     assert about["systems"][0]["scene"]["what"]

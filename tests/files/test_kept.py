@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from build_fmus import safe_files
-from build_fmus.safe_files import DamagedWarning, NotKept
+from build_fmus.safe_files import CacheMiss, DamagedWarning
 
 VALUE = {"J": 0.1, "rows": [1, 2.5, None, True], "name": "Längs"}
 
 
 def test_a_kept_value_is_read_back(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.json"
-    with pytest.raises(NotKept):
+    with pytest.raises(CacheMiss):
         safe_files.kept_json(path)
     for value in (VALUE, 3, None, [], {"tuple": (1, 2), 5: "number"}):
         safe_files.keep_json(path, value)
@@ -32,7 +32,7 @@ def test_a_changed_value_is_discarded_by_name(old: str, new: str, tmp_path: Path
     path = tmp_path / "a.json"
     safe_files.keep_json(path, VALUE)
     path.write_text(path.read_text().replace(old, new, 1))
-    with pytest.warns(DamagedWarning, match=re.escape(f"{path} is damaged")), pytest.raises(NotKept):
+    with pytest.warns(DamagedWarning, match=re.escape(f"{path} is damaged")), pytest.raises(CacheMiss):
         safe_files.kept_json(path)
     assert not path.exists()
 
@@ -40,11 +40,11 @@ def test_a_changed_value_is_discarded_by_name(old: str, new: str, tmp_path: Path
 def test_one_entry_is_not_taken_for_another(tmp_path: Path) -> None:
     safe_files.keep_json(tmp_path / "a.json", VALUE)
     (tmp_path / "a.json").rename(tmp_path / "b.json")
-    with pytest.warns(DamagedWarning, match="b.json"), pytest.raises(NotKept):
+    with pytest.warns(DamagedWarning, match="b.json"), pytest.raises(CacheMiss):
         safe_files.kept_json(tmp_path / "b.json")
     file = safe_files.keep_file(tmp_path, "key", ".o", lambda out: out.write_bytes(b"object") and None)
     file.rename(tmp_path / file.name.replace("key", "other"))
-    with pytest.warns(DamagedWarning, match="other-"), pytest.raises(NotKept):
+    with pytest.warns(DamagedWarning, match="other-"), pytest.raises(CacheMiss):
         safe_files.kept_file(tmp_path, "other", ".o")
 
 
@@ -56,7 +56,7 @@ def test_every_flipped_bit_of_a_file_is_found(tmp_path: Path) -> None:
         damaged = bytearray(content)
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
-        with pytest.warns(DamagedWarning, match=re.escape(str(path))), pytest.raises(NotKept):
+        with pytest.warns(DamagedWarning, match=re.escape(str(path))), pytest.raises(CacheMiss):
             safe_files.kept_file(tmp_path, "key", ".o")
 
 
@@ -68,9 +68,9 @@ def test_anew_looks_at_nothing_older(tmp_path: Path) -> None:
     for p in (path, file):
         os.utime(p, ns=(now - 1, now - 1))
     with safe_files.anew(now):
-        with pytest.raises(NotKept):
+        with pytest.raises(CacheMiss):
             safe_files.kept_json(path)
-        with pytest.raises(NotKept):
+        with pytest.raises(CacheMiss):
             safe_files.kept_file(tmp_path, "key", ".o")
         safe_files.keep_json(path, 2)
         assert safe_files.kept_json(path) == 2

@@ -201,7 +201,7 @@ _READERS: dict[
     "recording.csv": (_recording, ValueError, True),
     "table.csv": (_table, TableError, True),
     "rows": (_rows, CosimError, True),
-    "run.json": (_kept, safe_files.NotKept, False),
+    "run.json": (_kept, safe_files.CacheMiss, False),
     "runs.lines": (_run, NotStored, False),
     "runs.parquet": (_run, NotStored, False),
 }

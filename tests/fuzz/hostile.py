@@ -54,7 +54,7 @@ def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
                 simulation.advance("20 ms")
         except ComponentError as error:
             if error.component != "bad" or error.recording is None:
-                raise RuntimeError(f"somebody else is blamed, or nothing is left: {error}") from error
+                raise RuntimeError(f"somebody else is failing_function, or nothing is left: {error}") from error
             raise
 
 

@@ -44,7 +44,7 @@ def build() -> System:
 def _good() -> tuple[dict[str, Any], list[bytes]]:
     with build() as system, system.initialize(allow_unconnected=True) as simulation:
         simulation.advance(0.0073)
-        return sealed.opened(MAGIC, simulation.save().to_bytes(), "it")
+        return sealed.unpack(MAGIC, simulation.save().to_bytes(), "it")
 
 
 @cache
@@ -53,7 +53,7 @@ def _system() -> System:
 
 
 def make(rng: random.Random) -> bytes:
-    return sealed.seal(MAGIC, *forged(*_good(), rng))
+    return sealed.pack(MAGIC, *forged(*_good(), rng))
 
 
 def run(case: bytes, folder: Path) -> None:  # noqa: ARG001

@@ -18,7 +18,7 @@ import pytest
 from foreign.hostile import ENDS, HARMLESS, LIES, PHASES, STEPPING, build
 from processes import children, gone
 
-from cosim import ComponentError, CosimError, EngineChoice, ProcessLostWarning, System
+from cosim import ComponentError, CosimError, EngineChoice, IsolationCrashedWarning, System
 
 VERSIONS = (2, 3)
 PATIENCE = 0.3  # s, of a call
@@ -102,7 +102,7 @@ def test_a_crash_in_any_phase_is_an_error_that_names_the_function(
 @pytest.mark.parametrize("phase", ["terminate", "free"])
 @pytest.mark.parametrize("deed", ["abort", "hang"])
 def test_a_loss_after_the_last_step_is_a_warning(folder: Path, version: int, phase: str, deed: str) -> None:
-    with pytest.warns(ProcessLostWarning, match=FUNCTIONS[phase]), System() as system:
+    with pytest.warns(IsolationCrashedWarning, match=FUNCTIONS[phase]), System() as system:
         recording = wired(system, build(version, folder, phase, deed)).run(
             0.02, record=["bad.y"], allow_unconnected=True
         )
@@ -147,7 +147,7 @@ def test_memory_that_is_overwritten_hurts_only_who_did_it(system: System, folder
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives detached processes to the one that watches")
 @pytest.mark.parametrize("end", ["lost", "closed"])
-@pytest.mark.filterwarnings("ignore::cosim.ProcessLostWarning")
+@pytest.mark.filterwarnings("ignore::cosim.IsolationCrashedWarning")
 def test_detached_processes_end_with_their_fmu(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
 ) -> None:

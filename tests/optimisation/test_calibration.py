@@ -39,7 +39,7 @@ def test_values_information_and_intervals_are_those_of_the_formula() -> None:
     np.testing.assert_allclose(found.covariance, np.linalg.inv(exact), rtol=1e-6)
     low, high = found.intervals[0]
     assert math.log(high / low) == pytest.approx(2 * 1.95996 * found.deviations[0], rel=1e-4)
-    assert found.untold == found.correlated == []
+    assert found.not_identifiable == found.correlated == []
     assert found.misfit == pytest.approx(1, abs=0.2)
     assert not found.leaves_more
 
@@ -69,7 +69,7 @@ def test_the_noise_is_estimated_from_the_residuals() -> None:
 
 def test_what_moves_nothing_is_not_told() -> None:
     found = calibrate(decay, noisy(decay(TRUE)), {**RANGES, "colour": (3.0, 1.0, 9.0)}, noise=NOISE)
-    assert found.untold == ["colour"]
+    assert found.not_identifiable == ["colour"]
     assert found.intervals[2] == (0.0, math.inf)
     assert found.values[2] == pytest.approx(3.0)
     assert "Not told by these data: colour." in found.text()
@@ -83,7 +83,7 @@ def test_a_product_is_told_and_its_factors_are_not() -> None:
 
     ranges = {"mass": (1.5, 0.1, 10.0), "gain": (1.0, 0.1, 10.0), "rate": (1.0, 0.1, 10.0)}
     found = calibrate(product, noisy(decay(TRUE)), ranges, noise=NOISE)
-    assert found.untold == ["mass", "gain"]
+    assert found.not_identifiable == ["mass", "gain"]
     assert found.values[0] * found.values[1] == pytest.approx(2.0, rel=0.01)
     worst = found.combinations[-1][1]
     assert set(worst) == {"mass", "gain"}
@@ -138,7 +138,7 @@ def test_pairs_come_by_how_much_they_are_one() -> None:
 def test_an_end_of_a_range_is_no_result() -> None:
     found = calibrate(decay, decay(TRUE), {**RANGES, "rate": (0.3, 0.1, 0.5)}, noise=NOISE)
     assert found.at_bounds == [False, True]
-    assert "rate" in found.untold
+    assert "rate" in found.not_identifiable
     assert "rate ended at a bound of its range" in found.text()
 
 

@@ -150,7 +150,7 @@ def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Pa
     runs = CaseRuns(EXPERIMENT, FmuSet(), Drop(), tmp_path, processes=1)
     with pytest.raises(OptimisationError, match="no field of the cases of drop 'heigth'; did you mean 'height'"):
         optimise(runs, {"heigth": (0.1, 1.0)}, {"a": "min"}, trials=1)
-    assert [str(r["failed"])[:15] for r in runs.together([{"height": 5.0}])] == ["height is 5 m; "]
+    assert [str(r["failed"])[:15] for r in runs.evaluate_batch([{"height": 5.0}])] == ["height is 5 m; "]
 
 
 # -------------------------------------------------------------------------------------------------------- what users do

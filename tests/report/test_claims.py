@@ -69,8 +69,10 @@ class TestDistributionAsValue:
 class TestEvidence:
     def test_what_was_looked_at_is_kept(self):
         claims = Claims()
-        assert claims.clearly("power", "ratio, 60 km/h", Distribution([2.0] * 7 + [0.123456]), lambda x: x > 1)
-        assert not claims.clearly("power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W")
+        assert claims.is_significant("power", "ratio, 60 km/h", Distribution([2.0] * 7 + [0.123456]), lambda x: x > 1)
+        assert not claims.is_significant(
+            "power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W"
+        )
         first, second = (e.row() for e in claims.evidence)
         assert dict(zip(Evidence.COLUMNS, first, strict=True)) == {
             "claim": "power",
@@ -89,7 +91,7 @@ class TestEvidence:
     def test_quartiles_are_values_that_occurred(self):
         """The second and the sixth of eight."""
         seen = Claims()
-        seen.clearly("power", "power", Distribution([7, 3, 5, 1, 8, 2, 6, 4]), lambda x: x > 0, "W")
+        seen.is_significant("power", "power", Distribution([7, 3, 5, 1, 8, 2, 6, 4]), lambda x: x > 0, "W")
         (row,) = (dict(zip(Evidence.COLUMNS, e.row(), strict=True)) for e in seen.evidence)
         spread = [row[c] for c in ("lowest", "lower quartile", "median", "upper quartile", "highest")]
         assert spread == [1, 2, 4.5, 6, 8]
@@ -125,12 +127,12 @@ class TestDistribution:
         seeds = Distribution([0.20, 0.02, 0.03, -0.04, 0.01, 0.03, -0.01, 0.02])
         assert seeds.median == pytest.approx(0.02)
         assert seeds.count(lambda x: x > 0) == 6
-        assert not seeds.clearly(lambda x: x > 0)
+        assert not seeds.is_significant(lambda x: x > 0)
 
     @pytest.mark.parametrize(("n", "fewest"), [(5, 5), (8, 7), (16, 12)])
     def test_clearly_is_a_sign_test_at_five_percent(self, n, fewest):
         def on_side(k):
-            return Distribution([1.0] * k + [-1.0] * (n - k)).clearly(lambda x: x > 0)
+            return Distribution([1.0] * k + [-1.0] * (n - k)).is_significant(lambda x: x > 0)
 
         assert on_side(fewest)
         assert not on_side(fewest - 1)
@@ -203,4 +205,4 @@ class TestCounts:
 def test_most_is_not_always_clearly_most():
     """14 of 20 may be chance (5.8 %), 15 of 20 hardly (2.1 %)."""
     for many, clear in ((14, False), (15, True)):
-        assert Distribution([1.0] * many + [0.0] * (20 - many)).clearly(bool) is clear
+        assert Distribution([1.0] * many + [0.0] * (20 - many)).is_significant(bool) is clear

@@ -22,7 +22,7 @@ from cosim.description import Description, Variable
 from cosim.errors import WiringError
 from cosim.experiments import EXPERIMENTS
 from cosim.export.web.scene import Body, Scene, Value, scene_data
-from cosim.scenes import recognised
+from cosim.scenes import infer_scene
 from cosim.study import FmuSet, Runner
 from cosim.study.experiment import resolved
 from cosim.study.loading import load
@@ -48,7 +48,7 @@ def wired(name: str, **options: Any) -> Iterator[System]:
 
 
 def scene_of(system: System, plant: str | None = None) -> Scene:
-    scene = recognised(system, plant)
+    scene = infer_scene(system, plant)
     assert scene is not None
     return scene
 
@@ -202,10 +202,10 @@ def test_no_plant_no_scene() -> None:
     with System() as system:
         system.add("road", fmu("RoadSine"))
         system.add("filter", fmu("KalmanHmmwv"))
-        assert recognised(system) is None
-        assert recognised(system, "filter") is None
+        assert infer_scene(system) is None
+        assert infer_scene(system, "filter") is None
         with pytest.raises(WiringError, match="no component 'raod'; did you mean 'road'"):
-            recognised(system, "raod")
+            infer_scene(system, "raod")
 
 
 def test_one_of_several_plants() -> None:

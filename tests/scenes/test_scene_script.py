@@ -29,7 +29,7 @@ from cosim.export.web.scene import (
     Value,
     Wheel,
 )
-from cosim.scenes import recognised, shapes
+from cosim.scenes import infer_scene, shapes
 from cosim.scenes.shapes import Axle, Outline
 from cosim.study import FmuSet
 
@@ -697,7 +697,7 @@ def _area(points: list[tuple[float, float]]) -> float:
 def test_all_systems_can_be_drawn(built_fmus: BuiltFmus, browser: Browser, name: str) -> None:  # noqa: ARG001
     """From all sides, with whatever values: nothing is drawn at places that are no numbers."""
     with experiment_system(name) as system:
-        found = recognised(system)
+        found = infer_scene(system)
     assert found is not None
     generator = np.random.default_rng(3)
     for view in VIEWS:
@@ -716,7 +716,7 @@ def test_all_systems_can_be_drawn(built_fmus: BuiltFmus, browser: Browser, name:
 def test_passed_systems_of_users_too(built_fmus: BuiltFmus, browser: Browser) -> None:  # noqa: ARG001
     with System() as system:
         system.add("car", str(FmuSet(FMUS, 3).path("RideCarSedan")))
-        found = recognised(system)
+        found = infer_scene(system)
     assert found is not None
     browser.see(found, dict.fromkeys(found.variables, 0.0), "three-quarter")
     assert len(browser.run("view.wheels")) == 4

@@ -392,8 +392,8 @@ def test_every_flipped_byte_and_every_cut_is_refused(good):
 
 def resealed(good: bytes, change) -> bytes:
     """With something else in it, under a right digest."""
-    about, pieces = sealed.opened(MAGIC, good, "it")
-    return sealed.seal(MAGIC, *change(about, pieces))
+    about, pieces = sealed.unpack(MAGIC, good, "it")
+    return sealed.pack(MAGIC, *change(about, pieces))
 
 
 def value_of(new):

@@ -24,11 +24,11 @@ from build_fmus import safe_files
 from cosim import CosimError
 from cosim.study import FmuSet, load, run_study
 from cosim.study import dispatch as dispatching
-from cosim.study.dispatch import DIED, LOST, Dispatch, ExecutorLostError, failed
+from cosim.study.dispatch import DIED, LOST, Dispatch, ExecutorLost, failed
 from cosim.study.executors import ClusterError, dask, width
 from cosim.study.processes import WorkerDiedError, local_processes
-from cosim.study.store import seal
-from cosim.study.work import Reply, Ship, hashes, work
+from cosim.study.store import pack
+from cosim.study.work import JobContext, Reply, hashes, work
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -70,7 +70,7 @@ class Hand(Executor):
         future: Future[Any] = Future()
         error = self.fate(numbers, contents)
         if error is None:
-            lines = [seal(f"{n:032}", {"metrics": {"n": n}}) for n in numbers]
+            lines = [pack(f"{n:032}", {"metrics": {"n": n}}) for n in numbers]
             future.set_result(Reply(lines, seconds=0.01 * len(numbers)))
         else:
             future.set_exception(error)
@@ -78,7 +78,7 @@ class Hand(Executor):
 
 
 def dispatch(**options: Any) -> Dispatch:
-    ship = Ship("nothing", FMUS, options.get("hashes", {}), None, "", {}, None)
+    ship = JobContext("nothing", FMUS, options.get("hashes", {}), None, "", {}, None)
     return Dispatch(ship, lambda i: (f"{i:032}", None), lambda _: 1.0, width)
 
 
@@ -100,7 +100,7 @@ def test_a_lost_chunk_is_run_again_one_by_one() -> None:
     found = dict(dispatch().through(hand, range(1000), 1000))
     assert set(found) == set(range(1000))
     assert [i for i, line in found.items() if failed(line)] == [500]
-    assert found[500] == seal(f"{500:032}", {"failed": DIED})
+    assert found[500] == pack(f"{500:032}", {"failed": DIED})
     assert sum(500 in c for c in hand.chunks) == 2
 
 
@@ -125,14 +125,14 @@ def test_those_that_were_only_near_are_not_blamed() -> None:
 def test_the_reason_of_what_gives_no_result() -> None:
     hand = Hand(lambda numbers, _: OSError("no route to host") if 3 in numbers else None)
     found = dict(dispatch().through(hand, range(5), 5))
-    assert found[3] == seal(f"{3:032}", {"failed": "its worker gave no result: OSError: no route to host"})
+    assert found[3] == pack(f"{3:032}", {"failed": "its worker gave no result: OSError: no route to host"})
 
 
 def test_workers_that_can_do_nothing() -> None:
     """Not 10^5 failed runs, but one sentence."""
     hand = Hand(lambda *_: ModuleNotFoundError("No module named 'cosim'"))
     with pytest.raises(
-        ExecutorLostError, match=r"no worker could do anything: .*No module named 'cosim'; is this project installed"
+        ExecutorLost, match=r"no worker could do anything: .*No module named 'cosim'; is this project installed"
     ):
         list(dispatch().through(hand, range(100_000), 100_000))
     assert len(hand.chunks) < 20
@@ -169,7 +169,7 @@ def test_a_worker_keeps_fmus_by_content(tmp_path: Path, monkeypatch: pytest.Monk
     here.write_bytes(b"one")
     digest = hashlib.sha256(b"two").hexdigest()
     known = {**hashes([here]), str(there): digest}
-    ship = Ship(str(FILE), FmuSet(), known, None, "", {"": "salt"}, None)
+    ship = JobContext(str(FILE), FmuSet(), known, None, "", {"": "salt"}, None)
     name = "0" * 32
     task = (name, ("", {"rate": 1.0, "note": ""}, False))
     assert work(ship, [task]).missing == [digest]
@@ -245,7 +245,7 @@ def test_pools_that_break_are_made_again(experiment: Any, tmp_path: Path, make: 
     assert results.failures == {"rate666": DIED}
     assert right(results, but=666.0)
     assert len(made) >= 2
-    with make() as pool, pytest.raises(ExecutorLostError) as caught:
+    with make() as pool, pytest.raises(ExecutorLost) as caught:
         run_study(experiment, FMUS, tmp_path / "two", tasks=cases, executor=pool)
     assert str(caught.value) == LOST
     results = run_study(experiment, FMUS, tmp_path / "two", tasks=cases, processes=1)
@@ -469,7 +469,7 @@ def test_a_scheduler_that_dies_and_comes_again(
                 first.kill()
 
         with (
-            pytest.raises((ExecutorLostError, ClusterError), match="was finished is stored"),
+            pytest.raises((ExecutorLost, ClusterError), match="was finished is stored"),
             dask(address) as executor,
         ):
             run_study(experiment, FMUS, tmp_path / "runs", tasks=many, executor=executor, progress=progress)

@@ -176,8 +176,8 @@ def test_what_a_claim_carries_to_the_report() -> None:
     @claims.claim("size", "The size", published="3 mm", source="Figure 2")
     def _size(_: Results) -> Finding:
         evidence = Evidence()
-        evidence.clearly("sizes", distribution, lambda v: v > 2, "mm")
-        assert not evidence.clearly("none", None, lambda _: True)
+        evidence.is_significant("sizes", distribution, lambda v: v > 2, "mm")
+        assert not evidence.is_significant("none", None, lambda _: True)
         return Finding(
             "5 mm", True, "too large", 5.0, "mm", band, criterion="a size", fitted="the mass", evidence=evidence
         )

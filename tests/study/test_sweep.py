@@ -29,7 +29,7 @@ from cosim.errors import CosimError
 from cosim.study import CaseError, MeasureError, Runner, dask, load
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED
-from cosim.study.sweep import Running, history, prepare, run_sweep
+from cosim.study.sweep import RunningStats, history, prepare, run_sweep
 from cosim.study.sweep_command import running_table
 from cosim.study.sweep_report import sobol_indices, sweep_report
 
@@ -260,21 +260,21 @@ def test_a_full_disk_of_a_worker_ends_the_sweep_and_is_no_fault_of_the_run(tmp_p
 
 def test_statistics_as_runs_arrive(experiment: Any, tmp_path: Path) -> None:
     sweep = made(experiment, "mass.rate=1:3", samples=20, seed=3)
-    running = Running()
-    table = run_sweep(sweep, FMUS, tmp_path, processes=1, running=running)
-    resumed = Running()
-    run_sweep(sweep, FMUS, tmp_path, processes=1, running=resumed)
+    running_stats = RunningStats()
+    table = run_sweep(sweep, FMUS, tmp_path, processes=1, running_stats=running_stats)
+    resumed = RunningStats()
+    run_sweep(sweep, FMUS, tmp_path, processes=1, running_stats=resumed)
     x = table.metrics["fallen"]
-    for found in (running, resumed):
+    for found in (running_stats, resumed):
         rows = {name: numbers for name, *numbers in found.rows()}
         assert rows["fallen"] == pytest.approx([20, x.mean(), x.std(ddof=1), x.min(), x.max()], rel=1e-12)
         assert rows["count"][:3] == [20, 1.0, 0.0]
-    running.add('{"failed": "no"}')
-    running.add('{"metrics": {"fallen": NaN, "text": "a"}}')
-    assert running.failed == 1
-    assert {n: k for n, k, *_ in running.rows()} == {"fallen": 20, "count": 20}
+    running_stats.add('{"failed": "no"}')
+    running_stats.add('{"metrics": {"fallen": NaN, "text": "a"}}')
+    assert running_stats.failed == 1
+    assert {n: k for n, k, *_ in running_stats.rows()} == {"fallen": 20, "count": 20}
     shown = Console(width=100, record=True, file=io.StringIO())
-    shown.print(running_table(running))
+    shown.print(running_table(running_stats))
     assert f"{x.mean():.4g}" in shown.export_text()
 
 

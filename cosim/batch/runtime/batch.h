@@ -9,7 +9,7 @@ typedef unsigned (*BatchStep)(void *memory, double t, double h, unsigned of);
 
 /* A member; what is not said here is as in EngineMember. */
 typedef struct {
-    int32_t clock, look_before;
+    int32_t clock, check_before;
     double step;
     int32_t n_copies_before, n_copies;
     const EngineCopy *copies;

@@ -30,7 +30,7 @@ typedef double lanes __attribute__((vector_size(8 * LANES), aligned(8 * LANES)))
 typedef int64_t mask __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
 
 #define INLINE static inline __attribute__((always_inline, unused))
-#define APART static __attribute__((noinline, unused))
+#define NOINLINE static __attribute__((noinline, unused))
 
 /* ------------------------------------------------------------------ conditions */
 
@@ -207,13 +207,13 @@ PRODUCTS(lanes, lanes, table, double)
 /* ------------------------------------------------------------------ functions of the mathematical library */
 
 #define IN_EACH_LANE(name, function)                                 \
-    APART lanes lanes_##name(lanes x) {                              \
+    NOINLINE lanes lanes_##name(lanes x) {                              \
         lanes r;                                                     \
         for (int i = 0; i < LANES; i++) r[i] = function(x[i]);       \
         return r;                                                    \
     }
 #define IN_EACH_LANE_OF_TWO(name, function)                          \
-    APART lanes lanes_##name(lanes x, lanes y) {                     \
+    NOINLINE lanes lanes_##name(lanes x, lanes y) {                     \
         lanes r;                                                     \
         for (int i = 0; i < LANES; i++) r[i] = function(x[i], y[i]); \
         return r;                                                    \
@@ -273,7 +273,7 @@ INLINE int reduced(lanes x, mask *n, lanes *y0, lanes *y1) {
     return 1;
 }
 
-APART lanes sin_apart(lanes x) {
+NOINLINE lanes sin_apart(lanes x) {
     mask n;
     lanes y0, y1, r;
     if (reduced(x, &n, &y0, &y1)) {
@@ -284,7 +284,7 @@ APART lanes sin_apart(lanes x) {
     return r;
 }
 
-APART lanes cos_apart(lanes x) {
+NOINLINE lanes cos_apart(lanes x) {
     mask n;
     lanes y0, y1, r;
     if (reduced(x, &n, &y0, &y1)) {

@@ -186,7 +186,7 @@ def _random_body(study: Results) -> Finding:
     return Finding(
         f"of passive: rms acceleration {body.text('{:.2f}', holds=_halved)}, overshoot"
         f" {beyond.text('{:.2f}', holds=_halved)}",
-        body.clearly(_halved) and beyond.clearly(_halved),
+        body.is_significant(_halved) and beyond.is_significant(_halved),
         "not halved on most stretches",
         criterion="at least halved, as over the bumps; clearly so over the stretches of road (sign test at 5 %)",
     )
@@ -202,7 +202,7 @@ def _random_wheel(study: Results) -> Finding:
     tire = over_passive(study, "tire")
     return Finding(
         f"rms tire deflection of passive: {tire.text('{:.2f}', holds=_firmer)}",
-        tire.clearly(_firmer),
+        tire.is_significant(_firmer),
         "the tire is deflected about as much as on the passive bench, or more",
         criterion=f"tire deflection at least {100 * FIRMLY:g} % below passive; clearly so over the stretches of road",
     )

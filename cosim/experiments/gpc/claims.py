@@ -78,7 +78,7 @@ def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
         r, seen = j.results, Evidence()
         counts = {other: r.matched_seeds("sine", SINE_SPEED, other) for other in MATCHED}
         gains = r.improvements("sine", SINE_SPEED, law)
-        holds = seen.clearly(f"improvement, {R_TEXT}", gains, lambda x: x > 0, "%")
+        holds = seen.is_significant(f"improvement, {R_TEXT}", gains, lambda x: x > 0, "%")
         shared = (
             f"; a weight gives the same to implicit in {counts['implicit']}, to preview in {counts['preview']} of "
             f"{len(r.seeds)} seeds"
@@ -149,7 +149,7 @@ def _implicit_power_80(j: Judge) -> Finding:
             if power
             else "no seed in which explicit lowers the response that could be matched"
         ),
-        seen.clearly("power, implicit / explicit", power, lambda x: x > 1),
+        seen.is_significant("power, implicit / explicit", power, lambda x: x > 1),
         f"at {TOP_SPEED:g} km/h explicit with {R_TEXT} lowers the response in {gains.count(lambda x: x > 0)} of"
         f" {len(gains.values)} seeds (improvement {gains.low:.0f} to {gains.high:.0f} %), and without that there is"
         " nothing to match: with the published horizon of 8 samples the laws stop helping above about 70 km/h",
@@ -172,7 +172,7 @@ def _implicit_power_80(j: Judge) -> Finding:
 def _implicit_force_50(j: Judge) -> Finding:
     seen = Evidence()
     ratios = {to: j.results.ratios("sine", SINE_SPEED, "force", "implicit", to) for to in ("explicit", "preview")}
-    clear = [seen.clearly(f"force, implicit / {to}", d, lambda x: x > 1) for to, d in ratios.items()]
+    clear = [seen.is_significant(f"force, implicit / {to}", d, lambda x: x > 1) for to, d in ratios.items()]
     known = [d for d in ratios.values() if d is not None]
     least = min(known, key=lambda d: d.median) if len(known) == len(ratios) else None
     return Finding(
@@ -206,10 +206,10 @@ def _sine_signals(j: Judge) -> Finding:
         parts = []
         for name, key in (("acceleration", "rms_az"), ("pitch", "rms_pitch")):
             change = r.changes("sine", SINE_SPEED, key, law)
-            lower.append(seen.clearly(f"{name}, {law}", change, lambda x: x < 0, "%"))
+            lower.append(seen.is_significant(f"{name}, {law}", change, lambda x: x < 0, "%"))
             parts.append(f"{name} {median_text(change, '{:+.0f} %')}")
         share = r.at_equal_response("sine", SINE_SPEED, (law,), lambda row: row["rms_roll"] / row["rms_pitch"])
-        rolls.append(seen.clearly(f"roll / pitch, {law}", share, lambda x: x >= VISIBLE_ROLL))
+        rolls.append(seen.is_significant(f"roll / pitch, {law}", share, lambda x: x >= VISIBLE_ROLL))
         parts.append(f"roll {median_text(share, '{:.3f} of pitch')}")
         words.append(f"{law} {', '.join(parts)}")
     return Finding(
@@ -243,8 +243,10 @@ def _sine_implicit_signals(j: Judge) -> Finding:
     ratio = {
         (to, key): r.ratios("sine", SINE_SPEED, key, "implicit", to) for to in others for key in ("rms_az", "rms_pitch")
     }
-    worse = [seen.clearly(f"acceleration, implicit / {to}", ratio[to, "rms_az"], lambda x: x > 1) for to in others]
-    better = [seen.clearly(f"pitch, implicit / {to}", ratio[to, "rms_pitch"], lambda x: x < 1) for to in others]
+    worse = [
+        seen.is_significant(f"acceleration, implicit / {to}", ratio[to, "rms_az"], lambda x: x > 1) for to in others
+    ]
+    better = [seen.is_significant(f"pitch, implicit / {to}", ratio[to, "rms_pitch"], lambda x: x < 1) for to in others]
     known = [100 * (1 - d.median) for to in others if (d := ratio[to, "rms_pitch"]) is not None]
     return Finding(
         "; ".join(
@@ -274,7 +276,7 @@ def _gain_on_perryman(law: str) -> Callable[[Judge], Finding]:
         gains = j.results.improvements("perryman3", worst, law)
         return Finding(
             f"{gains.text('{:.0f}', '%', MORE_THAN_25.__contains__)}, at {worst:g} km/h",
-            seen.clearly(f"improvement, {worst:g} km/h", gains, lambda x: x > 0, "%"),
+            seen.is_significant(f"improvement, {worst:g} km/h", gains, lambda x: x > 0, "%"),
             "less than 25 % in some seeds, on the synthetic road",
             unit="%",
             over=gains,
@@ -329,9 +331,9 @@ def _perryman_roll(j: Judge) -> Finding:
     falls, rises, largest, words = [], [], [], []
     for law in LAWS:
         change = {k: j.results.changes("perryman3", v, k, law) for k in ("peak_pitch", "rms_roll", "rms_az")}
-        falls.append(seen.clearly(f"peak of pitch, {law}", change["peak_pitch"], lambda x: x < 0, "%"))
+        falls.append(seen.is_significant(f"peak of pitch, {law}", change["peak_pitch"], lambda x: x < 0, "%"))
         for name, key in (("roll", "rms_roll"), ("acceleration", "rms_az")):
-            rises.append(seen.clearly(f"{name}, {law}", change[key], lambda x: x > 0, "%"))
+            rises.append(seen.is_significant(f"{name}, {law}", change[key], lambda x: x > 0, "%"))
             largest += [d.median for d in [change[key]] if d is not None]
         words.append(
             f"{law}: peak of pitch {median_text(change['peak_pitch'], '{:+.0f} %')}, roll"
@@ -450,7 +452,7 @@ def _curb_preview_200(j: Judge) -> Finding:
     def low(watts: float) -> bool:
         return watts < POWER_LIMIT
 
-    below = {v: seen.clearly(f"power of preview, {v:g} km/h", d, low, "W") for v, d in power.items()}
+    below = {v: seen.is_significant(f"power of preview, {v:g} km/h", d, low, "W") for v, d in power.items()}
     few = [v for v, d in power.items() if d is not None and d.too_few(low)]
     known = [d for d in power.values() if d is not None]
     largest = max(known, key=lambda d: d.median, default=None)
@@ -524,7 +526,7 @@ def _curb_peak(j: Judge) -> Finding:
             else "no seed can be matched"
         )
         + f"; with {R_TEXT} for all three lowest in {published.count(lowest)} of {len(r.seeds)} seeds",
-        seen.clearly("peak force, preview / lower of the others", ratio, lowest),
+        seen.is_significant("peak force, preview / lower of the others", ratio, lowest),
         "in some seeds another law has the lower peak, or none can be matched",
         None if ratio else math.nan,
         "times",

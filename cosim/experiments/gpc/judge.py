@@ -66,7 +66,7 @@ class Judge:
         self, seen: Evidence, quantity: str, at: Callable[[float], Distribution | None], holds: Above, unit: str = "-"
     ) -> list[float]:
         """Speeds at which the seeds clearly decide for the claimed side; what they decide on is kept in ``seen``."""
-        return [v for v in self.speeds if seen.clearly(f"{quantity}, {v:g} km/h", at(v), holds, unit)]
+        return [v for v in self.speeds if seen.is_significant(f"{quantity}, {v:g} km/h", at(v), holds, unit)]
 
     def open(self, value: float, band: Band, unit: str) -> str:
         """Why halved steps might change on which side of the band's edge a value lies; empty if they do not."""
@@ -84,7 +84,7 @@ class Judge:
 
 def most(count: int, seeds: Sequence[int]) -> bool:
     """Whether so many seeds are clearly most of them."""
-    return Distribution([1.0] * count + [0.0] * (len(seeds) - count)).clearly(lambda x: x > 0)
+    return Distribution([1.0] * count + [0.0] * (len(seeds) - count)).is_significant(lambda x: x > 0)
 
 
 def same(j: Judge, road: str) -> Finding:

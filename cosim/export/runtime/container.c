@@ -341,7 +341,7 @@ static void bind(FmuInstance *self) {
         *e = (EngineMember){.fmi = p->version,
             .clock = p->clock,
             .step = p->step,
-            .look_before = p->look_before,
+            .check_before = p->check_before,
             .n_copies_before = p->n_copies_before,
             .copies = p->copies,
             .n_copies = p->n_copies,

@@ -34,7 +34,7 @@ typedef struct {
     const void *functions;           /* of linked members: Functions2 or Functions3 */
     int32_t clock;
     double step;
-    bool look_before;
+    bool check_before;
     int32_t n_copies_before, n_copies;
     const EngineCopy *copies;
     int64_t stamp;

@@ -108,7 +108,7 @@ class Finish:
 
 
 @dataclass(frozen=True)
-class Shown:
+class PageSystem:
     """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side,
     and the page offers the groups to choose from. ``scene``: how it looks.
     """
@@ -147,7 +147,7 @@ class WebPage:
     interval: TimeLike | None = None
 
 
-def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Path:
+def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -> Path:
     """Write the page.
 
     Raises:
@@ -187,7 +187,7 @@ def _packed(content: bytes) -> str:
     return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
 
 
-def _headed(shown: Shown, code: SystemCode) -> str:
+def _headed(shown: PageSystem, code: SystemCode) -> str:
     title = f"{shown.title}, {shown.group}" if shown.group else shown.title
     return f"{title}\n\n{code.schedule}"
 
@@ -205,7 +205,7 @@ def _licences(codes: Sequence[SystemCode]) -> str:
 # told
 
 
-def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:
+def _gathered(systems: Sequence[PageSystem], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:
     """What the page's script reads, the module, and the code of each system."""
     if not systems:
         raise CosimError("a page shows at least one system")
@@ -246,7 +246,7 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     return data, module, codes
 
 
-def _code(name: str, shown: Shown, known: dict[tuple[str, str], Part]) -> SystemCode:
+def _code(name: str, shown: PageSystem, known: dict[tuple[str, str], Part]) -> SystemCode:
     schedule = exported_schedule(shown.system, ())
     outputs = [e.name for e in choose(schedule, (), None, ()) if e.causality == "output"]
     drawn = shown.scene.variables if shown.scene else ()
@@ -322,7 +322,7 @@ def _display(v: Variable) -> dict[str, Any] | None:
     return None if d is None else {"unit": d.name, "factor": d.factor, "offset": d.offset}
 
 
-def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: WebPage) -> None:
+def _check_names(systems: Sequence[PageSystem], codes: Sequence[SystemCode], page: WebPage) -> None:
     """Everything named is there, in one system at least."""
     settable = {e.name for c in codes for e in c.variables if e.causality != "output"}
     outputs = {e.name for c in codes for e in c.variables if e.causality == "output"}

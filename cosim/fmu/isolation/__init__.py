@@ -4,6 +4,6 @@
 which hand every call over; ``worker.c`` is the process; ``link.h`` and ``shared.h`` say what the two share.
 """
 
-from cosim.fmu.isolation.process import IsolatedLibrary, Isolation, Lost, NoIsolation, require
+from cosim.fmu.isolation.process import IsolatedLibrary, Isolation, NoIsolation, WorkerCrashed, require
 
-__all__ = ["IsolatedLibrary", "Isolation", "Lost", "NoIsolation", "require"]
+__all__ = ["IsolatedLibrary", "Isolation", "NoIsolation", "WorkerCrashed", "require"]

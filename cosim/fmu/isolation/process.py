@@ -159,8 +159,8 @@ class _Handle:
 class IsolatedLibrary:
     """The library of an FMU in a process of its own, for one instance.
 
-    Raises FmuError where it cannot be loaded, NoIsolation where nothing can be isolated, and `Lost` where it ends its
-    process.
+    Raises FmuError where it cannot be loaded, NoIsolation where nothing can be isolated, and `WorkerCrashed` where it
+    ends its process.
     """
 
     def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
@@ -169,7 +169,7 @@ class IsolatedLibrary:
         self.cancelled = False  # a second Ctrl-C ended it
         self._version = version
         self._last_words: tuple[str | None, str, str] | None = (
-            None  # of `lost`, `blamed` and `misdeed`, once it is released
+            None  # of `lost`, `failing_function` and `failure_detail`, once it is released
         )
         ffi, client, _, worker = _interface()
         self._ffi, self._client = ffi, client
@@ -212,19 +212,19 @@ class IsolatedLibrary:
         )
         if result:
             lost = self.lost()
-            said = "" if result < 0 else self._said()
+            said = "" if result < 0 else self._reply()
             self.release()
             if re.search("undefined symbol: _?Py", said):
                 said += (
                     "; it expects the library of Python in its process, and this Python has none: run it without"
                     " isolation"
                 )
-            raise Lost(lost) if lost else FmuError(said)
-        missing = frozenset(self._said().split())
+            raise WorkerCrashed(lost) if lost else FmuError(said)
+        missing = frozenset(self._reply().split())
         self.missing = [name for name in fmi.required(version) if name in missing]
         self.handle = _Handle(version, missing)
 
-    def _said(self) -> str:
+    def _reply(self) -> str:
         return fmi.text(self._ffi, self._client.link_said(self._link))
 
     def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any]) -> Any:
@@ -276,13 +276,13 @@ class IsolatedLibrary:
             text += f"; it had used up its memory_limit of {self.isolation.bytes / 1e6:,.0f} MB"
         return text
 
-    def blamed(self, function: str) -> str:
+    def failing_function(self, function: str) -> str:
         """The function that failed, where `function` was called: values that are set travel with the
         step after them."""
         name = self._last_words[1] if self._last_words else fmi.text(self._ffi, self._client.link_failed(self._link))
         return name.removeprefix(f"fmi{self._version}") or function
 
-    def misdeed(self) -> str:
+    def failure_detail(self) -> str:
         """What is to be said about a call that failed, apart from its status."""
         if self._last_words is not None:
             return self._last_words[2]
@@ -297,12 +297,12 @@ class IsolatedLibrary:
     def release(self) -> None:
         """End the process."""
         if self._last_words is None:
-            self._last_words = self.lost(), self.blamed(""), self.misdeed()
+            self._last_words = self.lost(), self.failing_function(""), self.failure_detail()
             self._client.link_release(self._link)
             self._finalizer()
 
 
-class Lost(Exception):  # noqa: N818
+class WorkerCrashed(Exception):  # noqa: N818
     """An isolated FMU was lost; the argument says how."""
 
 

@@ -65,7 +65,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     )
 
     phase = c.state("tick", "1", "ticks since the last sample instant")
-    y_static = c.latch("y_static", measured, None, "responses at the start (trim)")
+    y_static = c.initial_value("y_static", measured, None, "responses at the start (trim)")
     past_y = c.state("past.y", None, "latched responses, newest first", shape=(len(y) * p,))
     past_u = c.state("past.u", "N", "applied commands, newest first", shape=(rc * p,))
     held = c.state("command", "N", "command being held", shape=(rc,))
@@ -75,7 +75,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     if variant != "implicit":
         d = ca.vertcat(*(c.input(f"road.{k}.height", "m", f"road height under wheel {k}") for k in CORNERS))
         gain_d = _gain(c, "gain.d", law.gain_d, "N/m", f"gains on the last {p} road heights, newest first")
-        d_static = c.latch("d_static", d, "m", "road heights at the start (datum)")
+        d_static = c.initial_value("d_static", d, "m", "road heights at the start (datum)")
         past_d = c.state("past.d", "m", "latched road heights, newest first", shape=(rc * p,))
         command += gain_d @ past_d
         c.update(past_d, ca.if_else(sampling, _shift(past_d, d - d_static), past_d))
@@ -111,7 +111,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     c.update(past_u, ca.if_else(sampling, _shift(past_u, limited), past_u))
     c.update(held, force)
     c.provenance = law.to_dict()
-    c.stimulate(_stimulus(variant, h))
+    c.reference_input(_stimulus(variant, h))
     return c
 
 

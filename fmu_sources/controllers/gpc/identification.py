@@ -175,7 +175,7 @@ def published_laws(
         for p in (plant, road, speed):
             digest.update(p.read_bytes())
         path = cache / "laws" / f"{digest.hexdigest()[:32]}.json"
-        with suppress(safe_files.NotKept):
+        with suppress(safe_files.CacheMiss):
             return {k: GpcLaw.from_dict(v) for k, v in safe_files.kept_json(path).items()}
     models = identify(plant, road, speed, s)
     laws: dict[str, GpcLaw] = {v: models.law(v) for v in VARIANTS}

@@ -69,5 +69,5 @@ def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
         "N",
         "actuator force, positive lifts the body and pushes the wheel down",
     )
-    c.stimulate(stimulus())
+    c.reference_input(stimulus())
     return c

@@ -123,7 +123,7 @@ def lqr_hmmwv(
     force_outputs(c, ca.vertsplit(-K @ x))
     c.provenance = {"weights": weights.__dict__, "car": car.name, "period": period, "gain": gain.tolist()}
     scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
-    c.stimulate(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
+    c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
     return c
 
 

@@ -262,7 +262,7 @@ def preview_lq(
         type=bool,
     )
     c.provenance = {"weights": weights.as_dict(), "car": car.name, "period": period, "feedback": taps.K.tolist()}
-    c.stimulate(_stimulus(plant.states, preview_count, preview_step))
+    c.reference_input(_stimulus(plant.states, preview_count, preview_step))
     return c
 
 
@@ -316,10 +316,10 @@ class _Designed:
         self._kept: dict[tuple[str, str], ca.MX] = {}
         known = (count - 1) * self._wheels
         whole = ca.sum2(taps.interior[:, :known]) + ca.sum2(taps.end[:, known:]) + ca.sum2(taps.tail[:, known:])
-        self.shift = c.latch(
+        self.shift = c.initial_value(
             "shift", whole - taps.K @ ca.DM(_unit_shift(plant)), "N/m", "force per height of everything"
         )
-        self.feedback = c.latch("feedback", -taps.K, None, "-K: force per state")
+        self.feedback = c.initial_value("feedback", -taps.K, None, "-K: force per state")
 
     def table(self, kind: str, wheel: str) -> ca.MX:
         """As of :class:`_Fixed`."""
@@ -333,7 +333,7 @@ class _Designed:
         left = f"{wheel[0]}l"
         if (kind, left) not in self._kept:
             part = self._taps[kind][:, CORNERS.index(left) :: self._wheels]
-            self._kept[kind, left] = self._c.latch(
+            self._kept[kind, left] = self._c.initial_value(
                 f"{kind}.{left}", part, "N/m", f"force per road height below wheel {left}"
             )
         return self._kept[kind, left]

@@ -105,7 +105,7 @@ def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, n
     beyond = ca.mmax(ca.fabs(ca.vertcat(*requested))) > limit
     c.output("limit_reached", beyond, None, "a force is clipped at force.limit", type=bool)
     c.provenance = {"weights": vars(weights), "car": car.name, "gain": law.K.tolist()}
-    c.stimulate({n: _wave(i) for i, n in enumerate([*states, "reference.pitch"])})
+    c.reference_input({n: _wave(i) for i, n in enumerate([*states, "reference.pitch"])})
     return c
 
 

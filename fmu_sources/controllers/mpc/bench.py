@@ -59,7 +59,7 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
             "Wiring: the inputs carry the names of the plant's outputs, force that of its input.",
         ),
     )
-    c.stimulate(stimulus())
+    c.reference_input(stimulus())
     return c
 
 

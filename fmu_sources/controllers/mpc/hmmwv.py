@@ -198,7 +198,7 @@ def mpc_hmmwv(
             display_unit=v.display_unit,
         )
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
-    c.stimulate(_stimulus(preview_points, preview_step))
+    c.reference_input(_stimulus(preview_points, preview_step))
     return c
 
 

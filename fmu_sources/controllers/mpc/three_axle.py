@@ -287,7 +287,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     c.update(predicted, _times(model.A, x) + _times(model.B, u) + _times(model.E0, now) + _times(model.E1, then))
     command_outputs(c, mpc, car, solution)
     c.provenance = {"plant": car.name, "mpc": mpc.as_dict()}
-    c.stimulate(_stimulus())
+    c.reference_input(_stimulus())
     return c
 
 

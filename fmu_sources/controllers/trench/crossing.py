@@ -205,7 +205,7 @@ def trench_crossing(
         "m",
         "length of the trench, 0 if unknown",
     )
-    c.stimulate(_stimulus(geometry))
+    c.reference_input(_stimulus(geometry))
     return c
 
 

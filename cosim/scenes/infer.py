@@ -87,7 +87,7 @@ _TRENCH, _OUTLINE = 1, 2  # obstacle.shape; 0 is level ground
 _TOUCHES = {"bumper.front": "front bumper", "bumper.rear": "rear bumper", "belly": "belly"}
 
 
-def recognised(system: Wiring, plant: str | None = None) -> Scene | None:
+def infer_scene(system: Wiring, plant: str | None = None) -> Scene | None:
     """The scene of a system, or None where no member is a plant.
 
     `plant`: the name of the member to show, by default the first one that is a plant. Positions are those at rest where

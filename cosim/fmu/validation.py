@@ -103,7 +103,7 @@ def verdict(xml: bytes, root: Any, about: Description) -> Verdict:
     if len(xml) < WORTH_KEEPING:
         return judge(root, about)
     path = safe_files.cache_directory() / "verdicts" / f"{_key(xml)}.json"
-    with suppress(safe_files.NotKept, OSError, ValueError, TypeError):
+    with suppress(safe_files.CacheMiss, OSError, ValueError, TypeError):
         found, known, *more = safe_files.kept_json(path)
         return Verdict(tuple(Finding(*f) for f in found), tuple(Finding(*f) for f in known), *more)
     made = judge(root, about)

@@ -41,7 +41,7 @@ def diagonal(models: Sequence[Model]) -> Model:
     return Model(*(block_diag(*(getattr(m, name) for m in models)) for name in "abcd"))
 
 
-class _Twin(PythonComponent):
+class _Linearized(PythonComponent):
     def __init__(self, kind: str, inputs: Sequence[Variable], outputs: Sequence[Variable], states: int):
         super().__init__()
         self.x = np.zeros(states)
@@ -59,7 +59,7 @@ class _Twin(PythonComponent):
         return self._u
 
 
-class ContinuousTwin(_Twin):
+class LinearizedContinuous(_Linearized):
     """A component that steps a linear model exactly, from the state 0."""
 
     def __init__(self, model: Model, inputs: Sequence[Variable], outputs: Sequence[Variable], step: float):
@@ -82,7 +82,7 @@ class ContinuousTwin(_Twin):
         y[:] = self._out @ np.concatenate([self.x, u])
 
 
-class SampledTwin(_Twin):
+class LinearizedSampled(_Linearized):
     """A component that runs one linear update after the other, and begins anew after the last."""
 
     def __init__(self, updates: Sequence[Array], inputs: Sequence[Variable], outputs: Sequence[Variable]):
@@ -99,7 +99,7 @@ class SampledTwin(_Twin):
         self.sample += 1
 
 
-class Source(_Twin):
+class Source(_Linearized):
     """Outputs that are what `values` is set to."""
 
     def __init__(self, outputs: Sequence[Variable]):

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from build_fmus.safe_files import DamagedWarning
 from cosim import Fmu, FmuError, FmuWarning, Limits, System, describe
-from cosim.fmu import gate
+from cosim.fmu import validation
 from cosim.fmu.model_description import parse
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -82,7 +82,7 @@ def test_findings_come_in_one_warning(tmp_path, version):
     with pytest.warns(FmuWarning, match="variable 'x3': min is 2 and max is 1; and 296 more$") as told:
         verdict = Fmu(path).verdict
     assert len(told) == 1
-    assert (len(verdict.findings), verdict.more_findings) == (gate.MOST, 300 - gate.MOST)
+    assert (len(verdict.findings), verdict.more_findings) == (validation.MOST, 300 - validation.MOST)
 
 
 @VERSIONS
@@ -351,8 +351,8 @@ KNOWN = {
 
 
 def test_every_quirk_has_a_case_and_a_source():
-    assert len(KNOWN) == len(gate.quirks())
-    for quirk, key in zip(gate.quirks(), KNOWN, strict=True):
+    assert len(KNOWN) == len(validation.quirks())
+    for quirk, key in zip(validation.quirks(), KNOWN, strict=True):
         assert key.split(" ")[0].lower() in f"{quirk.tool} {quirk.finding}".lower()
         assert re.match(r"https://\S+/\d+$", quirk.source)
         assert quirk.reason
@@ -394,7 +394,7 @@ def test_verdicts_are_kept(tmp_path, monkeypatch):
     first = Fmu(path, quiet=True).verdict
     (kept,) = (tmp_path / "cache" / "verdicts").iterdir()
     with monkeypatch.context() as patch:
-        patch.setattr(gate, "judge", None)
+        patch.setattr(validation, "judge", None)
         assert Fmu(path, quiet=True).verdict == first
     kept.write_text(kept.read_text().replace("min is 2", "min is 3", 1))
     with pytest.warns(DamagedWarning):
@@ -472,7 +472,7 @@ def test_long_descriptions_are_compared_in_parts(tmp_path, version):
     many = right + "".join(variable(version, f"odd{i}", 9000 + i, 'colour="red"') for i in range(1000))
     verdict = Fmu(archive(tmp_path / "c.fmu", xml(version, many)), quiet=True).verdict
     assert verdict.findings[0].line == 3003
-    assert len(verdict.findings) == gate.MOST
+    assert len(verdict.findings) == validation.MOST
     assert verdict.more_findings < 1000
 
 
