@@ -38,7 +38,7 @@ Results = Generator[tuple[int, bytes], None, None]
 Making = Callable[[], AbstractContextManager[Executor]]
 
 
-class ExecutorLost(CosimError, RuntimeError):
+class ExecutorLostError(CosimError, RuntimeError):
     """The executor can do no more, or nothing of what it is given."""
 
 
@@ -74,7 +74,7 @@ class Dispatch:
         """
         lost = yield from self._run(executor, TaskQueue(order, left), careful=False)
         if lost is not None:
-            raise ExecutorLost(LOST)
+            raise ExecutorLostError(LOST)
 
     def run_with_restarts(self, make: Making, order: Iterable[int], left: int) -> Results:
         """The same with executors that are made again when one breaks."""
@@ -127,7 +127,7 @@ class Dispatch:
                     held[future] = chunk
                     raise
                 except NoWorkerError as error:
-                    raise ExecutorLost(str(error)) from None
+                    raise ExecutorLostError(str(error)) from None
                 except Exception as error:
                     yield from self._lost(chunk, error, alone, None if exact or apart else suspects)
                     continue
@@ -181,7 +181,7 @@ class Dispatch:
         if not died:
             self._unbegun += 1
             if not self._began and self._unbegun >= MAX_START_FAILURES:
-                raise ExecutorLost(
+                raise ExecutorLostError(
                     f"no worker could do anything: {type(error).__name__}: {error}; is this project installed there?"
                 )
         for i in chunk:

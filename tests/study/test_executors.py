@@ -24,7 +24,7 @@ from build_fmus import safe_files
 from cosim import CosimError
 from cosim.study import FmuSet, load, run_study
 from cosim.study import dispatch as dispatching
-from cosim.study.dispatch import DIED, LOST, Dispatch, ExecutorLost, failed
+from cosim.study.dispatch import DIED, LOST, Dispatch, ExecutorLostError, failed
 from cosim.study.executors import ClusterError, dask, width
 from cosim.study.processes import WorkerDiedError, local_processes
 from cosim.study.store import pack
@@ -132,7 +132,7 @@ def test_workers_that_can_do_nothing() -> None:
     """Not 10^5 failed runs, but one sentence."""
     hand = Hand(lambda *_: ModuleNotFoundError("No module named 'cosim'"))
     with pytest.raises(
-        ExecutorLost, match=r"no worker could do anything: .*No module named 'cosim'; is this project installed"
+        ExecutorLostError, match=r"no worker could do anything: .*No module named 'cosim'; is this project installed"
     ):
         list(dispatch().through(hand, range(100_000), 100_000))
     assert len(hand.chunks) < 20
@@ -245,7 +245,7 @@ def test_pools_that_break_are_made_again(experiment: Any, tmp_path: Path, make: 
     assert results.failures == {"rate666": DIED}
     assert right(results, but=666.0)
     assert len(made) >= 2
-    with make() as pool, pytest.raises(ExecutorLost) as caught:
+    with make() as pool, pytest.raises(ExecutorLostError) as caught:
         run_study(experiment, FMUS, tmp_path / "two", tasks=cases, executor=pool)
     assert str(caught.value) == LOST
     results = run_study(experiment, FMUS, tmp_path / "two", tasks=cases, processes=1)
@@ -469,7 +469,7 @@ def test_a_scheduler_that_dies_and_comes_again(
                 first.kill()
 
         with (
-            pytest.raises((ExecutorLost, ClusterError), match="was finished is stored"),
+            pytest.raises((ExecutorLostError, ClusterError), match="was finished is stored"),
             dask(address) as executor,
         ):
             run_study(experiment, FMUS, tmp_path / "runs", tasks=many, executor=executor, progress=progress)
