@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from build_fmus import escape
+
 _options: frozenset[str] | None = None
 
 
@@ -59,4 +61,5 @@ def given(**values: Any) -> str:
     """
     if _options is None:
         return ", ".join(f"{name}={value!r}" for name, value in values.items())
-    return " ".join(name_of(name) if value is True else f"{name_of(name)} {value}" for name, value in values.items())
+    texts = {name_of(name): value if value is True else escape.shell(str(value)) for name, value in values.items()}
+    return " ".join(name if value is True else f"{name} {value}" for name, value in texts.items())

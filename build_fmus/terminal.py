@@ -18,7 +18,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 
-from build_fmus import extras, safe_files
+from build_fmus import extras, safe_files, surface
 from build_fmus.checks import unknown
 
 PACKAGE = "suspension-fmus"
@@ -127,9 +127,18 @@ class Command(TyperCommand):
         taken = {name for parameter in self.params for name in parameter.opts}
         self.params += [option for option in _verbosity_options() if not taken & set(option.opts)]
 
-    def invoke(self, ctx: Any) -> Any:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         try:
-            return super().invoke(ctx)
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            error.message = _with_value(error)
+            raise
+
+    def invoke(self, ctx: Any) -> Any:
+        options = {name for parameter in self.params for name in (*parameter.opts, *parameter.secondary_opts)}
+        try:
+            with surface.command(options):
+                return super().invoke(ctx)
         except KeyboardInterrupt as error:
             raise UserAbort(str(error)) from error
 
@@ -145,6 +154,13 @@ class Command(TyperCommand):
                     formatter.write_dl(rows)
         with formatter.section("Other options" if self.headings else "Options"):
             formatter.write_dl(list(left.values()))
+
+
+def _with_value(error: typer.BadParameter) -> str:
+    """The message about a value of the wrong type, which names the value; the cause is pydantic's, in newer typers."""
+    details = getattr(error.__cause__, "errors", list)()
+    wanted = {"float_parsing": "a number", "int_parsing": "a whole number"}.get(details[0]["type"]) if details else None
+    return error.message if wanted is None else f"{details[0]['input']!r}; give {wanted}"
 
 
 class Commands(TyperGroup):

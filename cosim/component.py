@@ -135,6 +135,7 @@ _FIXED = ("description", "_inputs", "_outputs", "_u", "_y")  # attributes of a P
 _OF_THE_INSTANCE = ("_name", "_initializing")
 _U, _Y = "its inputs", "its outputs"  # beside the attributes in a saved state, whose names have no blanks
 _NAME = re.compile(r"(\S+)(?:\s+\[(.*)\])?")
+_STUCK_UNIT = re.compile(r"([^\[\]]+)\[([^\[\]]*[^\d,\s][^\[\]]*)\]")  # not the indices of an array
 
 
 class PythonComponent:
@@ -214,7 +215,7 @@ class PythonComponent:
 
     def step(self, t: float, h: float, u: Array, y: Array) -> None:
         """Advance from `t` to `t + h` [s]."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has no function step(self, t, h, u, y); write one")
 
     def begin(self) -> None:
         """Set the state to its initial value (parameters are known)."""
@@ -407,6 +408,8 @@ def _variable(text: str, causality: str, variability: str, start: Any) -> Variab
     match = _NAME.fullmatch(text)
     if match is None:
         raise ValueError(f"{text!r}: write a variable as 'name' or 'name [unit]'")
+    if match[2] is None and (stuck := _STUCK_UNIT.fullmatch(text)):
+        raise ValueError(f"{text!r}: put a blank between name and unit, '{stuck[1]} [{stuck[2]}]'")
     kind = "boolean" if isinstance(start, bool) else "string" if isinstance(start, str) else "real"
     unit = KNOWN.get(match[2], Unit(match[2])) if match[2] else None
     name = match[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from build_fmus import surface
 from build_fmus.checks import plain
 from cosim.base_error import CosimError
 from cosim.recording import Recording
@@ -114,7 +115,7 @@ class NotFinite(CallFailed):
         return (
             f"component '{self.component}': {self.variable} is {self.value}"
             + ("" if when is None else f" at t = {when:.9g} s")
-            + "; run with allow_nan=True to let such values pass"
+            + surface.hint("; run with allow_nan=True to let such values pass")
         )
 
 

@@ -24,9 +24,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from build_fmus import safe_files
+from build_fmus import safe_files, surface
 from cosim.engine.choice import EngineChoice, choose_engine
-from cosim.errors import CosimError, UnconnectedInputsWarning
+from cosim.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
 from cosim.formats import format_of
 from cosim.interrupt import held
@@ -38,7 +38,7 @@ from cosim.recording import Recording
 from cosim.spool import Spool, spool_of
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive, rational
+from cosim.time import TimeLike, positive, rational, seconds_text
 
 if TYPE_CHECKING:
     from cosim.export.web.scene import Scene
@@ -140,9 +140,8 @@ class System(Wiring):
         if schedule.unconnected and not allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
-            text = (
-                f"unconnected inputs keep their start values: {listed}{more} (allow_unconnected=True if that is meant)"
-            )
+            meant = surface.hint(" (allow_unconnected=True if that is meant)")
+            text = f"unconnected inputs keep their start values: {listed}{more}{meant}"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         simulation = self._begin(
             schedule,
@@ -202,6 +201,7 @@ class System(Wiring):
         """
         if output is not None and csv is not None:
             raise CosimError("give the recording's file as output=... or as csv=..., not both")
+        _check_stop_time(stop_time, self.experiment[0] if start_time is None else start_time, state)
         file = csv if output is None else output
         if file is not None:
             _check_writable(Path(file))
@@ -454,6 +454,15 @@ class Fmu(FmuFile):
             chosen_in, chosen_out = _below(name, inputs), _below(name, outputs)
             matrices = system._linearized(chosen_in, chosen_out, period or True if member.discrete else False, settle)
         return LinearModel(matrices.within(name))
+
+
+def _check_stop_time(stop_time: TimeLike, start_time: TimeLike, state: SystemState | None) -> None:
+    """Raise TimeError for a run that would end before it begins."""
+    stop, start = rational(stop_time, "stop_time"), rational(start_time, "start_time")
+    if state is None and stop < start:
+        raise TimeError(
+            f"stop_time is {seconds_text(stop)}, before the start at {seconds_text(start)}; give a time after the start"
+        )
 
 
 def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | None:

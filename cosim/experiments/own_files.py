@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from build_fmus import escape
+from build_fmus import escape, surface
 from cosim.study.case import CaseError
 from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import catalog_suffix, no_preview_lq, own_names, weights_name
@@ -56,7 +56,7 @@ def load_own(experiment: str, file: Path) -> Vehicle:
         published = f'; {file} is a vehicle of this project: make a file with base = "{file}"' * (
             str(file) in vehicle_names()
         )
-        raise VehicleError(f"--vehicle {file}: no such file{published}")
+        raise VehicleError(f"{surface.name_of('vehicle')} {file}: no such file{published}")
     vehicle = load_vehicle(file)
     if reason := unfit(experiment, vehicle):
         fitting = ", ".join(f'"{b}"' for b in bases(experiment))
@@ -100,4 +100,7 @@ def check_friction(file: Path, vehicle: Vehicle) -> None:
         CaseError: names the file and the tables that are missing.
     """
     if isinstance(vehicle, RideCar) and not (vehicle.suspension.front.friction or vehicle.suspension.rear.friction):
-        raise CaseError(f"--friction: {file} gives its suspensions none; add [suspension.front.friction] (and rear)")
+        raise CaseError(
+            f"{surface.given(friction=True)}: {file} gives its suspensions none; add [suspension.front.friction] (and"
+            " rear)"
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from build_fmus import extras, generate, package, safe_files
+from build_fmus import extras, generate, package, safe_files, surface
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.escape import c_identifier, c_number, c_string
 from cosim.description import Variable
@@ -44,20 +44,23 @@ _TYPES = {"Float64": "FMU_FLOAT64", "Int32": "FMU_INT32", "Boolean": "FMU_BOOLEA
 _BYTES = 8  # of one value in a buffer, whatever its type
 
 
-def exported_schedule(wiring: Wiring, without: Iterable[str]) -> Schedule:
-    """The schedule of what is exported: without some members, and without the connections to and from them."""
+def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool = False) -> Schedule:
+    """The schedule of what is exported: without some members, and without the connections to and from them. `page`: it
+    becomes a web page, which leaves nothing out; else an FMU.
+    """
     left_out = {wiring.members[name] for name in without}
     members = [m for m in wiring.members.values() if m not in left_out]
+    what = "a web page" if page else "the FMU of a system"
     for m in members:
+        option = surface.hint(f"without=['{m.name}']", f"--without {m.name}")
+        remedy = "" if page else f"leave it out ({option}), or "
         if not isinstance(m.component, FmuComponent):
             raise CosimError(
-                f"'{m.name}' is written in Python, and an FMU holds FMUs only: leave it out (without=['{m.name}']), or"
-                " declare it as a component that build-fmus makes an FMU of"
+                f"'{m.name}' is written in Python, and {what} holds compiled components only: {remedy}write it as a"
+                " component that build-fmus compiles"
             )
         if m.component.in_event_mode and m.component.description.kind is None:
-            raise CosimError(
-                f"'{m.name}' has clocks, which a system's FMU does not tick: leave it out (without=['{m.name}'])"
-            )
+            raise CosimError(f"'{m.name}' has clocks, which {what} does not tick: {remedy}use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [Group(g.name, tuple(m for m in g.members if m not in left_out), g.method) for g in wiring.groups.values()]
     return make_schedule(members, connections, [g for g in groups if g.members])

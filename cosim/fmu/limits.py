@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
+from build_fmus import surface
 from build_fmus.checks import unknown
 from cosim.errors import FmuError
 
@@ -61,4 +62,5 @@ class Limits:
 
     def remedy(self, name: str, value: int) -> str:
         """What to do about a value beyond the limit of that name."""
-        return f"at most {getattr(self, name)} are taken unless Limits({name}={value}) allows more"
+        more = surface.hint(shell=f"--limit {name}={value}") or f"Limits({name}={value})"
+        return f"at most {getattr(self, name)} are taken unless {more} allows more"

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus import surface
 from build_fmus.checks import did_you_mean
 from cosim.component import Action, Array
 from cosim.description import Variable
@@ -491,6 +492,7 @@ def _factor(real_time: object) -> float:
     """The pace that was given. Raises TimeError for what is no positive number."""
     if isinstance(real_time, bool) or not isinstance(real_time, int | float) or not 0 < real_time < math.inf:
         raise TimeError(
-            f"real_time is {real_time!r}; give a positive number: 1.0 for the clock's pace, 2.0 for twice that"
+            f"{surface.name_of('real_time')} is {real_time!r}; give a positive number: 1.0 for the clock's pace, 2.0"
+            " for twice that"
         )
     return float(real_time)

@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from build_fmus import surface
 from build_fmus.checks import did_you_mean, glob, one_line, unknown
 from cosim.description import Variable
 from cosim.errors import CosimError, SspError, WiringError
@@ -101,9 +102,10 @@ class _Reader:
             )
             chosen = next((s for s in choices if s is not None), None)
             if chosen is None:
+                one = surface.hint(f"step={{'{name}': '1 ms'}}", f"--step '{name}=1 ms'")
                 raise SspError(
-                    f"{self.title}: neither it nor the FMU says how often '{name}' is stepped: say it, step='1 ms' for"
-                    f" all that say nothing or step={{'{name}': '1 ms'}}"
+                    f"{self.title}: neither it nor the FMU says how often '{name}' is stepped: give"
+                    f" {surface.given(step='1 ms')} for all components that say nothing, or {one}"
                 )
             self.wiring.add(name, about, step=chosen, offset=c.own.get("offset", "0"), kind=kind)  # type: ignore[arg-type]
         return set(given)

@@ -27,6 +27,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, TypeVar
 
+from build_fmus import surface
 from build_fmus.checks import number, short, unknown
 from cosim.errors import CosimError
 
@@ -181,7 +182,11 @@ def check(case: Any) -> None:
             _check_value(f, value)
         where = f.option.only
         if where is not None and value != f.default and not where[0](case):
-            raise CaseError(f"{f.name} is for {where[1]} only")
+            raise CaseError(f"{_spelled(f)} is for {where[1]} only")
+
+
+def _spelled(f: Field) -> str:
+    return surface.name_of(f.attribute, f.name)
 
 
 def _check_value(f: Field, value: Any) -> None:
@@ -189,13 +194,13 @@ def _check_value(f: Field, value: Any) -> None:
     accepted = (int, float) if f.type is float else f.type
     if not isinstance(value, accepted) or (isinstance(value, bool) and f.type is not bool):
         kinds = {str: "a text", int: "a whole number", float: "a number", bool: "True or False"}
-        raise CaseError(f"{words} {value!r}: give {kinds[f.type]}")
+        raise CaseError(f"{_spelled(f)} {value!r}: give {kinds[f.type]}")
     if about.choices is not None and not (about.files and isinstance(value, str) and value.endswith(about.files)):
         beside = f"; or a file NAME{about.files}" if about.files else ""
         check_choice(words, value, about.choices, beside)
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = about.within or (None, None)
-        number(words, value, about.unit, least=low, most=high, error=CaseError)
+        number(_spelled(f), value, about.unit, least=low, most=high, error=CaseError)
 
 
 def check_choice(what: str, value: Any, known: Collection[Any], beside: str = "") -> None:

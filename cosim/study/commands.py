@@ -352,7 +352,7 @@ def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> 
         if given[option]:
             raise CosimError(f"{name} is of a system as one FMU; a page has all inputs and outputs")
     if given["fmi"] != 3:
-        raise CosimError("pages are made of FMUs of FMI 3.0: leave --fmi out")
+        raise CosimError("--web is for FMI 3.0 only: leave --fmi out")
     path = write_web(experiment, fmu_set(experiment, given), given["web"], case, given["beside"] or ())
     console.print(f"{path}, {path.stat().st_size / 1e6:.1f} MB: open it in a browser; it needs no server")
 

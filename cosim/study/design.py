@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
+from build_fmus import extras, surface
 from build_fmus.checks import Array, unknown
 from cosim.study.case import CaseError
 
@@ -197,6 +197,7 @@ def _far_tail(mean: float, deviation: float, low: float, high: float, u: Array) 
 
 
 _CALL = re.compile(r"([a-z]+)\((.*)\)")
+_MEANT_AS_RANGE = re.compile(r"(-?[\d.]+)\s*(?:-|\u2013|to|\.\.+)\s*(-?[\d.]+)")
 _WHOLE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 
 
@@ -229,6 +230,16 @@ def axis(text: str) -> Axis:
             raise DesignError(f"{name}: a range in a grid needs two values at least")
         return Axis(name, "uniform", (_number(name, parts[0]), _number(name, parts[1])), count=count)
     return Axis(name, "values", values=tuple(_plain(v.strip()) for v in spec.split(",")))
+
+
+def check_no_range(name: str, value: Any) -> None:
+    """Refuse a text in place of a number that is meant as a range.
+
+    Raises:
+        DesignError: 2000-3500; the message says how a range is written.
+    """
+    if isinstance(value, str) and (meant := _MEANT_AS_RANGE.fullmatch(value)):
+        raise DesignError(f"{name}: a range is written LOW:HIGH, for example {meant[1]}:{meant[2]}")
 
 
 def _number(name: str, text: str) -> float:
@@ -272,7 +283,8 @@ class Design:
 
     def __post_init__(self) -> None:
         if not self.axes:
-            raise DesignError("nothing varies: give --vary NAME=LOW:HIGH, or a file with --design")
+            vary = surface.hint("axes", "--vary NAME=LOW:HIGH")
+            raise DesignError(f"nothing varies: give {vary}{surface.hint(shell=', or a file with --design')}")
         names = [a.name for a in self.axes]
         if twice := sorted({n for n in names if names.count(n) > 1}):
             raise DesignError(f"{twice[0]} is given twice")
@@ -304,7 +316,9 @@ class Design:
         try:
             return self._cube()
         except MemoryError:
-            raise DesignError(f"{self.runs} points do not fit into memory; take fewer --samples") from None
+            raise DesignError(
+                f"{self.runs} points do not fit into memory; take fewer {surface.name_of('samples')}"
+            ) from None
 
     def _cube(self) -> Array:
         d, n = len(self.axes), self.samples

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus import extras
+from build_fmus.checks import did_you_mean
 from cosim.errors import CosimError
 from cosim.signals import rms
 from cosim.study import packages
@@ -73,7 +74,8 @@ def _from_file(file: Path) -> ModuleType:
     """The module of a file, which can import its neighbours, as when Python runs it."""
     file = file.absolute()
     if not file.is_file():
-        raise ExperimentError(f"{file} does not exist")
+        others = sorted(p.name for p in file.parent.glob("*.py"))
+        raise ExperimentError(f"{file} does not exist{did_you_mean(file.name, others)}")
     name = module_name(file)
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None

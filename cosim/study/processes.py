@@ -10,14 +10,14 @@ import shutil
 import signal
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from typing import Any
 
-from build_fmus import safe_files
+from build_fmus import safe_files, surface
 from build_fmus.interpreters import forget_safe_path, safe_path
 from build_fmus.one_thread import one_thread
 
@@ -125,7 +125,7 @@ class _Processes(Executor):
             if self._ended:
                 raise EOFError
             ours, theirs = self._context.Pipe()
-            process = self._context.Process(target=_work, args=(theirs, self._scratch))
+            process = self._context.Process(target=_work, args=(theirs, self._scratch, surface.command_options()))
             try:
                 with safe_path():
                     process.start()
@@ -174,9 +174,10 @@ class _Processes(Executor):
                 thread.join()
 
 
-def _work(theirs: Any, scratch: str) -> None:
-    """A worker's main program: tasks until the other end is closed."""
+def _work(theirs: Any, scratch: str, options: Collection[str] | None) -> None:
+    """A worker's main program: tasks until the other end is closed. `options`: of the command that started it."""
     _start_worker(scratch)
+    surface.set_command_options(options)
     theirs.send_bytes(b"ready")
     while True:
         try:

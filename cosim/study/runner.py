@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from build_fmus import surface
 from cosim import ComponentError, EngineChoice, Recording, System
 from cosim.formats import write
 from cosim.study.case import check, named_files, values
@@ -203,7 +204,7 @@ def _keep(path: Path, recording: Recording) -> None:
     except OSError as error:
         raise HistoryError(
             f"{path}: the recording of a run cannot be kept ({error.strerror or error}); make room or choose another"
-            " --out"
+            f" folder{surface.hint(shell=' with --out')}"
         ) from None
 
 

@@ -24,7 +24,7 @@ from cosim.formats import parquet_table, whole_parquet
 from cosim.recording import Recording
 from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
-from cosim.study.design import Design, DesignError, whole
+from cosim.study.design import Design, DesignError, check_no_range, whole
 from cosim.study.dispatch import HEAD, Dispatch, Making, failed
 from cosim.study.driver import job_context, salt_of, stored, usable
 from cosim.study.executors import width
@@ -126,7 +126,10 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
         wholes += [a.name for a in design.axes if a.name in own and own[a.name].type is int]
         design = whole(design, wholes)
         for a in design.axes:
+            number = own[a.name].type in (int, float) if a.name in own else variables[a.name].type != "string"
             for value in _extremes(a):
+                if number:
+                    check_no_range(a.name, value)
                 if a.name in own:
                     experiment.case(**{**base, own[a.name].attribute: _fitting(own[a.name], value)})
                 else:

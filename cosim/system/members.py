@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.checks import number
+from build_fmus.units import UnitMismatchError, conversion, meant
 from cosim.component import Component
 from cosim.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.errors import WiringError
@@ -116,6 +118,22 @@ def article(word: str) -> str:
     return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
 
 
+_WITH_UNIT = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\s\d.].*)")
+
+
+def _without_unit(value: Any, variable: Variable) -> str:
+    """What to give in place of a text with a number and a unit; empty for other values."""
+    match = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
+    unit = meant(match[2]) if match else None
+    if match is None or unit is None or variable.unit is None:
+        return ""
+    try:
+        scale, offset = conversion(unit, variable.unit)
+    except UnitMismatchError:
+        return f": give the number in {variable.unit_name}"
+    return f": give the number in {variable.unit_name}, {scale * float(match[1]) + offset:.9g}"
+
+
 def _checked(component: str, variable: Variable, value: Any) -> Any:
     """The value in the variable's own type. Raises WiringError when it cannot be set or does not fit."""
     name = f"{component}.{variable.name}"
@@ -133,7 +151,7 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
     try:
         given = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise WiringError(f"{name} needs one number, not {value!r}") from None
+        raise WiringError(f"{name} needs one number, not {value!r}{_without_unit(value, variable)}") from None
     number(name, given, variable.unit_name, least=variable.minimum, most=variable.maximum, error=WiringError)
     if not variable.accepts(given):
         raise WiringError(f"{name} {variable.refusal(given)}")

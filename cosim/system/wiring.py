@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from build_fmus.checks import did_you_mean, glob, number, unknown
 from build_fmus.escape import NO_XML
-from build_fmus.units import UnitMismatchError, conversion
+from build_fmus.units import KNOWN, UnitMismatchError, conversion
 from cosim.component import Component, PythonComponent
 from cosim.description import RECORDABLE, Description, Variable
 from cosim.errors import FmuWarning, WiringError
@@ -324,10 +324,14 @@ class Wiring:
     ) -> Connection:
         (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
-        if output.causality not in ("output", "local"):
-            raise WiringError(f"{names}: '{output.name}' is no output but {article(output.causality)}")
-        if input_.causality != "input":
-            raise WiringError(f"{names}: '{input_.name}' is no input but {article(input_.causality)}")
+        swapped = output.causality == "input" and input_.causality in ("output", "local")
+        for full, variable, taken in (
+            (f"{source.name}.{output.name}", output, ("output", "local")),
+            (f"{target.name}.{input_.name}", input_, ("input",)),
+        ):
+            if variable.causality not in taken:
+                end = "; swap the two ends?" if swapped else ""
+                raise WiringError(f"'{full}' is {article(variable.causality)}, not {article(taken[0])}{end} ({names})")
         already = self.connections.get(f"{target.name}.{input_.name}")
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
@@ -359,6 +363,9 @@ class Wiring:
                 )
             )
         except UnitMismatchError as error:
+            for member, variable in ((source, output), (target, input_)):
+                if isinstance(member.component, PythonComponent):
+                    _check_unit_known(f"{member.name}.{variable.name}", variable)
             raise WiringError(
                 f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "
                 f"{target.name}.{input_.name} [{input_.unit_name}]: {error}"
@@ -406,6 +413,12 @@ class Wiring:
         """Raise what is wrong with the system; returns `unconnected()`."""
         self.schedule()
         return self.unconnected()
+
+
+def _check_unit_known(name: str, variable: Variable) -> None:
+    """Raise WiringError for a unit that a component in Python declares and that there is not."""
+    if variable.unit is not None and variable.unit.exponents is None:
+        raise WiringError(f"{name}: {unknown('unit', variable.unit_name, KNOWN)}")
 
 
 def _some(names: Iterable[str], count: int = 8) -> str:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from build_fmus import surface
 from build_fmus.checks import did_you_mean, unknown
 from cosim.component import FmiCalls, Ports
 from cosim.description import Description, Variable
@@ -117,7 +118,9 @@ class Table:
                 f" begin it there (start_time=...), or move the table with shift={start - self.times[0]:.9g}"
             )
         if start > self.end or (stop is not None and stop > self.end):
-            raise TableError(f"'{self._name}': {self._ends()}, the run at {max(start, stop or start):.9g} s; {_REMEDY}")
+            raise TableError(
+                f"'{self._name}': {self._ends()}, the run at {max(start, stop or start):.9g} s; {_remedy()}"
+            )
 
     def exit_initialization(self) -> None: ...
 
@@ -170,13 +173,15 @@ class Table:
     def close(self) -> None: ...
 
     def _failed(self) -> None:
-        raise CallFailed(self._name, "step", 3, f"{self._ends()}; {_REMEDY}")
+        raise CallFailed(self._name, "step", 3, f"{self._ends()}; {_remedy()}")
 
     def _ends(self) -> str:
         return f"{self.signals.name} ends at t = {self.times[-1]:.9g} s"
 
 
-_REMEDY = "after='hold' (--hold-input) keeps its last values"
+def _remedy() -> str:
+    given = surface.hint("after='hold'", "--hold-input")
+    return f"{given} keeps its last values" if given else "give a longer file, or end the run earlier"
 
 
 class _Sampler:

@@ -57,6 +57,11 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     path = _find(name_or_path, kind)
     data = _read(path)
     given = data.get("kind")
+    if given is None:
+        raise VehicleError(
+            f'{path}: kind is missing: give `kind = "..."` or `base = "..."` (kinds: {", ".join(KINDS)}; bases:'
+            f" {', '.join(vehicle_names())})"
+        )
     if not isinstance(given, str) or given not in KINDS:
         raise VehicleError(
             f"{path}: kind = {given!r} is not one of {', '.join(map(repr, KINDS))}{did_you_mean(given, KINDS)}"

@@ -23,11 +23,11 @@ def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
     [
         (["--road", "sien"], "no road 'sien'; did you mean 'sine'? (there are: sine, curb, perryman3)"),
         (["--controller", "previw"], "no controller 'previw'; did you mean 'preview'?"),
-        (["--speed", "0"], "speed is 0 km/h; give a number from 2 to 200 km/h"),
+        (["--speed", "0"], "--speed is 0 km/h; give a number from 2 to 200 km/h"),
         (["--speed", "500"], "speed is 500 km/h; give a number from 2 to 200 km/h"),
         (["--speed", "fast"], "Invalid value for '--speed'"),
         (["--weight", "-1"], "weight is -1 1/N2; give a number from 1e-30 to 1e+30 1/N2"),
-        (["--hold"], "hold is for the explicit controller only"),
+        (["--hold"], "--hold is for the explicit controller only"),
         (["--fmi", "4"], "Invalid value for '--fmi'"),
         (["--fmus", "nowhere"], "run `build-fmus --out nowhere` first"),
         (["--vehicle", "none.toml"], "--vehicle none.toml: no such file"),
@@ -61,10 +61,10 @@ def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> 
         (["identify", "gpc", "--order", "0"], "order is 0; give a whole number of at least 1"),
         (["run", "hmmwv", "--road", "trak"], "no road 'trak'; did you mean 'track'?"),
         (["run", "hmmwv", "--controller", "passive", "--actuators", "ideal"], "--controller zero --actuators ideal"),
-        (["run", "hmmwv", "--preview", "sensed"], "--states estimated"),
+        (["run", "hmmwv", "--preview", "sensed"], "give --states estimated"),
         (["run", "bench", "--controller", "mcp"], "no controller 'mcp'; did you mean 'mpc'?"),
         (["run", "bench", "--duration", "0"], "duration is 0 s; give a number from 0.01 to 3 s"),
-        (["run", "bench", "--real-time", "0"], "real_time is 0.0; give a positive number"),
+        (["run", "bench", "--real-time", "0"], "--real-time is 0.0; give a positive number"),
         (["run", "bench", "--real-time", "fast"], "Invalid value for '--real-time'"),
         (["run", "bench", "--real-time", "--controller", "mcp"], "no controller 'mcp'"),  # its factor may be left out
     ],
@@ -106,7 +106,7 @@ def test_fmus_that_deviate_from_the_standard(folder: Path) -> None:
     assert "warning" not in done.stderr
     assert "strict refuses: line 2: variable 'wheel': min" in refused(folder, "cosim", "fmu", "odd.fmu", "--strict")
     few = ("cosim", "fmu", "odd.fmu", "--limit", "xml_nodes=10", "--limit")
-    assert "at most 10 are taken unless Limits(xml_nodes=" in refused(folder, *few, "files=7")
+    assert "at most 10 are taken unless --limit xml_nodes=" in refused(folder, *few, "files=7")
     assert "no limit 'variable'; did you mean 'variables'" in refused(folder, *few, "variable=7")
     assert run(folder, *few, "xml_nodes=1000").returncode == 0
 

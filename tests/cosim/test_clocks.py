@@ -227,7 +227,8 @@ def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_p
     with System() as system:
         system.add("c", fmu("constant"), step="10 ms")
         with pytest.raises(
-            CosimError, match=r"'c' has clocks, which a system's FMU does not tick: leave it out \(without=\['c'\]\)"
+            CosimError,
+            match=r"'c' has clocks, which the FMU of a system does not tick: leave it out \(without=\['c'\]\)",
         ):
             system.export_fmu(tmp_path / "Clocks.fmu")
 

@@ -344,7 +344,7 @@ def test_a_run_longer_than_the_table(engine: str) -> None:
     assert len(run(Table(table), 2.02, engine=engine)) == 2021
     with pytest.raises(
         TableError,
-        match=r"'road': table ends at t = 2 s, the run at 2\.1 s; after='hold' \(--hold-input\) keeps its last values",
+        match=r"'road': table ends at t = 2 s, the run at 2\.1 s; after='hold' keeps its last values",
     ):
         run(Table(table), 2.1, engine=engine)
     with System() as system:

@@ -140,7 +140,7 @@ def test_matching_says_not_found() -> None:
         ({"speed_kmh": 0.0}, "speed is 0 km/h"),
         ({"speed_kmh": 500.0}, "speed is 500 km/h"),
         ({"speed_kmh": float("nan")}, "speed is nan"),
-        ({"R": -1.0}, "weight is -1 1/N2; give a number from 1e-30 to 1e\\+30"),
+        ({"R": -1.0}, "R is -1 1/N2; give a number from 1e-30 to 1e\\+30"),
         ({"controller": "preview", "hold": True}, "hold is for the explicit controller only"),
     ],
 )

@@ -268,7 +268,7 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
         ({"preview_time": -0.1}, "preview time is -0.1"),
         ({"speed_kmh": 500.0}, "speed is 500"),
         ({"controller": "delay", "preview_time": 0.2}, "preview-time is for the law with preview only"),
-        ({"controller": "passive", "hold_tail": True}, "hold-tail is for a controlled car only"),
+        ({"controller": "passive", "hold_tail": True}, "hold_tail is for a controlled car only"),
     ],
 )
 def test_cases_that_do_not_exist(choice: dict, message: str) -> None:

@@ -202,7 +202,7 @@ def test_the_plan_is_table_5_1_the_variants_and_finer_steps() -> None:
         ({"depth": -0.1}, "depth is -0.1 m"),
         ({"speed_kmh": float("nan")}, "speed is nan"),
         ({"controller": "lqr", "estimator": "road"}, "estimator is for the predictive controllers only"),
-        ({"controller": "passive", "hold_height": True}, "hold-height is for the predictive controllers only"),
+        ({"controller": "passive", "hold_height": True}, "hold_height is for the predictive controllers only"),
     ],
 )
 def test_cases_that_do_not_exist(choice: dict, message: str) -> None:

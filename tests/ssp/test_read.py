@@ -478,7 +478,7 @@ def broken(follower: dict[int, Path]) -> dict[str, tuple[dict[str, Any], str]]:
                     wire("one.u", "two.y"),
                 )
             ),
-            "'u' is no output but an input",
+            "u' is an input, not an output",
         ),
         "wrong type": (
             of(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus import surface
 from cosim import Recording, System
 from cosim.experiments.hmmwv.wiring import (
     BUMPS,
@@ -73,7 +74,7 @@ TRAVEL_LIMIT = MpcHmmwvWeights().max_travel  # m, either way: Table 1.3, and whe
 
 _PREVIEW = (lambda c: c.controller == "mpc-preview", "the controller mpc-preview")
 _HYDRAULIC = (lambda c: c.actuators == "hydraulic", "hydraulic actuators")
-_LIMITED = (lambda c: c.flow_limit, "runs with --flow-limit")
+_LIMITED = (lambda c: c.flow_limit, "runs with a flow limit")
 
 
 @dataclass(frozen=True)
@@ -154,19 +155,22 @@ class Case(Stepped):
         if self.controller == "passive" and self.actuators == "ideal":
             raise CaseError(
                 "the passive car is its hydraulic actuators with the pump off, so it has no ideal ones; "
-                "the car without actuators is --controller zero --actuators ideal"
+                f"the car without actuators is {surface.given(controller='zero', actuators='ideal')}"
             )
         if self.states == "estimated" and CONTROLLERS[self.controller] is None:
             raise CaseError(f"{self.controller} uses no states, so there is nothing to estimate")
         if self.states == "estimated" and self.actuators == "ideal":
-            raise CaseError("the estimator measures the force of the hydraulic actuators: --actuators hydraulic")
+            remedy = surface.given(actuators="hydraulic")
+            raise CaseError(f"the estimator measures the force of the hydraulic actuators: give {remedy}")
         if self.preview == "sensed" and self.states == "true":
-            raise CaseError("the sensed preview is corrected by the estimated pose: --states estimated")
+            remedy = surface.given(states="estimated")
+            raise CaseError(f"the sensed preview is corrected by the estimated pose: give {remedy}")
         if self.preview == "sensed" and self.preview_error_ms:
             raise CaseError("a preview error is for the generated preview; the sensed one has its own")
         if self.driven and self.separate_map and self.states == "true":
             raise CaseError(
-                "where somebody drives, a preview error needs states that are estimated: --states estimated"
+                "where somebody drives, a preview error needs states that are estimated: give"
+                f" {surface.given(states='estimated')}"
             )
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
             raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")

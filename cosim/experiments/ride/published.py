@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from build_fmus import surface
 from cosim.experiments.hmmwv.runs import ACTUATORS
 from cosim.experiments.preview_lq.runs import MODES
 from cosim.experiments.ride.course import extent
@@ -135,7 +136,7 @@ def plan(
     chosen = systems(car)
     if course is not None:
         if course.suffix != ".crg":
-            raise CaseError(f"--course {course}: give an OpenCRG file, FILE.crg")
+            raise CaseError(f"{surface.given(course=course)}: give an OpenCRG file, FILE.crg")
         for name in dict.fromkeys(s[0] for s in chosen):  # said before anything runs
             extent(course, *CARS[name].size)
         return [on_file(s, str(course)) for s in chosen]

@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from build_fmus import surface
 from cosim import StopWhen, System
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
@@ -231,8 +232,8 @@ class Case(BaseCase):
         check_choice(f"controller of the {self.car}", self.controller, CARS[self.car].laws)
         if self.controller == "passive" and self.car == "hmmwv" and self.actuators == "ideal":
             raise CaseError(
-                "the passive hmmwv has its hydraulic actuators with the pump off: --actuators hydraulic; without any:"
-                " --controller zero"
+                "the passive hmmwv has its hydraulic actuators with the pump off: give"
+                f" {surface.given(actuators='hydraulic')}; without any actuators: {surface.given(controller='zero')}"
             )
 
     @property

@@ -62,13 +62,13 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
         for member, part in code.parts.items():
             if not part.linked:
                 raise CosimError(
-                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; those that"
-                    " build-fmus makes do"
+                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; use an FMU"
+                    " that build-fmus makes"
                 )
     for part in parts:
         if part.version != _FMI:
             raise CosimError(
-                f"{part.fmu.path} is an FMU of FMI {part.version}.0; what a page asks alone is of FMI {_FMI}.0"
+                f"{part.fmu.path} is an FMU of FMI {part.version}.0; a page is made of FMUs of FMI {_FMI}.0"
             )
     toolchain, cache = find_zig(), ObjectCache.of_user("export")
     files = {name: data for code in codes for name, data in code.files(cache).items()}

@@ -247,7 +247,7 @@ def _gathered(systems: Sequence[PageSystem], page: WebPage) -> tuple[dict[str, A
 
 
 def _code(name: str, shown: PageSystem, known: dict[tuple[str, str], Part]) -> SystemCode:
-    schedule = exported_schedule(shown.system, ())
+    schedule = exported_schedule(shown.system, page=True)
     outputs = [e.name for e in choose(schedule, (), None, ()) if e.causality == "output"]
     drawn = shown.scene.variables if shown.scene else ()
     elements = dict.fromkeys(

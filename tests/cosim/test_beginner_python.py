@@ -1,0 +1,201 @@
+"""A beginner's mistakes in Python: each message names the thing and says what to do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pages import ROOT
+
+from cosim import CosimError, Fmu, FmuError, PythonComponent, Recording, System
+from cosim.fmu import find
+
+
+class Spring(PythonComponent):
+    """What the beginner wanted."""
+
+    inputs = ("z [m]",)
+    outputs = ("force [N]",)
+    default_step = "1 ms"
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        y[0] = -100.0 * u[0]
+
+
+def message(spring: Any = Spring, connections: tuple[tuple[str, str], ...] = (("car.body.z", "spring.z"),)) -> str:
+    """How a system with a quarter car and a spring is refused, when it is put together or run."""
+    with pytest.raises((CosimError, ValueError)) as refused:
+        run(spring, connections)
+    return str(refused.value)
+
+
+def run(spring: Any = Spring, connections: tuple[tuple[str, str], ...] = (("car.body.z", "spring.z"),)) -> Recording:
+    with System() as system:
+        system.add("car", "QuarterCarBench", start={"force": 0.0, "road.height": 0.0, "road.rate": 0.0})
+        system.add("spring", spring)
+        for source, target in connections:
+            system.connect(source, target)
+        return system.run(0.01)
+
+
+pytestmark = pytest.mark.usefixtures("workplace")
+
+
+def test_the_system_of_these_mistakes_runs_without_them() -> None:
+    assert len(run()) == 11
+
+
+# ------------------------------------------------------------------------------------------------------ FMUs by name
+
+
+def test_a_built_fmu_is_found_by_its_name(workplace: Path) -> None:
+    assert Fmu("QuarterCarBench").path == Path("fmus/fmi3/QuarterCarBench.fmu")
+    with System() as system:
+        for name, fmu in (("a", "QuarterCarBench"), ("b", "fmus/fmi3/QuarterCarBench.fmu")):
+            system.add(name, fmu)
+        assert len(system.fmu_files) == 1  # the same file, opened once
+    (workplace / "mine").mkdir()
+    with pytest.raises(FmuError, match="mine is not an FMU"):  # what lies there is a path
+        Fmu("mine")
+
+
+def test_a_mistyped_name_of_an_fmu() -> None:
+    with pytest.raises(FmuError, match=r"no FMU 'QuarterCarBnch'; did you mean 'QuarterCarBench'\?"):
+        Fmu("QuarterCarBnch")
+
+
+def test_a_name_with_nothing_close_lists_the_fmus() -> None:
+    with pytest.raises(FmuError, match=r"no FMU 'xyzzy' .*QuarterCarBench, .*TrenchCrossing.*path of a file"):
+        Fmu("xyzzy")
+
+
+def test_an_fmu_that_is_not_built(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (workplace / "fmus").rename(workplace / "elsewhere")
+    monkeypatch.setattr(find, "__file__", str(workplace / "cosim" / "fmu" / "find.py"))  # no checkout either
+    with pytest.raises(FmuError, match="QuarterCarBench is not built: run `build-fmus QuarterCarBench`"):
+        Fmu("QuarterCarBench")
+    with pytest.raises(FmuError, match=r"no FMU 'xyzzy' \(`build-fmus` builds: BenchEncoders, "):
+        Fmu("xyzzy")
+
+
+# -------------------------------------------------------------------------------------------------- wiring and values
+
+
+def test_input_and_output_exchanged() -> None:
+    assert "'car.force' is an input, not an output; swap the two ends?" in message(
+        connections=(("car.force", "spring.force"),)
+    )
+    alone = message(connections=(("car.body.mass", "spring.z"),))
+    assert "'car.body.mass' is a parameter, not an output" in alone
+    assert "swap" not in alone
+
+
+@pytest.mark.parametrize(
+    ("given", "end"),
+    [("500 kg", "give the number in kg, 500"), ("0.5 t", "needs one number"), ("3 m", "give the number in kg")],
+)
+def test_a_number_with_its_unit_as_a_text(given: str, end: str) -> None:
+    with System() as system, pytest.raises(CosimError) as refused:
+        system.add("car", "QuarterCarBench", parameters={"body.mass": given})
+    assert f"car.body.mass needs one number, not '{given}'" in str(refused.value)
+    assert end in str(refused.value)
+
+
+def test_a_number_in_another_unit_is_converted_in_the_message() -> None:
+    with System() as system, pytest.raises(CosimError, match=r"not '1\.5 kN': give the number in N, 1500"):
+        system.add("car", "QuarterCarBench", start={"force": "1.5 kN"})
+
+
+def test_a_stop_time_before_the_start() -> None:
+    with System() as system:
+        system.add("spring", Spring, start={"z": 0.0})
+        with pytest.raises(CosimError, match="stop_time is -1 s, before the start at 0 s; give a time after the start"):
+            system.run(-1)
+        with pytest.raises(CosimError, match="stop_time is 1 s, before the start at 2 s"):
+            system.run(1, start_time=2)
+
+
+# ----------------------------------------------------------------------------------------------- components in Python
+
+
+def test_an_unknown_unit() -> None:
+    class Wrong(Spring):
+        inputs = ("z [metre]",)
+
+    assert "spring.z: no unit 'metre' (there are: " in message(Wrong)
+
+
+def test_a_unit_without_a_blank_before_it() -> None:
+    class Wrong(Spring):
+        inputs = ("z[m]",)
+
+    assert "'z [m]'" in message(Wrong)
+
+
+def test_an_init_that_does_not_call_that_of_its_base() -> None:
+    class Wrong(Spring):
+        def __init__(self) -> None:
+            self.stiffness = 100.0
+
+    assert "Wrong.__init__ does not call super().__init__()" in message(Wrong)
+    assert "Wrong.__init__ does not call super().__init__()" in message(Wrong())
+
+
+def test_a_class_that_needs_arguments() -> None:
+    class Wrong(Spring):
+        def __init__(self, stiffness: float) -> None:
+            super().__init__()
+            self.stiffness = stiffness
+
+    said = message(Wrong)
+    assert "missing 1 required positional argument: 'stiffness'" in said
+    assert "add Wrong(...)" in said
+
+
+def test_a_step_that_returns_its_output() -> None:
+    class Wrong(Spring):
+        def step(self, t: float, h: float, u: Any, y: Any) -> Any:  # noqa: ARG002
+            return -100.0 * u[0]
+
+    said = message(Wrong)
+    assert "write outputs into y instead, y[0] = ..." in said
+    assert "'spring'" in said
+
+
+def test_a_component_without_step() -> None:
+    class Wrong(PythonComponent):
+        inputs, outputs, default_step = Spring.inputs, Spring.outputs, "1 ms"
+
+    assert "Wrong has no function step(self, t, h, u, y)" in message(Wrong)
+
+
+def test_parentheses_without_a_comma() -> None:
+    class Wrong(Spring):
+        outputs = "force [N]"  # what ("force [N]") is
+
+    assert "Wrong.outputs is the text 'force [N]', not a tuple of names: write ('force [N]',), with a comma" in message(
+        Wrong
+    )
+
+
+# --------------------------------------------------------------------------------------------------- an older Python
+
+
+OLDER = "import sys, runpy; sys.version_info = (3, 10, 2); sys.argv = {!r}; {}"
+
+
+@pytest.mark.parametrize("package", ["cosim", "build_fmus"])
+def test_an_older_python_is_named_first(package: str) -> None:
+    """As if it were one: nothing else of the project has been imported then."""
+    run = f"sys.orig_argv = ['python', *sys.argv, '{package}']; runpy._run_module_as_main('{package}')"
+    for code, start in (
+        (OLDER.format(["-m"], run), "Python 3.11 or newer is needed; this is Python 3.10.2 ("),
+        (OLDER.format(["x.py"], "import cosim"), "Traceback"),
+    ):
+        done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        assert done.stderr.startswith(start)
+        assert "Python 3.11 or newer is needed; this is Python 3.10.2 (" in done.stderr.splitlines()[-1]
