@@ -18,8 +18,10 @@ import numpy as np
 
 from cosim.report.checks import assign, check_choice, check_id, check_text, plain_value
 
-Verdict = Literal["reproduced", "order reproduced, magnitude not", "not reproduced", "open", "holds", "does not hold"]
-OUTCOMES: tuple[Verdict, ...] = ("reproduced", "order reproduced, magnitude not", "open", "not reproduced")
+Verdict = Literal[
+    "reproduced", "trend reproduced, magnitude differs", "not reproduced", "open", "holds", "does not hold"
+]
+OUTCOMES: tuple[Verdict, ...] = ("reproduced", "trend reproduced, magnitude differs", "open", "not reproduced")
 """Verdicts on published claims, from the best to the worst; the two others are those on checks of ours."""
 
 _SHARE = 0.10  # of a single published figure: how far ours may lie from it
@@ -245,7 +247,7 @@ def verdict_of(
     magnitude = band is None or (number is not None and number in band)
     if band is not None and band.open and over is not None:
         magnitude = magnitude and over.is_significant(band.__contains__)
-    return "reproduced" if magnitude else "order reproduced, magnitude not"
+    return "reproduced" if magnitude else "trend reproduced, magnitude differs"
 
 
 def _figure(value: float | None) -> float | None:
@@ -295,8 +297,8 @@ class Claims(list[Claim]):
             holds: whether what is claimed holds, leaving the published number aside.
             reason: why it does not hold, or not in that size (kept only then).
             value, unit: our figure, kept to five significant digits; not a number counts as none.
-            band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude
-                not".
+            band: where the value counts as the published one; outside of it the verdict is "trend reproduced, magnitude
+                differs".
             over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
                 bound, which then has to hold clearly (:meth:`Distribution.is_significant`), not in the median alone.
             criterion: the rule of `holds` in words; that of the band is added.

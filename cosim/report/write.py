@@ -41,7 +41,7 @@ SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
 WHOLE = 12  # rows of a table that is not broken across pages of paper
 _LOOK: dict[Verdict, dict[str, str]] = {
     "reproduced": {"style": "yes", "mark": "✓"},
-    "order reproduced, magnitude not": {"style": "order", "mark": "≈"},
+    "trend reproduced, magnitude differs": {"style": "order", "mark": "≈"},
     "open": {"style": "open", "mark": "?"},
     "not reproduced": {"style": "no", "mark": "✗"},
     "holds": {"style": "yes", "mark": "✓"},

@@ -125,6 +125,6 @@ def test_every_published_claim_is_in_the_one_table() -> None:
         assert anchor in anchors
     said = {
         v: int(n)
-        for n, v in re.findall(r"(\d+) (reproduced|open|not reproduced|order reproduced, magnitude not)[;.]", text)
+        for n, v in re.findall(r"(\d+) (reproduced|open|not reproduced|trend reproduced, magnitude differs)[;.]", text)
     }
     assert said == {v: sum(c["verdict"] == v for _, c in claims) for v in WRITER["OUTCOMES"]}

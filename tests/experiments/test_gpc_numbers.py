@@ -1019,7 +1019,7 @@ def test_parameters_and_provenance(page: Report) -> None:
 
 def test_words_of_the_claims(study: Study) -> None:
     found = CLAIMS.judge(Judge(study, "the motion ratio"))
-    order = "order reproduced, magnitude not"
+    order = "trend reproduced, magnitude differs"
     everywhere = "8 of 8 speeds"
     all_but_80 = "7 of 8 speeds (10, 20, 30, 40, 50, 60, 70 km/h)"
     assert {c.id: (c.verdict, c.ours, c.value) for c in found} == {

@@ -16,7 +16,7 @@ from cosim.study import ClaimList
 
 BOTH = lambda r: (r["solver_parts"], r["exchange_parts"]) == (2, 2)  # noqa: E731
 SOLVER = lambda r: (r["solver_parts"], r["exchange_parts"]) == (2, 1)  # noqa: E731
-ORDER = "order reproduced, magnitude not"
+ORDER = "trend reproduced, magnitude differs"
 
 
 @pytest.fixture

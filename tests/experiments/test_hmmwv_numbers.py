@@ -1108,7 +1108,7 @@ def test_alike_is_neither_better_nor_worse() -> None:
     """Within 10 % of MPC."""
     for watts, verdict in ((4.8, "reproduced"), (4.0, "not reproduced"), (6.0, "not reproduced")):
         laws = [hmmwv_made_up.watts(watts, road="track", controller=c) for c in ("skyhook", "lqr")]
-        assert said(*laws)["track-alike"].verdict.removesuffix(", magnitude not") == verdict
+        assert said(*laws)["track-alike"].verdict.removesuffix(", magnitude differs") == verdict
 
 
 def test_what_was_fitted_stands_beside_a_statement() -> None:

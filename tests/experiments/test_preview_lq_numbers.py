@@ -708,8 +708,8 @@ def test_words_of_the_claims(study: Results) -> None:
     assert judged["poles"] == ("reproduced", "within 0.5 %", None)
     assert judged["poles-low"] == ("not reproduced", "-5.63+6.51i, -4.28+5.42i", None)
     assert judged["index-both-active"] == ("reproduced", "70.0 %", 70.0)
-    assert judged["index-both-delay"] == ("order reproduced, magnitude not", "50.0 %", 50.0)
-    assert judged["index-left-preview"] == ("order reproduced, magnitude not", "31.6 %", 31.6)
+    assert judged["index-both-delay"] == ("trend reproduced, magnitude differs", "50.0 %", 50.0)
+    assert judged["index-left-preview"] == ("trend reproduced, magnitude differs", "31.6 %", 31.6)
     assert judged["parts-both-active"] == (
         "not reproduced",
         "1 of 11 within 10 %; largest deviation -67 % (tire.rl.deflection)",
@@ -757,11 +757,11 @@ def test_components_are_those_of_print_or_on_their_side_of_passive(study: Result
             "12 of 12 within 10 %; largest deviation +10 % (tire.rl.deflection)",
             "reproduced",
         ),
-        ({"tire.rl.deflection": 1.11, "body.az": 0.89}, "10 of 12 within", "order reproduced, magnitude not"),
+        ({"tire.rl.deflection": 1.11, "body.az": 0.89}, "10 of 12 within", "trend reproduced, magnitude differs"),
         (
             {"suspension.fr.deflection": 0.8995},
             "11 of 12 within 10 %; largest deviation -10 %",
-            "order reproduced, magnitude not",
+            "trend reproduced, magnitude differs",
         ),
         ({"suspension.fr.deflection": 1 / 1.28}, "11 of 12 within", "not reproduced"),  # 99.2 % of passive, printed 127
         ({"suspension.rl.deflection": 0.95}, "12 of 12 within", "reproduced"),  # printed 104: no clear side

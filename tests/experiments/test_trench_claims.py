@@ -236,7 +236,7 @@ class TestClaims:
         study = invented()
         assert verdicts(altered(study, both(changes)))["passive-verdicts"] == "reproduced"
         found = verdicts(altered(study, both({**changes, (1.2, 1.0, "passive"): {"passed": False}})))
-        assert found["passive-verdicts"] == "order reproduced, magnitude not"
+        assert found["passive-verdicts"] == "trend reproduced, magnitude differs"
         assert found["passive-short"] == "not reproduced"
 
     def test_one_controlled_failure_is_one_too_many(self):
@@ -247,7 +247,7 @@ class TestClaims:
         changed = altered(
             invented(), {Case(1.2, 9.0, s): {"cost": c} for s, c in (("passive", 1000.0), ("mpc", 900.0))}
         )
-        assert verdicts(changed)["cost-below-passive"] == "order reproduced, magnitude not"
+        assert verdicts(changed)["cost-below-passive"] == "trend reproduced, magnitude differs"
 
     def test_a_verdict_that_depends_on_the_step_is_open(self):
         case = Case(1.9, 1.0, "passive")

@@ -109,7 +109,7 @@ def every_kind(make_report):
             "It is near",
             "10 %",
             "",
-            "order reproduced, magnitude not",
+            "trend reproduced, magnitude differs",
             "r " * 80,
             "Table 1",
             12.0,

@@ -20,9 +20,9 @@ class TestVerdict:
     def test_order_and_magnitude_are_judged_apart(self):
         band = Band(10, 20)
         assert verdict(value=15, band=band).verdict == "reproduced"
-        assert verdict(value=30, band=band).verdict == "order reproduced, magnitude not"
+        assert verdict(value=30, band=band).verdict == "trend reproduced, magnitude differs"
         assert verdict(False, value=15, band=band).verdict == "not reproduced"
-        assert verdict(value=math.nan, band=band).verdict == "order reproduced, magnitude not"
+        assert verdict(value=math.nan, band=band).verdict == "trend reproduced, magnitude differs"
 
     @pytest.mark.parametrize("edge", [10, 20])
     def test_the_edges_of_a_band_belong_to_it(self, edge):
@@ -57,7 +57,7 @@ class TestDistributionAsValue:
         seeds = Distribution([30] * 6 + [20] * 2)
         assert verdict(value=seeds.median, band=bound).reproduced
         split = verdict(over=seeds, band=bound)
-        assert split.verdict == "order reproduced, magnitude not"
+        assert split.verdict == "trend reproduced, magnitude differs"
         assert split.criterion == "magnitude at least 25 in clearly most seeds"
         assert verdict(over=Distribution([30] * 7 + [20]), band=bound).reproduced
 
@@ -185,7 +185,7 @@ class TestCounts:
         assert (data["claims_total"], data["checks_total"], data["checks_held"]) == (4, 2, 1)
         assert [c["own"] for c in data["claims"]] == [False] * 4 + [True] * 2
         assert page.count('<span class="chip order">') == 1
-        assert "1 order reproduced, magnitude not</span>" in page
+        assert "1 trend reproduced, magnitude differs</span>" in page
         assert "<dt>Fitted</dt><dd>the mass</dd>" in page
         assert all(page.count(f"<code>{c['id']}</code>") == 1 for c in data["claims"]), (
             "tables and words name claims by id"

@@ -27,8 +27,8 @@ def claim(**fields):
     [
         (lambda: claim(verdict="not reproduced"), "claim 'c' has verdict 'not reproduced'; say why"),
         (lambda: claim(verdict="not reproduced", reason="  "), "say why"),
-        (lambda: claim(verdict="partly"), "verdict 'partly' is not one of 'reproduced', 'order"),
-        (lambda: claim(verdict="order reproduced, magnitude not"), "say why"),
+        (lambda: claim(verdict="partly"), "verdict 'partly' is not one of 'reproduced', 'trend"),
+        (lambda: claim(verdict="trend reproduced, magnitude differs"), "say why"),
         (lambda: claim(verdict="open"), "has verdict 'open'; say why"),
         (lambda: claim(verdict="does not hold"), "say why"),
         (lambda: claim(ours=""), "says nothing about our result"),

@@ -63,6 +63,6 @@ def test_a_finding_has_the_verdict_that_its_claim_gets(finding: Finding) -> None
 
 
 def test_verdicts_of_findings() -> None:
-    assert Finding("x", True, "y", 5.0, band=Band(2.0, 4.0)).verdict == "order reproduced, magnitude not"
-    assert Finding("x", True, "y", float("nan"), band=Band(2.0, 4.0)).verdict == "order reproduced, magnitude not"
+    assert Finding("x", True, "y", 5.0, band=Band(2.0, 4.0)).verdict == "trend reproduced, magnitude differs"
+    assert Finding("x", True, "y", float("nan"), band=Band(2.0, 4.0)).verdict == "trend reproduced, magnitude differs"
     assert Finding("x", True, "y", undecided="too few").verdict == "open"

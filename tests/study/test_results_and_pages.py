@@ -197,7 +197,7 @@ def test_what_a_claim_carries_to_the_report() -> None:
         "The size",
         "3 mm",
         "5 mm",
-        "order reproduced, magnitude not",
+        "trend reproduced, magnitude differs",
         "too large",
         "Figure 2",
     )
