@@ -1,8 +1,8 @@
-"""Write how ``FullCarHmmwvPublic`` compares with Project Chrono's model, and rigid bodies with both, into
+"""Write the comparison of ``FullCarHmmwvPublic`` with Project Chrono's model and with rigid bodies into
 ``reference/public-hmmwv.md``.
 
-    python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
-    python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
+    python docs/write_public_hmmwv.py                       # half-rounds, also with rigid bodies: two minutes
+    python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses (third-party data)
 
     python docs/write_public_hmmwv.py --only modes          # one table: natural frequencies and damping, in seconds
 

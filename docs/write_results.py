@@ -1,11 +1,11 @@
-"""Write what the studies found into `results.md` and the README's table of papers, from the studies' own summaries.
+"""Write the results of the studies into `results.md` and the README's table of papers, from the studies' summaries.
 
 make studies
 python docs/write_results.py [results]
 
-Claims and figures of each `summary.json` are kept in `docs/results/NAME.json`, from which both pages are made: a
-number on them is one that a run gave. The tests compare the pages with these files, and these files with studies run
-anew.
+Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, and both pages are generated from
+these files, so every number on them comes from a run. Tests compare the pages with these files, and the files with new
+runs of the studies.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def paper(experiment: str) -> str:
 
 
 def one_table(studies: list[Summary]) -> str:
-    """A page of the site: every published claim of every paper in one table, which its reader narrows down."""
+    """A page of the site: every published claim of every paper in one table, which readers can filter."""
     claims = [(paper(s["experiment"]), s, c) for s in studies for c in s["claims"] if not c["own"]]
     claims.sort(key=lambda row: row[0])
     rows = [

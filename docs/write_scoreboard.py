@@ -1,4 +1,4 @@
-"""Write which checker notices which deliberate fault, and which FMUs without a fault they accuse, into
+"""Write the deliberate faults that each checker finds, and its errors for FMUs without a fault, into
 ``reference/check-scoreboard.md``.
 
     python docs/write_scoreboard.py              # everything: a minute
