@@ -39,6 +39,7 @@ BELOW = (
             "extras.py",
             "compile.py",
             "layout.py",
+            "surface.py",
             "interpreters.py",
             "run_as_module.py",
         )
