@@ -104,6 +104,11 @@ class Runner:
             e.configure(system, case)
         return system
 
+    def recorded(self, case: Any) -> Any:
+        """Names and patterns of what the experiment records of a case; None: every output."""
+        e = self.experiment
+        return e.record(case) if callable(e.record) else e.record
+
     def run(
         self,
         case: Any,
@@ -128,7 +133,7 @@ class Runner:
             ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
         """
         e, system = self.experiment, self.system(case)
-        names = record or (e.record(case) if callable(e.record) else e.record)
+        names = record or self.recorded(case)
         interval = record_interval or (e.record_interval(case) if callable(e.record_interval) else e.record_interval)
         end = (
             stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time

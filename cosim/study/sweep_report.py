@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -291,16 +292,23 @@ def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, 
         ("worst tenth", [i for i in chosen if i in tenth]),
     ):
         if rows:
-            x = np.tile([*range(1, len(columns) + 1), math.nan], len(rows))
+            x = np.tile([*range(len(columns)), math.nan], len(rows))
             y = np.concatenate([[*scaled[i], math.nan] for i in rows])
             series.append(Series(name, x, y))
-    names = ", ".join(f"{i} {n}" for i, n in enumerate([*axes, *(m.text for m in drawn.values())], start=1))
     return Figure(
         "parallel",
         "Parallel coordinates",
-        f"Columns: {names}.",
-        [Panel("", "column [-]", "from smallest to largest [-]", series)],
+        "A line for each run.",
+        [Panel("", "quantity [?]", "from smallest to largest [-]", series, x_names=_axis_names(axes, drawn))],
     )
+
+
+def _axis_names(axes: Mapping[str, Array], drawn: Mapping[str, Metric]) -> list[str]:
+    """Names of the parallel axes; those that are alike are numbered."""
+    names: list[str] = []
+    for text in [*axes, *(m.text for m in drawn.values())]:
+        names.append(next(n for n in chain([text], (f"{text} ({k})" for k in count(2))) if n not in names))
+    return names
 
 
 def _scaled(values: Array) -> Array:
@@ -367,7 +375,7 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
         paragraphs = ["Indices need every run of the design, and some have failed: rank correlations instead."]
         method = ""
     if method == "saltelli":
-        columns = ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"]
+        columns = ["metric", "parameter", "first-order index", "±", "total index", "± of the total index"]
         rows = [[m.text, *found] for k, m in drawn.items() for found in sobol_indices(table, k)]
         paragraphs = [
             "Sobol indices: the share of the variance that a parameter explains alone, and with all its interactions;"

@@ -16,6 +16,8 @@ from cosim.study.experiment import Experiment, resolved
 from cosim.study.fmus import FmuSet
 from cosim.study.runner import Runner
 
+CHARTS = 6  # of a page, of what an experiment records
+
 
 @dataclass(frozen=True)
 class LiveCase:
@@ -50,13 +52,19 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
     live = _layout(experiment, case, beside)
     with ExitStack() as open_:
         shown = []
+        recorded: dict[str, None] = {}  # names of outputs
         for each in live.cases:
             runner = open_.enter_context(
                 Runner(experiment, fmus)
             )  # one each: cases alike share a system, and its values
             system = runner.system(each.case)
             shown.append(PageSystem(each.title, system, each.values, each.group, infer_scene(system)))
-        return export_web(path, shown, live.page)
+            record = runner.recorded(each.case)
+            if record is not None:
+                outputs, chosen = ([f"{m.name}.{v.name}" for m, v in system.select(n)] for n in (None, record))
+                recorded |= dict.fromkeys(n for n in chosen if n in outputs)
+        plots = live.page.plots or list(recorded)[:CHARTS]
+        return export_web(path, shown, replace(live.page, plots=plots))
 
 
 def _layout(experiment: Experiment, case: Any, beside: Sequence[str]) -> Live:

@@ -24,7 +24,8 @@ globalThis.getComputedStyle = () => ({
 var notes = [], path = [], texts = [];
 const finite = (...numbers) => numbers.forEach((n) => { if (!Number.isFinite(n)) throw new Error(`drawn at ${n}`); });
 const pen = {
-  setTransform: finite, fillRect: finite, save() {}, restore() {}, clip() {}, setLineDash() {}, rect: finite,
+  setTransform: finite, save() {}, restore() {}, clip() {}, setLineDash() {}, rect: finite,
+  fillRect(x, y, w, h) { finite(x, y, w, h); notes.push({ what: "rect", style: this.fillStyle, path: [x, y, w, h] }); },
   arc(x, y, r) { finite(x, y, r); if (r < 0) throw new Error("negative radius"); path.push(["arc", x, y, r]); },
   beginPath() { path = []; },
   moveTo(x, y) { finite(x, y); path.push(["move", x, y]); },

@@ -421,6 +421,32 @@ def test_the_legend_is_as_long_as_the_arrows(browser: Browser, view: str) -> Non
     assert f"{legend['newtons'] / 1e3:g} kN" in browser.run("texts")
 
 
+def test_the_legend_has_a_backing(browser: Browser) -> None:
+    """Behind all its words, in however many rows; drawn before them and after the picture."""
+    force = Arrow("a", "actuator", "car.force", on="body", at=(0.0, 0.0, 0.3))
+    points = [Points(r, r, 1.0, -0.8, 1.0, [0.1, 0.2]) for r in ("preview", "sensed", "predicted")]  # type: ignore[arg-type]
+    for width, rows in ((800, 1), (300, 3)):
+        browser.engine.eval(f"canvas.clientWidth = {width}")
+        browser.see(scene(arrows=[force], points=points), STILL | {"car.force": 6000.0})
+        notes = browser.run("notes")
+        halo = COLORS["halo"].split()[0]
+        (at,) = (i for i, n in enumerate(notes) if n["what"] == "rect" and n["style"] == halo)
+        x, y, wide, high = notes[at]["path"]
+        lines = [n["path"] for n in notes[at + 1 :] if n["what"] == "stroke"]  # of the scale and of each entry
+        assert len({p[0][2] for p in lines[1:]}) == rows
+        assert len(lines) == 5
+        for _, left, top in (p for path in lines for p in path):
+            assert x < left < x + wide
+            assert y < top < y + high
+        words = max(left + 26 + 6.5 * len(t) for (left, t) in _legend_words(browser, lines))
+        assert words <= min(x + wide, width) + 0.5
+    browser.engine.eval("canvas.clientWidth = 800")
+
+
+def _legend_words(browser: Browser, lines: list[Any]) -> list[tuple[float, str]]:
+    return [(p[0][1], e["words"]) for p, e in zip(lines[1:], browser.run("view.legend().entries"), strict=True)]
+
+
 def test_an_arrow_that_is_cut_says_so(browser: Browser) -> None:
     force = Arrow("a", "actuator", "car.force", on="body")
     browser.see(scene(arrows=[force]), STILL | {"car.force": 1e6})

@@ -225,10 +225,10 @@ def test_scatter_has_every_metric_over_every_parameter(page: Report) -> None:
 
 def test_parallel_coordinates_are_scaled_and_the_worst_stand_out(page: Report) -> None:
     figure = _figure(page, "parallel")
-    assert figure.caption == "Columns: 1 mass.rate, 2 count, 3 height, 4 other."
+    assert figure.panels[0].x_names == ("mass.rate", "count", "height", "other")
     others, worst = figure.panels[0].series
     assert (others.name, worst.name) == ("other runs", "worst tenth")
-    np.testing.assert_array_equal(worst.x_values, [1, 2, 3, 4, NAN])
+    np.testing.assert_array_equal(worst.x_values, [0, 1, 2, 3, NAN])
     np.testing.assert_array_equal(worst.y, [1, 1, 1, NAN, NAN])  # rate 5, count 2, the highest; no other
     lines = np.asarray(others.y).reshape(-1, 5)
     assert len(lines) == 9
@@ -295,7 +295,7 @@ def test_failed_runs_are_listed_with_their_points(experiment: Any) -> None:
         (
             "saltelli",
             256,
-            ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"],
+            ["metric", "parameter", "first-order index", "±", "total index", "± of the total index"],
             (1.0, 1.0),
         ),
         (

@@ -117,8 +117,19 @@
   let waiting = 0;
   window.addEventListener("resize", () => {
     clearTimeout(waiting);
-    waiting = setTimeout(() => figures.forEach(refit), 150);
+    waiting = setTimeout(() => {
+      figures.forEach(refit);
+      showScrolling();
+    }, 150);
   });
+
+  // tables that are wider than the page say so
+  const showScrolling = () =>
+    document
+      .querySelectorAll(".table")
+      .forEach((table) => table.classList.toggle("scrolls", table.scrollWidth > table.clientWidth + 1));
+  showScrolling();
+  document.querySelectorAll("details").forEach((box) => box.addEventListener("toggle", showScrolling));
 
   // ---- the reader's choice
 

@@ -614,7 +614,7 @@ class Page {
     return restart;
   }
 
-  /** As the page was at first. */
+  /** Resets all parameters. */
   defaults() {
     this.shared.clear();
     this.choose(Number(this.$("group").value));
@@ -765,7 +765,7 @@ class Page {
           : v.instance.ended
             ? "The system has ended the run."
             : old.length
-              ? `The picture keeps ${old.join(", ")} as at first.`
+              ? `The picture keeps ${old.join(", ")} as it was at the start.`
               : "";
       if (v.status.textContent !== text) v.status.textContent = text;
     }

@@ -1366,37 +1366,47 @@ class SceneView {
   drawWords() {
     const { pen, color, data } = this,
       { entries, newtons, pixels } = this.legend();
-    let x = 12,
-      y = 16;
     pen.font = `12px ${this.font}`;
     pen.textAlign = "left";
     pen.textBaseline = "middle";
+    const scale = newtons === null ? "" : SceneView.force(newtons).replace(".0", "");
+    const begin = newtons === null ? 12 : 32 + pen.measureText(scale).width;
+    let x = begin,
+      y = 16,
+      right = begin - 12;
+    const placed = entries.map((entry) => {
+      const wide = 26 + pen.measureText(entry.words).width + 12;
+      if (x + wide > this.width && x > begin) {
+        x = begin;
+        y += 17;
+      }
+      x += wide;
+      right = Math.max(right, x - 12);
+      return { entry, x: x - wide, y };
+    });
+    if (right > 12) {
+      // a backing, since drawings may reach below the words
+      pen.globalAlpha = 0.85;
+      pen.fillStyle = color.halo;
+      pen.fillRect(4, 3, right + 2, Math.max(y + 10, 14 + pixels) - 3);
+      pen.globalAlpha = 1;
+    }
     if (newtons !== null) {
       // an upright bar
       pen.strokeStyle = color.ink;
       pen.lineWidth = 1.5;
       pen.beginPath();
       for (const end of [0, pixels]) {
-        pen.moveTo(x - 3, 10 + end);
-        pen.lineTo(x + 3, 10 + end);
+        pen.moveTo(9, 10 + end);
+        pen.lineTo(15, 10 + end);
       }
-      pen.moveTo(x, 10);
-      pen.lineTo(x, 10 + pixels);
+      pen.moveTo(12, 10);
+      pen.lineTo(12, 10 + pixels);
       pen.stroke();
       pen.fillStyle = color.ink;
-      const words = SceneView.force(newtons).replace(".0", "");
-      pen.fillText(words, x + 8, 10 + pixels / 2);
-      x += 20 + pen.measureText(words).width;
+      pen.fillText(scale, 20, 10 + pixels / 2);
     }
-    const begin = x,
-      rows = [[]];
-    for (const entry of entries) {
-      const wide = 26 + pen.measureText(entry.words).width + 12;
-      if (x + wide > this.width && x > begin) {
-        x = begin;
-        y += 17;
-        rows.push([]);
-      }
+    for (const { entry, x, y } of placed) {
       pen.strokeStyle = pen.fillStyle = entry.color;
       pen.lineWidth = entry.kind === "force" ? 3.2 : 2;
       pen.setLineDash(entry.kind === "sensed" ? [5, 3] : []);
@@ -1413,14 +1423,7 @@ class SceneView {
         pen.fill();
       }
       pen.fillStyle = color.muted;
-      if (y > 16) {
-        // what a further row may lie on
-        pen.strokeStyle = color.halo;
-        pen.lineWidth = 3;
-        pen.strokeText(entry.words, x + 26, y);
-      }
       pen.fillText(entry.words, x + 26, y);
-      x += wide;
     }
     if (this.exaggeration !== 1) {
       pen.fillStyle = color.muted;
