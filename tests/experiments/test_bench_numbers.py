@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import made_up
@@ -25,8 +27,9 @@ from cosim.experiments.bench.runs import (
     stop_time,
     wire,
 )
+from cosim.export.web.page import WebPage
 from cosim.report import Report
-from cosim.study import FmuSet, Results, Runner
+from cosim.study import FmuSet, Results, Runner, web
 
 # ------------------------------------------------------------------------------------------------------ a run by hand
 
@@ -184,6 +187,21 @@ def test_wires(fmus: FmuSet) -> None:
     ):
         with wire(fmus, case) as system:
             assert {t: c.source_name for t, c in system.connections.items()} == expected
+
+
+def test_charts_of_the_live_page_show_what_is_recorded(
+    fmus: FmuSet, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The outputs among it, in its order, of all systems side by side."""
+    pages: list[WebPage] = []
+    monkeypatch.setattr(web, "export_web", lambda path, _, page: pages.append(page) or path)
+    web.write_web(EXPERIMENT, fmus, tmp_path / "page.html", Case("passive"))
+    own = replace(EXPERIMENT, record=["controller.force", "plant.body.a*", "plant.force", "plant.wheel.z"])
+    web.write_web(own, fmus, tmp_path / "page.html", Case("lqr"))
+    every, some = (list(page.plots) for page in pages)
+    assert every[0] == "road.road.height"
+    assert [n.partition(".")[0] for n in every[1:]] == ["plant"] * 5
+    assert some == ["controller.force", "plant.body.az", "plant.wheel.z"]  # plant.force is an input
 
 
 # ---------------------------------------------------------------------------------------- a study: every cell by hand
