@@ -189,7 +189,8 @@ class System(Wiring):
         real_time: float | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and
-        return the recording, whose `stopped_by` tells which.
+        return the recording, whose `stopped_by` tells which. The last row is the row that a longer run has at that
+        time: discrete components that are due at the stop time run there.
 
         `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older
         name for it); with `display_units` in the units in which FMUs want their variables displayed. A failing
@@ -218,7 +219,7 @@ class System(Wiring):
             allow_unconnected=allow_unconnected,
         ) as simulation:
             with _written(simulation, file, display_units):
-                simulation.advance(stop_time, stop_when=stop_when, progress=progress, real_time=real_time)
+                simulation.advance(stop_time, stop_when=stop_when, progress=progress, real_time=real_time, final=True)
             return simulation.recording
 
     def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:

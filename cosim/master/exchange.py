@@ -11,13 +11,15 @@ The rule. Time is an integer count of base ticks. At every instant t at which so
    until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, members see at once
    what the members before them have reached (their latest step, if they are slower).
 
-A run ends at its stop time with an arrival and a last sample; discrete components are not run there, so their
-outputs are still those of the sample before. If the simulation is continued, the instant is completed first and its
-sample replaced: advancing in pieces gives what advancing in one go gives. Nothing is shortened to meet the stop
-time: a step that reaches beyond it was begun before it, and shows its outputs when its end is reached.
+`System.run` ends with part 3 at its stop time: its last row is the row that a longer run has at that time.
+`Simulation.advance` ends with part 1 and a provisional sample, so that inputs can be set before discrete components
+run; if the simulation is continued, the instant is completed first and its sample replaced: advancing in pieces gives
+what advancing in one go gives. Nothing is shortened to meet the stop time: a step that reaches beyond it was begun
+before it, and shows its outputs when its end is reached.
 
-A component may ask to end the simulation. When its step was done the run ends at the end of that step, as if that were
-the stop time; otherwise at its beginning, with the sample there and nobody advanced further.
+A component may ask to end the simulation. When its step was done the run ends at the end of that step, with an arrival
+and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced
+further.
 
 No component ever reads a NaN or an infinity that another one has made: outputs are looked at as soon as they are there,
 and the first that is not finite ends the run (unless `allow_nan`).
@@ -184,18 +186,20 @@ class Exchange:
         """`end`, or where a component asked to end if that is sooner."""
         return end if self.ending is None else min(end, self.ending[0])
 
+    def sample(self) -> bool:
+        """Run the discrete components that are due at the present tick, and replace the provisional sample by the final
+        one; returns whether continuous components may advance."""
+        instant, t = self.timetable.at(self.tick), self.time
+        self.recorder.count -= instant.recorded  # the provisional sample
+        self.phase = Phase.SAMPLED
+        return self._finish(instant.sample, 0, t)
+
     def complete(self) -> None:
         """Do what is left of the present instant."""
-        if self.phase is Phase.NOTHING:
+        if self.phase is Phase.NOTHING or (self.phase is Phase.ARRIVED and not self.sample()):
             return
-        instant, t = self.timetable.at(self.tick), self.time
-        if self.phase is Phase.ARRIVED:
-            self.recorder.count -= instant.recorded  # the provisional sample
-            self.phase = Phase.SAMPLED
-            rest = instant.sample + instant.advance
-        else:
-            rest = instant.advance
-        if self._finish(rest, len(instant.advance), t):
+        advance = self.timetable.at(self.tick).advance
+        if self._finish(advance, len(advance), self.time):
             self.tick += 1
             self.phase = Phase.NOTHING
 

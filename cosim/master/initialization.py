@@ -31,8 +31,11 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             m.component.set({m.description.variables[n]: v for n, v in m.values.items()})
     for m in members:
         begin = exchange.base.start + m.offset
-        met = stop is not None and stop > begin and ((stop - begin) / m.step).denominator == 1
-        m.component.enter_initialization(float(begin), float(stop) if stop is not None and met else None)
+        told = None
+        if stop is not None and stop > begin and ((stop - begin) / m.step).denominator == 1:
+            # A discrete component runs at the stop time, and an FMU refuses a step beyond the stop time it is given.
+            told = float(stop + m.step if m.discrete and m.description.fmi_version else stop)
+        m.component.enter_initialization(float(begin), told)
     for m in members:
         place = exchange.layout.places[m]
         exchange.ports[m] = m.component.bind(place.inputs, place.outputs, place.u, place.y)

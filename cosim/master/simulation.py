@@ -212,11 +212,15 @@ class Simulation:
         stop_when: Sequence[StopCondition] = (),
         progress: bool = False,
         real_time: float | None = None,
+        final: bool = False,
     ) -> str | None:
         """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or
         to where a component asks to end (the simulation is over then). Returns the text of that condition or request,
         or None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and
         can be continued).
+
+        The row recorded at `until` is provisional: discrete components that are due there run when the simulation is
+        continued, and the row is replaced then. With `final` they run at once, as at the end of `System.run`.
 
         With `real_time` every instant begins when it is due by the clock, 1.0 at its pace, 2.0 twice as fast; what
         comes too late is caught up with. Due times count from the first of such calls, so that time between them is not
@@ -234,7 +238,7 @@ class Simulation:
         begin = clock.perf_counter()
         try:
             with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, exchange.base.seconds(end)) as bar:
-                self.guarded(lambda: self._run(end, interrupt, bar))
+                self.guarded(lambda: self._run(end, interrupt, bar, final))
         except Stop as stop:
             self._stopped_by = str(stop)
         finally:
@@ -254,9 +258,22 @@ class Simulation:
                 stacklevel=4,
             )
 
-    def _run(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
-        """To the arrival at `end`, in pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar
-        alive at no cost per instant."""
+    def _run(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar, final: bool) -> None:
+        """To the arrival at `end`, with `final` to the sample there."""
+        exchange = self._exchange
+        self._run_to_arrival(end, interrupt, bar)
+        ended = exchange.ending is not None and exchange.tick >= exchange.ending[0]
+        if final and not ended and exchange.phase is Phase.ARRIVED:
+            exchange.sample()
+        if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
+            self._over = exchange.ending[1]
+            raise Stop(self._over)
+        if interrupt.pending:
+            raise Interrupted(self.time, self.recording)
+
+    def _run_to_arrival(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
+        """In pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar alive at no cost per
+        instant."""
         exchange = self._exchange
         if exchange.tick == end and exchange.phase is not Phase.NOTHING:
             return
@@ -273,11 +290,6 @@ class Simulation:
             self._spill()
         if exchange.phase is Phase.NOTHING:
             exchange.arrive()
-        if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
-            self._over = exchange.ending[1]
-            raise Stop(self._over)
-        if interrupt.pending:
-            raise Interrupted(self.time, self.recording)
 
     def stepper(self, step: TimeLike, *, stop_when: Sequence[StopCondition] = ()) -> Callable[[], str | None]:
         """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with

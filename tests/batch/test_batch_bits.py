@@ -40,7 +40,9 @@ def apart(
         for name, each in start.items():
             member, variable = system.members.split(name)
             member.set({variable: each[copy]})
-        return system.run(stop, record=record, record_interval=interval)
+        with system.initialize(record=record, record_interval=interval) as simulation:
+            simulation.advance(stop)
+            return simulation.recording
     finally:
         for m, values in kept.items():
             m.values = values

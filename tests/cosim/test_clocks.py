@@ -140,7 +140,7 @@ def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
         16.0,
         25.0,
         25.0,
-        25.0,
+        36.0,
     ], "every second sample counts"
 
 

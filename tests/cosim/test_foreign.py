@@ -28,7 +28,7 @@ def chain(foreign, kind):
 
 def lag(result, hops):
     """Steps by which third.y trails clock.y + hops, once the chain is filled."""
-    clock, third = result["clock.y"][:-1], result["third.y"][:-1]
+    clock, third = result["clock.y"], result["third.y"]
     return round(float(np.median(clock - (third - hops))) / 0.01)
 
 
@@ -43,7 +43,7 @@ def test_a_chain_of_three_foreign_fmus(foreign, kind, seidel, steps):
         assert lag(result, 3) == steps
         again = system.run(0.3)
         np.testing.assert_array_equal(again.data, result.data)
-        assert result["third.steps"][-1] == 30
+        assert result["third.steps"][-1] == 30 + (kind == "discrete")  # which runs at the stop time, too
 
 
 def test_types_other_than_real_are_wired_and_recorded(foreign):
@@ -53,8 +53,8 @@ def test_types_other_than_real_are_wired_and_recorded(foreign):
         system.connect("a.busy", "b.enable")
         system.connect("a.steps", "b.u")
         result = system.run(6)
-    np.testing.assert_array_equal(result["a.busy"][:-1], [1, 0, 1, 0, 1, 0])
-    np.testing.assert_array_equal(result["b.y"][:-1], [2, 2, 4, 4, 6, 6])  # Integer to Real; held while not enabled
+    np.testing.assert_array_equal(result["a.busy"], [1, 0, 1, 0, 1, 0, 1])
+    np.testing.assert_array_equal(result["b.y"], [2, 2, 4, 4, 6, 6, 8])  # Integer to Real; held while not enabled
 
 
 def test_parameters_hold_after_reset(foreign):

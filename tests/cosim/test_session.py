@@ -37,6 +37,7 @@ def test_advancing_in_pieces_equals_one_go(piece, delay):
     simulation = system.initialize(record_interval="1 ms")
     for i in range(1, 84 // int(piece[0]) + 1):
         simulation.advance(f"{i * int(piece[0])} ms")
+    simulation.advance("84 ms", final=True)
     same(simulation.recording, whole)
 
 
@@ -48,7 +49,7 @@ def test_stop_condition_ends_at_the_first_sample_that_fulfils_it_and_can_be_cont
     assert result.stopped_by == "plant.y >= 0.1"
     assert result["plant.y"][-1] >= 0.1 > result["plant.y"][-2]
     np.testing.assert_array_equal(result.data, whole.data[: len(result)])
-    assert simulation.advance(0.09) is None
+    assert simulation.advance(0.09, final=True) is None
     same(simulation.recording, whole)
 
 

@@ -54,8 +54,8 @@ def states_at_samples(recording: Recording, period: float) -> np.ndarray:
 def test_every_command_is_that_of_the_independent_solver(runner: Runner, car, controller: str, scenario: str) -> None:
     recording = runner.record(at(scenario, controller))
     reference = MpcReference(bench_mpc(car, COSTS[controller]))
-    states = states_at_samples(recording, MPC_PERIOD)[:-1]  # nothing runs at the end
-    commands = force(recording)[:: round(MPC_PERIOD * 1000)][:-1]
+    states = states_at_samples(recording, MPC_PERIOD)
+    commands = force(recording)[:: round(MPC_PERIOD * 1000)]
     previous = np.concatenate([[0.0], commands[:-1]])
     expected = [
         reference.step(x, np.array([p])).command[0] if np.any(x) or p else 0.0

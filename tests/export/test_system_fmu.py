@@ -97,6 +97,48 @@ def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
+def test_the_last_row_of_a_run_is_what_the_fmu_shows(ride, fmi):
+    """Plant values at their time; sampled values, which an FMU shows from its next step on, one step of 1 ms later."""
+    with Runner(EXPERIMENT, FmuSet(FMUS)) as runner:
+        run = runner.system(Case()).run("1/10", record=RECORD, record_interval="1 ms")
+    with System() as outer:
+        outer.add("ride", ride[fmi], step="1 ms")
+        fmu = outer.run("101/1000", record=[f"ride.{n}" for n in RECORD], record_interval="1 ms")
+    plant = [n.startswith("car.") for n in RECORD]
+    for i, n in enumerate(RECORD):
+        shown = fmu.data[:-1, i] if plant[i] else fmu.data[1:, i]
+        np.testing.assert_array_equal(bits(shown), bits(run.data[:, i]), err_msg=n)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_discrete_system_as_one_fmu_runs_at_the_stop_time(built_fmus, fmi, tmp_path):
+    """Like any discrete component; it refuses a step beyond the stop time that it is told."""
+
+    def car(law: Path, prefix: str) -> System:
+        system = System()
+        system.add("road", built_fmus.path("RoadSine", fmi), step="1 ms")
+        system.add("car", built_fmus.path("FullCarHmmwvModified", fmi), step="1 ms")
+        system.add("law", law, step="1 ms")
+        system.connect_matching("road", "car", "road.*")
+        system.connect("car.x", "road.x")
+        for corner in ("fl", "fr", "rl", "rr"):
+            system.connect(f"law.{prefix}force.{corner}", f"car.force.{corner}")
+        for state in ("az", "pitch", "roll"):
+            system.connect(f"car.body.{state}", f"law.{prefix}body.{state}")
+        return system
+
+    with car(built_fmus.path("GpcImplicit", fmi), "") as system:
+        record = ["car.body.*", "law.force.*"]
+        expected = system.run("1/2", record=record)
+        fmu = system.export_fmu(tmp_path / "Law.fmu", without=["road", "car"], fmi=fmi)
+    with car(fmu, "law.") as system:
+        assert system["law"].kind == "discrete"
+        for until in ("1/2", 1):
+            found = system.run(until, record=["car.body.*", "law.law.force.*"])
+            np.testing.assert_array_equal(bits(found.data[: len(expected)]), bits(expected.data))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_states_continue_with_the_same_bits(ride, fmi):
     """Saved, restored, serialized into another instance; also a system with FMUs of others."""
     with System() as system:

@@ -83,8 +83,10 @@ def test_without_action_it_is_the_passive_run_and_an_action_matters(name: str) -
     for _ in range(20):
         env.step(still)
     by_env = env.recording
-    run = env.system.run(env.time, record=by_env.names, record_interval=env.record_interval, allow_unconnected=True)
-    np.testing.assert_array_equal(by_env.data, run.data)
+    options = {"record": by_env.names, "record_interval": env.record_interval, "allow_unconnected": True}
+    with env.system.initialize(**options) as simulation:
+        simulation.advance(env.time)
+        np.testing.assert_array_equal(by_env.data, simulation.recording.data)
     env.close()
 
 

@@ -360,7 +360,7 @@ def test_a_file_is_whole_or_not_there(tmp_path):
     with chain().initialize() as simulation:
         simulation.advance(0.1)
         state = simulation.save()
-        simulation.advance(0.2)
+        simulation.advance(0.2, final=True)
         whole = simulation.recording
     path = state.write(tmp_path / "folder" / "settled.state")
     assert [p.name for p in path.parent.iterdir()] == ["settled.state"]

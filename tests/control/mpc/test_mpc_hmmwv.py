@@ -70,7 +70,7 @@ def test_every_command_is_that_of_the_independent_solver(built_fmus, car, previe
         pytest.fail("the car does not start at rest")
     rows = [next(i for i, o in enumerate(mpc.outputs) if o.name == s) for s in SUSPENSION]
     inside, previous, worst, largest = np.zeros(16), np.zeros(4), 0.0, 0.0
-    for k in range(len(recording) - 1):  # nothing runs at the end
+    for k in range(len(recording)):
         relative = np.array([recording[f"car.{n}"][k] for n in RELATIVE_STATES])
         road = np.array([[recording[f"road.preview.{c}[{i + 1}]"][k] for i in range(POINTS)] for c in CORNERS])
         road = np.hstack([road, road[:, -1:]]) * preview
