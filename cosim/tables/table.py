@@ -89,7 +89,7 @@ class Table:
         )
         self._column = {v: i for i, v in enumerate(variables.values())}
 
-    def twin(self) -> Table:
+    def clone(self) -> Table:
         """Another component that plays the same signals."""
         other = copy.copy(self)
         other._now = np.zeros(1)
