@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import cosim.fmu.calls as fmi
+from build_fmus import surface
 from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.description import Variable
@@ -124,7 +125,10 @@ class FmuComponent:
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
         events = EventMode(self) if self.in_event_mode else None
         if events is not None and self.isolation is not None:
-            raise FmuError(f"component '{name}': FMUs with clocks are not isolated; run it without isolated=True")
+            option = surface.hint("isolated=True", "--isolate")
+            raise FmuError(
+                f"component '{name}': FMUs with clocks are not isolated; run it without {option or 'isolation'}"
+            )
         self._events = events
         if reusable and self._call("Reset") <= fmi.WARNING:
             return

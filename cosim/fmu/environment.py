@@ -17,6 +17,7 @@ from typing import Any
 
 import cffi
 
+from build_fmus import surface
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 
 HEADER = Path(__file__).with_name("environment.h")
@@ -24,8 +25,8 @@ _SOURCE = Path(__file__).with_name("environment.c")
 _KINDS = ("the rounding mode", "the treatment of subnormal numbers", "the traps")  # bit by bit
 _KEPT: list[Any] = []
 _EXITED = (
-    b"\ncosim: an FMU has ended this process by a call of exit(); its results are not complete. With isolated=True"
-    b" (--isolate '*') the message names the FMU, and cosim recover FILE.csv recovers what was recorded.\n"
+    "\ncosim: an FMU has ended this process by a call of exit(); its results are not complete. With {} the message"
+    " names the FMU, and cosim recover FILE.csv recovers what was recorded.\n"
 )
 
 
@@ -58,7 +59,7 @@ def restorer() -> Callable[[], int]:
 
 
 def _guard_exit(ffi: cffi.FFI, own: Any) -> None:
-    text = ffi.new("char[]", _EXITED)
+    text = ffi.new("char[]", _EXITED.format(surface.hint("isolated=True", "--isolate '*'") or "isolation").encode())
     _KEPT.append((own, text))  # the handler of the library must stay where it is
     own.cosim_guard_exit(text)
     atexit.register(own.cosim_guard_exit, ffi.NULL)

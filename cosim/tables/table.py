@@ -115,7 +115,8 @@ class Table:
         if start < self._reached[0]:
             raise TableError(
                 f"'{self._name}': {self.signals.name} begins at t = {self.times[0]:.9g} s, the run at {start:.9g} s;"
-                f" begin it there (start_time=...), or move the table with shift={start - self.times[0]:.9g}"
+                f" begin it there{surface.hint(' (start_time=...)')}, or move the table by {start - self.times[0]:.9g}"
+                f" s{surface.hint(' (shift=...)')}"
             )
         if start > self.end or (stop is not None and stop > self.end):
             raise TableError(

@@ -358,7 +358,7 @@ def test_a_run_longer_than_the_table(engine: str) -> None:
     assert error.value.recording.time[-1] == 2.02
     assert run(Table(table, after="hold"), 9, engine=engine)["road.z"][-1] == 2.0
     with pytest.raises(
-        TableError, match=r"begins at t = 5 s, the run at 0 s; begin it there .* or move the table with shift=-5"
+        TableError, match=r"begins at t = 5 s, the run at 0 s; begin it there .* or move the table by -5 s"
     ):
         run(Table(table, shift=5.0), 6, engine=engine)
     moved = run(Table(table, shift=5.0), 6, start_time=5, engine=engine)

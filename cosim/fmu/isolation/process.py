@@ -25,7 +25,7 @@ if sys.platform != "win32":
     import fcntl
 
 import cosim.fmu.calls as fmi
-from build_fmus import safe_files
+from build_fmus import safe_files, surface
 from build_fmus.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
@@ -94,7 +94,8 @@ class Isolation:
 def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     """Types, client library and its path, and the worker's program. Raises NoIsolation."""
     if sys.platform == "win32":
-        raise NoIsolation("FMUs can be isolated on Linux and macOS only; run without isolated=True")
+        option = surface.hint("isolated=True", "--isolate")
+        raise NoIsolation(f"FMUs can be isolated on Linux and macOS only; run without {option or 'isolation'}")
     ffi = cffi.FFI()
     header = re.sub(r"(?m)^#.*$", "", (_FOLDER / "link.h").read_text())
     ffi.cdef(header + _EXPORTED)
