@@ -171,7 +171,7 @@ def _bar(series: Series, look: Look, common: dict[str, Any], value: str, *, show
         **label,
         x=series.x_values,
         y=y,
-        marker={"color": look.color, "pattern": {"shape": PATTERNS[look.dash], "fgcolor": PAPER, "fgopacity": 0.6}},
+        marker={"color": look.color, "pattern": {"shape": PATTERNS[look.dash], "fillmode": "overlay", "fgcolor": PAPER}},
         hovertemplate=f"%{{fullData.name}}: {value}<extra></extra>",
         showlegend=showlegend,
     )

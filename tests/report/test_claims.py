@@ -200,6 +200,7 @@ class TestCounts:
         page = render(make_report(claims=[Claim("c", "it", "1", "1", "holds")]))
         assert 'id="claims"' not in page
         assert 'id="checks"' in page
+        assert "<dt>Additional checks passed</dt>\n    <dd><b>1</b> of 1</dd>" in page
 
 
 def test_most_is_not_always_clearly_most():

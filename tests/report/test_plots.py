@@ -173,6 +173,7 @@ def test_bars_stand_at_their_names_with_their_values_or_their_spread():
         ("scatter", "limit", [-0.5, 1.5], [6.0, 6.0]),
     ]
     assert (plain.texttemplate, plain.error_y.array, plain.marker.pattern.shape) == ("%{y:.3~g}", None, "/")
+    assert plain.marker.pattern.fillmode == "overlay"  # lines on the color of the marker, not instead of it
     assert (spread.texttemplate, spread.error_y.array, spread.error_y.arrayminus) == (None, (0.75, 0.5), (1.0, 0.5))
     axis = drawn.layout.xaxis
     assert (axis.tickvals, axis.ticktext, axis.range) == ((0, 1), ("off road,<br>class E", "track"), (-0.5, 1.5))

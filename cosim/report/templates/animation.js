@@ -306,12 +306,13 @@
   };
 
   const drawTrack = (canvas, take, time, duration) => {
-    const height = 116,
+    const row = canvas.clientWidth < 480 ? 16 : 0, // px, of a second row of words on a narrow page
+      height = 116 + row,
       { pen, width } = surface(canvas, height);
     const left = 46,
       right = 10,
-      top = 22,
-      bottom = 96;
+      top = 22 + row,
+      bottom = 96 + row;
     const x = (t) => left + (t / duration) * (width - left - right);
     const series = take.scenes.map((s) => s.readings[0]).filter(Boolean);
     if (!series.length) return;
@@ -381,17 +382,17 @@
     pen.fillStyle = paint.ink;
     const label = `${series[0].quantity} [${series[0].unit}]`;
     pen.fillText(label, place, 14);
-    place += pen.measureText(label).width + 18;
+    if (!row) place += pen.measureText(label).width + 18;
     take.scenes.forEach((scene, n) => {
       pen.strokeStyle = paint.lines[n % paint.lines.length];
       pen.setLineDash(DASHES[n % DASHES.length]);
       pen.beginPath();
-      pen.moveTo(place, 10);
-      pen.lineTo(place + 26, 10);
+      pen.moveTo(place, 10 + row);
+      pen.lineTo(place + 26, 10 + row);
       pen.stroke();
       pen.setLineDash([]);
       pen.fillStyle = paint.ink;
-      pen.fillText(scene.title, place + 31, 14);
+      pen.fillText(scene.title, place + 31, 14 + row);
       place += 31 + pen.measureText(scene.title).width + 18;
     });
     pen.strokeStyle = paint.ink;
