@@ -137,9 +137,9 @@ def test_matching_says_not_found() -> None:
     [
         ({"road": "sinus"}, "did you mean 'sine'"),
         ({"controller": "previw"}, "did you mean 'preview'"),
-        ({"speed_kmh": 0.0}, "speed is 0 km/h"),
-        ({"speed_kmh": 500.0}, "speed is 500 km/h"),
-        ({"speed_kmh": float("nan")}, "speed is nan"),
+        ({"speed_kmh": 0.0}, "speed_kmh is 0 km/h"),
+        ({"speed_kmh": 500.0}, "speed_kmh is 500 km/h"),
+        ({"speed_kmh": float("nan")}, "speed_kmh is nan"),
         ({"R": -1.0}, "R is -1 1/N2; give a number from 1e-30 to 1e\\+30"),
         ({"controller": "preview", "hold": True}, "hold is for the explicit controller only"),
     ],

@@ -265,9 +265,9 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
         ({"weights": "confort"}, "did you mean 'comfort'"),
         ({"controller": "previw"}, "did you mean 'preview'"),
         ({"shape": "square"}, "no shape 'square'"),
-        ({"preview_time": -0.1}, "preview time is -0.1"),
-        ({"speed_kmh": 500.0}, "speed is 500"),
-        ({"controller": "delay", "preview_time": 0.2}, "preview-time is for the law with preview only"),
+        ({"preview_time": -0.1}, "preview_time is -0.1"),
+        ({"speed_kmh": 500.0}, "speed_kmh is 500"),
+        ({"controller": "delay", "preview_time": 0.2}, "preview_time is for the law with preview only"),
         ({"controller": "passive", "hold_tail": True}, "hold_tail is for a controlled car only"),
     ],
 )

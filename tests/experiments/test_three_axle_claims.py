@@ -198,9 +198,9 @@ def test_the_plan_is_table_5_1_the_variants_and_finer_steps() -> None:
     [
         ({"controller": "mpc-previw"}, "did you mean 'mpc-preview'"),
         ({"estimator": "rode"}, "did you mean 'road'"),
-        ({"speed_kmh": 100.0}, "speed is 100 km/h"),
+        ({"speed_kmh": 100.0}, "speed_kmh is 100 km/h"),
         ({"depth": -0.1}, "depth is -0.1 m"),
-        ({"speed_kmh": float("nan")}, "speed is nan"),
+        ({"speed_kmh": float("nan")}, "speed_kmh is nan"),
         ({"controller": "lqr", "estimator": "road"}, "estimator is for the predictive controllers only"),
         ({"controller": "passive", "hold_height": True}, "hold_height is for the predictive controllers only"),
     ],
