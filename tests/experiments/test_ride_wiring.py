@@ -150,7 +150,7 @@ def test_courses_that_cannot_be_driven(tmp_path: Path, heights: np.ndarray, incr
 def test_files_that_are_no_courses(tmp_path: Path) -> None:
     with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
         plan(course=tmp_path / "nowhere.crg")
-    with pytest.raises(CaseError, match=r"road\.csv: give an OpenCRG file"):
+    with pytest.raises(CaseError, match=r"road\.csv': give an OpenCRG file"):
         plan(course=tmp_path / "road.csv")
 
 

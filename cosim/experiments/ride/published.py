@@ -136,7 +136,7 @@ def plan(
     chosen = systems(car)
     if course is not None:
         if course.suffix != ".crg":
-            raise CaseError(f"{surface.given(course=course)}: give an OpenCRG file, FILE.crg")
+            raise CaseError(f"{surface.given(course=str(course))}: give an OpenCRG file, FILE.crg")
         for name in dict.fromkeys(s[0] for s in chosen):  # said before anything runs
             extent(course, *CARS[name].size)
         return [on_file(s, str(course)) for s in chosen]
