@@ -30,7 +30,7 @@ COLORS: dict[Color, str] = {
     "grey": "#767676",
 }
 DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
-PATTERNS: dict[Dash, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash": "-", "dot": "."}  # of bars
+PATTERNS: dict[str, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash": "-", "dot": "."}  # of bars
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
 
 INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
@@ -171,7 +171,10 @@ def _bar(series: Series, look: Look, common: dict[str, Any], value: str, *, show
         **label,
         x=series.x_values,
         y=y,
-        marker={"color": look.color, "pattern": {"shape": PATTERNS[look.dash], "fillmode": "overlay", "fgcolor": PAPER}},
+        marker={
+            "color": look.color,
+            "pattern": {"shape": PATTERNS[look.dash], "fillmode": "overlay", "fgcolor": PAPER},
+        },
         hovertemplate=f"%{{fullData.name}}: {value}<extra></extra>",
         showlegend=showlegend,
     )

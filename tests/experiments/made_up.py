@@ -71,7 +71,10 @@ def bars(report: Report) -> dict[str, dict[str, float]]:
     assert isinstance(report.figure, Figure)
     (panel,) = report.figure.panels
     shown = [s for s in panel.series if s.mode == "bar"]
-    return {s.name: dict(zip((panel.x_names[int(i)] for i in s.x_values), s.y, strict=True)) for s in shown}  # type: ignore[call-overload]
+    return {
+        s.name: dict(zip((panel.x_names[int(i)] for i in s.x_values), np.asarray(s.y, dtype=float), strict=True))
+        for s in shown
+    }
 
 
 def axes(report: Report, id_: str) -> dict[str, tuple[str, str]]:
