@@ -158,7 +158,7 @@ class Command(TyperCommand):
 
 def _with_value(error: typer.BadParameter) -> str:
     """The message about a value of the wrong type, which names the value; the cause is pydantic's, in newer typers."""
-    details = getattr(error.__cause__, "errors", list)()
+    details: list[Any] = getattr(error.__cause__, "errors", list)()
     wanted = {"float_parsing": "a number", "int_parsing": "a whole number"}.get(details[0]["type"]) if details else None
     return error.message if wanted is None else f"{details[0]['input']!r}; give {wanted}"
 

@@ -330,8 +330,10 @@ class Wiring:
             (f"{target.name}.{input_.name}", input_, ("input",)),
         ):
             if variable.causality not in taken:
-                end = "; swap the two ends?" if swapped else ""
-                raise WiringError(f"'{full}' is {article(variable.causality)}, not {article(taken[0])}{end} ({names})")
+                remedy = "; swap the two ends?" if swapped else ""
+                raise WiringError(
+                    f"'{full}' is {article(variable.causality)}, not {article(taken[0])}{remedy} ({names})"
+                )
         already = self.connections.get(f"{target.name}.{input_.name}")
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
