@@ -166,7 +166,6 @@ def _bar(series: Series, look: Look, common: dict[str, Any], value: str, *, show
         above, below = (np.abs(np.asarray(edge, dtype=float) - y) for edge in (series.high, series.low))
         spread = {"array": above.tolist(), "arrayminus": below.tolist(), "symmetric": False, "color": INK, "width": 3}
         label = {"error_y": {"type": "data", "thickness": 1.2, **spread}}
-    pattern = {"shape": PATTERNS[look.dash], "fillmode": "overlay", "fgcolor": PAPER}
     return go.Bar(
         **common,
         **label,
