@@ -1,9 +1,9 @@
-"""Passive full cars simulated per second and core: one by one by the engine, and as copies of one batch, on each kind
-of vectors.
+"""Passive full cars simulated per second and core: as scalars by the engine, and as copies of one batch, on each
+kind of vectors.
 
 Simulated time of all copies over the processor time of their steps, so that other work on the machine hardly counts and
-the number of threads does not. Initialization, which is the same for both, is measured apart. Every copy has a mass and
-a speed of its own.
+the number of threads does not. Initialization, which is the same for both, is measured separately. Every copy has a
+mass and a speed of its own.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def on_nodes() -> System:
 SYSTEMS = {
     "sine road": lambda: wire(FmuSet(), Case("sine", controller="passive")),
     "road of nodes, with preview": on_nodes,
-    "random roads, the road one by one": on_random_roads,
+    "random roads, the road as a scalar": on_random_roads,
 }
 
 
@@ -89,7 +89,7 @@ def measure() -> dict[str, float]:
     for road, make in SYSTEMS.items():
         with make() as system:
             for _ in range(ROUNDS):
-                took = {"one by one": one_by_one(system), **{f"lanes, {k}": in_batch(system, k, 1) for k in kinds}}
+                took = {"scalar": one_by_one(system), **{f"lanes, {k}": in_batch(system, k, 1) for k in kinds}}
                 took["lanes, two threads"] = in_batch(system, "auto", 2)
                 for name, (factor, begun) in took.items():
                     key, init = f"{road}, {name}", f"{road}, {name}, initialization [ms per copy]"

@@ -2,8 +2,8 @@
 
 The run of ``cosim run gpc --road sine --speed 50 --controller preview`` with the gains that the FMU carries. The Jacobi
 loop is that of most masters: at t all inputs are set to the outputs of t, all FMUs step to t + 1 ms, outputs are read.
-Both loops initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The law decides
-every 10 ms.
+Both loops initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The controller
+decides every 10 ms.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
 def measure(distance: float = TRAVEL) -> dict[str, float]:
     """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the
     largest command."""
-    duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the law
+    duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the controller
     recorded, wired = by_master(FmuSet(), duration)
     master, jacobi = recorded, by_fmpy(wired, duration)
     force, late = master[:, :-1], jacobi[:, :-1]
@@ -125,10 +125,10 @@ def measure(distance: float = TRAVEL) -> dict[str, float]:
         "range of the commands [N]": float(span),
         "command at an instant, largest difference [% of the range]": 100 * float(np.abs(late - force).max() / span),
         "command at an instant, rms difference [% of the range]": 100 * rms(late - force) / span,
-        "decision of the law, largest difference [% of the range]": (
+        "decision of the controller, largest difference [% of the range]": (
             100 * float(np.abs(decided_late - decided).max() / span)
         ),
-        "decision of the law, rms difference [% of the range]": 100 * rms(decided_late - decided) / span,
+        "decision of the controller, rms difference [% of the range]": 100 * rms(decided_late - decided) / span,
         "rms of body.az, change [%]": 100 * (rms(jacobi[:, -1]) / rms(master[:, -1]) - 1),
     }
 

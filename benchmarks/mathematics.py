@@ -4,7 +4,7 @@
 
 The sources in each FMU are compiled once more with the header that renames the functions replaced by ``math.h``, and
 linked with the system's library. Both builds run in the bare C loop of :mod:`benchmarks.master_cost`, and over the
-stimulus of the FMU's documentation.
+reference inputs of the FMU's documentation.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ def with_system_library(fmu: Path, folder: Path) -> Path:
 
 
 def trajectory(fmu: Path) -> np.ndarray:
-    """Outputs (rows, outputs) over the stimulus of the documentation, by FMPy."""
+    """Outputs (rows, outputs) over the reference inputs of the documentation, by FMPy."""
     with tempfile.TemporaryDirectory() as tmp:
-        stimulus = Path(fmpy.extract(fmu, tmp)) / "documentation" / f"{fmu.stem}_in.csv"
-        inputs = fmpy.util.read_csv(stimulus)
+        path = Path(fmpy.extract(fmu, tmp)) / "documentation" / f"{fmu.stem}_in.csv"
+        inputs = fmpy.util.read_csv(path)
     step = float(read_model_description(fmu).defaultExperiment.stepSize)
     result = simulate_fmu(
         fmu, input=inputs, stop_time=float(inputs["time"][-1]), output_interval=step, fmi_type="CoSimulation"

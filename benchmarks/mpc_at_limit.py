@@ -1,7 +1,8 @@
 """What the MPC of the HMMWV should do when OSQP reaches its limit of iterations: closed loops, by choice.
 
 ``hold``: the last command, clipped to the bounds of now. ``iterate``: the first move of the unfinished iterate, clipped
-likewise. ``fallback``: DAQP solves the program anew. All three are compared with DAQP without a limit, on roads and
+likewise. ``fallback``: DAQP solves the program from scratch. All three are compared with DAQP without a limit, on roads
+and
 sensor faults that no paper has and that bring OSQP to its limit: the car of the published runs with ideal actuators at
 20 mph, bumps several times as high as published, and glitches that replace all measurements in one of ten samples.
 """
@@ -77,7 +78,7 @@ class _Member:
 
 
 class _Watched:
-    """The solver of a law: counts the samples at OSQP's limit, and calls an unfinished iterate a
+    """The solver of a controller: counts the samples at OSQP's limit, and calls an unfinished iterate a
     solution if it should."""
 
     def __init__(self, law: Evaluator, choice: str) -> None:

@@ -36,20 +36,22 @@ PARAMETERS: dict[str, tuple[dict[str, float], ...]] = {
 }
 SAMPLES, SEEDS = 40, 1
 SCALES = (1e-3, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e5, 1e8, 1e15, 1e100)
-"""Times the inputs of the component's own stimulus, which reach its bounds."""
+"""Factors on the reference inputs of the component, which reach its bounds."""
 
 
 def extreme_inputs(c: Model, samples: int, seed: int = 0) -> Iterator[tuple[str, np.ndarray]]:
     """Titles and inputs (samples, input elements), within the declared limits of each input.
 
-    Noise and random corners from far below to far above what the component is made for, its stimulus enlarged,
+    Noise and random corners from far below to far above what the component is made for, its reference inputs enlarged,
     magnitudes mixed over 24 and over 600 decades, a kick followed by nothing and by numbers below the smallest normal
     one.
     """
     random = np.random.default_rng(seed)
     inputs = c.elements("input")
     times = np.arange(samples) * (c.sample_time or 0.0)
-    waves = np.array([[c.stimulus[e.name](t) if e.name in c.stimulus else 0.0 for e in inputs] for t in times])
+    waves = np.array(
+        [[c.reference_inputs[e.name](t) if e.name in c.reference_inputs else 0.0 for e in inputs] for t in times]
+    )
     usual = np.maximum(np.abs(waves).max(axis=0), 1e-9)
     shape = samples, len(inputs)
 
@@ -62,7 +64,7 @@ def extreme_inputs(c: Model, samples: int, seed: int = 0) -> Iterator[tuple[str,
     for title, values in (
         *((f"noise, {s:g} times", random.uniform(-1, 1, shape) * usual * s) for s in SCALES),
         *((f"corners, {s:g} times", corners() * usual * s) for s in (1.0, 10.0, 100.0, 1e3)),
-        *((f"stimulus, {s:g} times", waves * s) for s in (1.0, 10.0, 100.0, 1e3)),
+        *((f"reference inputs, {s:g} times", waves * s) for s in (1.0, 10.0, 100.0, 1e3)),
         ("24 decades", corners() * 10 ** random.uniform(-12, 12, shape)),
         ("600 decades", corners() * 10 ** random.uniform(-300, 300, shape)),
         ("kick, then 0", np.where(later, 0.0, kick)),

@@ -26,5 +26,5 @@ def factor(step: str) -> float:
 
 
 def measure() -> dict[str, float]:
-    """Simulated time per processor time by exchange step."""
+    """Simulated time per processor time by communication step."""
     return {f"times real time, exchange every {step}": factor(step) for step in ("1 ms", "0.5 ms")}

@@ -53,7 +53,7 @@ class Options:
     arrays: bool = False
     clocks: bool = False
     qp: str | None = None  # solver of all quadratic programs instead of each component's own
-    anew_since: int = 0  # ns: what was kept in caches before is not used, see safe_files.anew
+    ignore_cache_before: int = 0  # ns: ignore cache entries older than this, see safe_files.ignore_cache
 
     @property
     def cache(self) -> Path:
@@ -83,7 +83,7 @@ def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[s
     while left:
         ready = [n for n in left if not any(d in left for d in catalog[n].needs)]
         if not ready:
-            raise ValueError(f"catalog entries need each other in a circle: {', '.join(left)}")
+            raise ValueError(f"catalog entries need each other in a cycle: {', '.join(left)}")
         yield ready
         left = [n for n in left if n not in ready]
 
@@ -169,7 +169,7 @@ def build(
         Names of the entries that were built.
     """
     if force:
-        options = replace(options, anew_since=safe_files.clock(options.cache))
+        options = replace(options, ignore_cache_before=safe_files.clock(options.cache))
     stamps = Stamps(options.cache)
     built: list[str] = []
     wanted = with_needs(catalog, names)

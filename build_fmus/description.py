@@ -68,7 +68,7 @@ def build_description(name: str, sources: Iterable[str]) -> bytes:
 def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
     """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and inputs and outputs by what they belong to.
 
-    ``road.fl.height`` is the member ``height`` of the terminal ``fl`` in the terminal ``road``
+    ``road.fl.height`` is the variable ``height`` of the terminal ``fl`` in the terminal ``road``
     (:func:`quantities.place`). The rule is ``bus``: what both sides have is connected, since a vehicle feels the slope
     of a road whose rate of height it does not need.
     """

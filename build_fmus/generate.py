@@ -154,8 +154,8 @@ def _start(component: Model, structs: Mapping[str, Struct]) -> str:
             continue
         kinds.append(f"    {structs[pointer].name} {pointer};")
         vector = component.vector(role)  # type: ignore[arg-type]
-        members = [(m, vector[m.slot : m.slot + m.size]) for m in structs[pointer].members]
-        given = [f"        .{m.name} = {_initial(x, m.shape)}," for m, x in members if x.any()]
+        fields = [(m, vector[m.slot : m.slot + m.size]) for m in structs[pointer].fields]
+        given = [f"        .{m.name} = {_initial(x, m.shape)}," for m, x in fields if x.any()]
         if given:
             values.append("\n".join([f"    .{pointer} = {{", *given, "    },"]))
     if not kinds:

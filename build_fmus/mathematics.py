@@ -1,7 +1,7 @@
 """One mathematical library in every binary: the functions of musl that a component's code calls, as C files of its FMU.
 
 The C headers of the runtime rename ``sin`` to ``fmu_sin`` and so on (``runtime/fmu_math.h``), so that no platform's own
-library takes part: the same FMU gives the same bits wherever it runs, and needs no recent system.
+library takes part: results are bit-identical on all platforms, and the FMU needs no recent system.
 """
 
 from __future__ import annotations

@@ -91,9 +91,9 @@ def _pack(
     if component.provenance:
         provenance = json.dumps(dict(component.provenance), indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()
-    stimuli, references = (f"documentation/{component.name}_{what}.csv" for what in ("in", "ref"))
+    inputs, references = (f"documentation/{component.name}_{what}.csv" for what in ("in", "ref"))
     experiment = related.Experiment(
-        float(result.time[-1]), float(result.time[1]), stimuli if result.input_names else None, references
+        float(result.time[-1]), float(result.time[1]), inputs if result.input_names else None, references
     )
     content |= related.files(component.name, content, parts, compilers, experiment=experiment)
     return archive(content)

@@ -54,7 +54,7 @@ class Experiment:
 
     stop: float
     step: float
-    stimuli: str | None
+    inputs: str | None
     references: str
 
 
@@ -65,19 +65,19 @@ def files(
     compilers: Mapping[str, Toolchain],
     *,
     experiment: Experiment | None = None,
-    members: Sequence[Mapping[str, Any]] = (),
+    components: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, bytes]:
     """The files below ``extra/`` of the FMU ``name``, by their path in the archive.
 
     Args:
         content: all other files of the archive.
-        parts: work of others in it.
+        parts: third-party code in it.
         compilers: of the binaries, by their path.
         experiment: the one whose results are in ``content``.
-        members: components of the bill for FMUs that are in this one.
+        components: bill entries of the FMUs inside this FMU.
     """
-    made = {BILL: bill_of_materials(name, content, parts, compilers, members)}
-    related = [Related(BILL, "meta-data", "application/vnd.cyclonedx+json", "What the FMU is made of (CycloneDX)")]
+    made = {BILL: bill_of_materials(name, content, parts, compilers, components)}
+    related = [Related(BILL, "meta-data", "application/vnd.cyclonedx+json", "Bill of materials of the FMU (CycloneDX)")]
     if experiment is not None:
         path = f"{FOLDER}/reference.exp"
         made[path] = _experiments(name, experiment)
@@ -85,7 +85,7 @@ def files(
         related.append(Related(path, "experiment/smoke-test", "application/x-ma-hs-experiments", text))
         related.append(Related(experiment.references, "result", "text/csv", "Outputs at the communication points"))
     if (provenance := "resources/provenance.json") in content:
-        text = "What the model was made from: numbers and their sources"
+        text = "Provenance of the model: numbers and their sources"
         related.append(Related(provenance, "meta-data", "application/json", text))
     made[f"{FOLDER}/fmi-ls-manifest.xml"] = _manifest(related)
     return made
@@ -96,7 +96,7 @@ def bill_of_materials(
     content: Mapping[str, bytes],
     parts: Iterable[Part],
     compilers: Mapping[str, Toolchain],
-    members: Sequence[Mapping[str, Any]] = (),
+    components: Sequence[Mapping[str, Any]] = (),
 ) -> bytes:
     """Bill of one FMU: its libraries with their files, and its binaries with compiler and flags."""
     own = {
@@ -107,7 +107,7 @@ def bill_of_materials(
         "description": "The runtime, and what generated the code of the model",
         "licenses": [{"license": {"id": "BSD-3-Clause"}}],
     }
-    libraries = [own, *(_library(p, content) for p in parts), *members]
+    libraries = [own, *(_library(p, content) for p in parts), *components]
     binaries = [
         {
             **_file(path, content),
@@ -181,8 +181,8 @@ def _experiments(name: str, experiment: Experiment) -> bytes:
     )
     times = {"startTime": 0.0, "stopTime": experiment.stop, "stepSize": experiment.step}
     etree.SubElement(one, "TransientSimulation", {k: repr(v) for k, v in times.items()})
-    if experiment.stimuli is not None:
-        etree.SubElement(one, "Stimuli", source=_relative(experiment.stimuli))
+    if experiment.inputs is not None:
+        etree.SubElement(one, "Stimuli", source=_relative(experiment.inputs))
     etree.SubElement(one, "References", source=_relative(experiment.references))
     return _xml(root)
 

@@ -107,16 +107,18 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
 
 
 def no_preview_lq(vehicle: Vehicle) -> str:
-    """Why there is no preview LQ law of a vehicle, as the end of a sentence about its file; empty when there is one."""
+    """Why there is no preview LQ controller of a vehicle, as the end of a sentence about its file; empty when there is
+    one.
+    """
     from fmu_sources.vehicles import RideCar
 
     if not isinstance(vehicle, RideCar):
-        return f"describes a {vehicle.kind!r}, and preview LQ laws are made of a 'ride_car'"
+        return f"describes a {vehicle.kind!r}, and preview LQ controllers are made of a 'ride_car'"
     damped = {axle: tire.damping for axle in ("front", "rear") if (tire := getattr(vehicle.tire, axle)).damping.value}
     if damped:
-        # These laws take the height of the road for the only disturbance; tire damping adds its rate.
+        # These controllers take the height of the road for the only disturbance; tire damping adds its rate.
         values = ", ".join(f"tire.{axle}.damping = {d.value:g} {d.unit}" for axle, d in damped.items())
-        return f"gives tires damping ({values}), and preview LQ laws are for tires without"
+        return f"gives tires damping ({values}), and preview LQ controllers are for tires without"
     return ""
 
 
@@ -137,7 +139,7 @@ def catalog_suffix(path: Path) -> str:
 
 
 def weights_name(weights: Path, vehicle: Path | None = None) -> str:
-    """Name of the preview LQ law with a user's weights, of the sedan or of a user's vehicle."""
+    """Name of the preview LQ controller with a user's weights, of the sedan or of a user's vehicle."""
     return f"{_PREVIEW_LQ}{catalog_suffix(weights)}{'' if vehicle is None else catalog_suffix(vehicle)}"
 
 
@@ -190,7 +192,7 @@ def _own_words(path: Path, kind: str, suffix: str, text: str) -> str:
 
 
 def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
-    """The full car of a vehicle file, and with ``suffix`` the roads under its wheels and its GPC laws.
+    """The full car of a vehicle file, and with ``suffix`` the roads under its wheels and its GPC controllers.
 
     Names are ``plant`` and the contract names with ``suffix`` appended.
     """
@@ -238,10 +240,10 @@ def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified", pr
 
 
 def preview_lq_entry(path: Path, name: str, period: float = 1e-3, vehicle: Path | None = None) -> Entry:
-    """A preview LQ law with a user's weights, at any sample time [s], of the sedan or of a user's ``vehicle``.
+    """A preview LQ controller with a user's weights, at any sample time [s], of the sedan or of a user's ``vehicle``.
 
     Raises:
-        VehicleError: the vehicle's file has a mistake, or there is no such law of it.
+        VehicleError: the vehicle's file has a mistake, or there is no such controller of it.
     """
     from fmu_sources.vehicles import VehicleError, load_vehicle
 
@@ -256,7 +258,7 @@ def preview_lq_entry(path: Path, name: str, period: float = 1e-3, vehicle: Path 
             component.description += f"; made for {vehicle.name}"
         return component
 
-    summary = f"preview LQ law with the weights of {path.name}{about}"
+    summary = f"preview LQ controller with the weights of {path.name}{about}"
     return Entry(name, summary, make, files=(path, *_files(source)), choices=f"{period} {called}")
 
 
@@ -309,7 +311,7 @@ Source = str | Path  # of a vehicle: the name of a published file, or a file of 
 Preview = tuple[int, float]  # heights ahead, and the time between them [s]
 Make = Callable[..., "Component"]  # called with the vehicle's source, the FMU's name, and what the vehicle is called
 
-_PREVIEW_LQ = "PreviewLq"  # begins the names of these laws
+_PREVIEW_LQ = "PreviewLq"  # begins the names of these controllers
 _SENSOR_FILE = "sensors_hmmwv"
 _HMMWV_FILE = "ride_car_hmmwv"
 GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
@@ -572,10 +574,13 @@ _HMMWV: dict[str, tuple[str, Make]] = {
 }
 _SEDAN: dict[str, tuple[str, Make]] = {
     "RideCar{v}": ("linear 7-DOF ride car of paper 004", _car),
-    "PreviewLqComfort{s}": ("preview LQ law of paper 004, ride comfort", _lq("comfort")),
-    "PreviewLqComfort5ms{s}": ("preview LQ law of paper 004, ride comfort, sampled at 5 ms", _lq("comfort", 5e-3)),
-    "PreviewLqRoadHolding{s}": ("preview LQ law of paper 004, road holding", _lq("road_holding")),
-    "PreviewLqTunable{s}": ("preview LQ law of paper 004, its weights parameters", _lq("comfort", tunable=True)),
+    "PreviewLqComfort{s}": ("preview LQ controller of paper 004, ride comfort", _lq("comfort")),
+    "PreviewLqComfort5ms{s}": (
+        "preview LQ controller of paper 004, ride comfort, sampled at 5 ms",
+        _lq("comfort", 5e-3),
+    ),
+    "PreviewLqRoadHolding{s}": ("preview LQ controller of paper 004, road holding", _lq("road_holding")),
+    "PreviewLqTunable{s}": ("preview LQ controller of paper 004, its weights parameters", _lq("comfort", tunable=True)),
     "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
     "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),
     "RoadProvingGround5ms{s}": (

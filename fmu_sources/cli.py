@@ -37,7 +37,7 @@ class UserFiles:
     source: Path | None = None  # Python file with components of the user's own
     maker: str = "make"  # function in it
     name: str | None = None  # of the FMU made of the road or weights file
-    period: float = 1e-3  # sample time of the law made of the weights file [s]
+    period: float = 1e-3  # sample time of the controller made of the weights file [s]
 
     @property
     def paths(self) -> list[Path]:
@@ -84,7 +84,7 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
 
 def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
-    with safe_files.anew(options.anew_since):
+    with safe_files.ignore_cache(options.ignore_cache_before):
         _build_entry(user, name, options, versions)
 
 
@@ -129,7 +129,7 @@ def build(
         reason = error.strerror or error
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
-    # Components and what builds them, with all that they import: laws are identified with the master.
+    # Components and what builds them, with all that they import: controllers are identified with the master.
     sources = builder.source_hash(root, root.parent / "build_fmus") + code_hash(root.rglob("*.py"))
     task = functools.partial(build_entry, user)
     return builder.build(
@@ -162,10 +162,10 @@ def command(
     weights: Annotated[
         Path | None,
         typer.Option(
-            help="weights file (TOML) to make a preview LQ law of: of the sedan, or of the car given by --vehicle"
+            help="build a preview LQ controller with a weights file (TOML), for the sedan or the car of --vehicle"
         ),
     ] = None,
-    period: Annotated[float, typer.Option(help="sample time of the law made by --weights [s]")] = 1e-3,
+    period: Annotated[float, typer.Option(help="sample time of the controller of --weights [s]")] = 1e-3,
     name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = FMUS,
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
@@ -206,7 +206,7 @@ def command(
     if name is not None and (road is None) == (weights is None):
         raise ValueError("--name names the FMU made by --road or by --weights; give one of these files too")
     if list_:
-        table = Table("FMU", "what it is", "needs first", box=None)
+        table = Table("FMU", "description", "needs first", box=None)
         for entry in load_catalog(user).values():
             table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
         show(table)

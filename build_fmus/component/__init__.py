@@ -19,12 +19,12 @@ Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Componen
 At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
 updated; outputs hold until the next sample (see ``docs/explanation/architecture.md``, the co-simulation algorithm).
 
-What users write with is the builder :class:`Component`. ``component.model()`` freezes what it has collected into a
-:class:`Model`, once; the generator, the model description, the Python evaluation and the checks read that. Everything
+Users declare a component with the builder :class:`Component`. ``component.model()`` freezes what it has collected into
+a :class:`Model`, once; the generator, the model description, the Python evaluation and the checks read that. Everything
 derived is computed by the model when it is first asked for, and since nothing changes any more, nothing derived can be
 out of date.
 
-The room, each file above those that it uses:
+Modules of the package, each above those that it uses:
 
 - ``declare``: :class:`Component`, the builder;
 - ``model``: :class:`Model`, which ties the rest together;

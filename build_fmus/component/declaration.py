@@ -22,7 +22,7 @@ VECTORS: tuple[Role, ...] = ("state", "input", "parameter")
 
 @dataclass(frozen=True, eq=False)
 class Declaration:
-    """All that the builder was told. Expressions are columns of row-major elements, in the symbols of the variables.
+    """All declarations of the builder. Expressions are columns of row-major elements, in the symbols of the variables.
 
     Attributes:
         all_variables: every variable in declaration order, hidden states included.
@@ -36,10 +36,10 @@ class Declaration:
         equations: output or state -> where its equation comes from.
         programs: quadratic programs, whose symbols are among those of the expressions.
         profiles: random profiles, one pair at most, whose symbol is among those of the expressions.
-        stimulus: input element -> its signal over time in the reference result.
+        reference_inputs: input element -> its signal over time in the reference result.
         operating_points: name -> values of states and inputs at which the build also checks the solver's stability.
-        provenance: what goes into the FMU as ``resources/provenance.json``, unless empty.
-        bibliography: what short names in sources stand for.
+        provenance: content of the FMU's ``resources/provenance.json``, unless empty.
+        bibliography: short name of a source -> full reference.
 
     The others are those of :class:`~build_fmus.component.Component`.
     """
@@ -65,7 +65,7 @@ class Declaration:
     equations: Mapping[str, str]
     programs: tuple[qp.QuadraticProgram, ...]
     profiles: tuple[RandomProfiles, ...]
-    stimulus: Mapping[str, Callable[[float], float]]
+    reference_inputs: Mapping[str, Callable[[float], float]]
     operating_points: Mapping[str, Mapping[str, float]]
     provenance: Mapping[str, Any]
     bibliography: Mapping[str, str]

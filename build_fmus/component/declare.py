@@ -117,7 +117,7 @@ class Component:
         self.programs: list[qp.QuadraticProgram] = []
         self.profiles: list[RandomProfiles] = []
         self._checks: list[tuple[Any, str]] = []
-        self.stimulus: dict[str, Callable[[float], float]] = {}
+        self.reference_inputs: dict[str, Callable[[float], float]] = {}
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
         if kind == "continuous":  # the runtime finds it in the first slot
             self.parameter(
@@ -143,7 +143,7 @@ class Component:
         outputs: Mapping[str, str | None] | None = None,
         **options: Any,
     ) -> Component:
-        """A linear law, filter or plant as a component.
+        """Make a component of a linear controller, filter or plant.
 
         ``system`` is a ``control.StateSpace`` or a tuple of matrices (A, B, C, D). With a sample time ``x[k+1] = A x[k]
         + B u[k]``, ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt = A x + B u`` in continuous time;
@@ -352,7 +352,7 @@ class Component:
             must_equal=float(must_equal),
             display_unit=display_unit,
         )
-        self.stimulus[name] = lambda _: must_equal
+        self.reference_inputs[name] = lambda _: must_equal
 
     @_declares
     def state(
@@ -668,8 +668,8 @@ class Component:
         known = self._element_names("input")
         for name in signals:
             if name not in known:
-                raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
-        self.stimulus.update(signals)
+                raise DeclarationError(f"{self.name}: reference input for {name!r}, which is not an input")
+        self.reference_inputs.update(signals)
 
     @_declares
     def check(self, positive: Any, message: str) -> None:
@@ -817,7 +817,7 @@ class Component:
                 equations=MappingProxyType(dict(self.equations)),
                 programs=tuple(self.programs),
                 profiles=tuple(self.profiles),
-                stimulus=MappingProxyType(dict(self.stimulus)),
+                reference_inputs=MappingProxyType(dict(self.reference_inputs)),
                 operating_points=MappingProxyType(dict(self.operating_points)),
                 provenance=MappingProxyType(dict(self.provenance)),
                 bibliography=MappingProxyType(dict(self.bibliography)),

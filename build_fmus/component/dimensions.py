@@ -5,7 +5,7 @@ measured in metres is given in the new ones, each start, derivative, update and 
 too: multiplied by that power of four to the exponent that its unit has in m. What adds a length to a mass, drops a
 factor with a dimension or has one in a literal does not. Each base unit is tried by itself, with a power of four above
 1 and one below, at the operating points with fixed random values about them. Powers of four, and their roots, only move
-the exponents of binary numbers: sums, products, quotients and roots give the same bits, ``fmax`` and ``if_else`` take
+the exponents of binary numbers: sums, products, quotients and roots are bit-identical, ``fmax`` and ``if_else`` take
 the same branch. Only ``pow`` and the like round, for which 1e-12 is allowed.
 
 Radians count as dimensionless: rotations are full of products of lengths and angles. Degrees are no unit that a
@@ -39,9 +39,9 @@ Exponents = Mapping[str, int]
 
 _FACTORS = (4.0**16, 4.0**-16)  # far enough that a literal of any usual size shows
 _SPREADS = (0.03, 0.1, 1.0, 0.01, 3.0, 0.3, 0.3, 0.03)  # of the random values about an operating point, relative
-_POINTS = (24, 40)  # over all operating points: few of long functions; half of them with the inputs of the stimulus
+_POINTS = (24, 40)  # over all operating points: few of long functions; half of them with the reference inputs
 _OPERATIONS = 200_000  # in all points together, roughly
-_STEPS = 200  # of the stimulus, as in the reference result
+_STEPS = 200  # along the reference inputs, as in the reference result
 _PARAMETERS = 0.3  # largest spread of parameters, so that they still fit together
 _TOLERANCE = 1e-12  # relative, where an operation is not exact
 _TOLD = 5  # violations in a message
@@ -97,7 +97,7 @@ class Dimensions:
         component: its name.
         violations: what does not scale as declared.
         unchecked: elements that are, or depend on, real values without a unit.
-        not_exercised: real elements that were 0 or not finite at every point, so that nothing can be said of them.
+        not_exercised: real elements that were 0 or not finite at every point, so that their dimension was not checked.
     """
 
     component: str
@@ -280,7 +280,7 @@ class _Scaling:
                 spread = _SPREADS[k % len(_SPREADS)]
                 t = rng.uniform(0.0, _STEPS * (d.sample_time or d.exchange_step) if driven else d.stop_time)
                 u, p = d.vector("input"), d.vector("parameter")
-                moving = {n: signal(t) for n, signal in d.stimulus.items()} if driven else {}
+                moving = {n: signal(t) for n, signal in d.reference_inputs.items()} if driven else {}
                 for name, value in (*moving.items(), *values.items()):
                     if name in places["input"]:
                         u[places["input"][name]] = value

@@ -70,13 +70,13 @@ class StateSpace:
         """Declare inputs, states, outputs and equations in the empty builder ``c``; the matrices become tunable
         parameters.
         """
-        u = ca.vertcat(*(c.input(name, unit, "input of the law") for name, unit in self.inputs.items()))
+        u = ca.vertcat(*(c.input(name, unit, "input of the control law") for name, unit in self.inputs.items()))
         y = ca.DM.zeros(len(self.outputs), 1)
         if self.D.any():
             direct = c.parameter("D", self.D, None, "outputs per input", tunable=True, source=source)
             y += (direct * (self.D != 0)) @ u  # what is 0 depends on nothing: no algebraic loop through it
         if self.A.size:
-            x = c.state("x", None, "states of the law", shape=(len(self.A),))
+            x = c.state("x", None, "states of the control law", shape=(len(self.A),))
             a, b, c_ = (
                 c.parameter(name, value, None, text, tunable=True, source=source)
                 for name, value, text in (
@@ -88,7 +88,7 @@ class StateSpace:
             (c.update if self.sample_time else c.derivative)(x, a @ x + b @ u)
             y += c_ @ x
         for i, (name, unit) in enumerate(self.outputs.items()):
-            c.output(name, y[i], unit, "output of the law", source=source)
+            c.output(name, y[i], unit, "output of the control law", source=source)
 
 
 def statespace(

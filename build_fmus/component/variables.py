@@ -16,7 +16,7 @@ Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 
 
-LONGEST_SOURCE = 4096  # characters; who reads an FMU believes no more
+LONGEST_SOURCE = 4096  # characters; the FMU reader of cosim accepts no longer text
 _ESCAPED = re.compile("[\udc80-\udcff]")  # bytes of a name that the locale could not decode
 _SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 

@@ -1,6 +1,6 @@
 """C code that reads like the equations: CasADi functions of a component, with the names of its declaration.
 
-The room, lowest first:
+Modules of the package, lowest first:
 
 - ``operators``: how each operation of CasADi is written in C;
 - ``names``: C identifiers, and C structs over the runtime's vectors (``p->suspension_stiffness``);

@@ -191,9 +191,9 @@ class Functions:
             for result in read.get(function) or ():
                 if result.index != index or struct is None:
                     continue
-                member = struct.member_at(result.start)
-                if (result.start, nodes[result.node].size) == (member.slot, member.size):
-                    names.setdefault(result.node, Name(f"{prefix}{member.name}"))
+                field = struct.field_at(result.start)
+                if (result.start, nodes[result.node].size) == (field.slot, field.size):
+                    names.setdefault(result.node, Name(f"{prefix}{field.name}"))
         return names, constants
 
     def _value_nodes(self, results: Iterable[Result]) -> Iterator[tuple[str, str, int]]:
@@ -311,8 +311,8 @@ def _structs(component: Model) -> dict[str, Struct]:
     for role, (pointer, name) in _STRUCTS.items():
         variables = component.of(role)
         if variables:
-            members = [(v.name, _shape(v, flat), _comment(v, flat)) for v in variables]
-            structs[pointer] = Struct(name, f"{name}: {_OF[role]}", members)
+            fields = [(v.name, _shape(v, flat), _comment(v, flat)) for v in variables]
+            structs[pointer] = Struct(name, f"{name}: {_OF[role]}", fields)
     if component.programs:
         solutions, data = [], []
         for q in component.programs:

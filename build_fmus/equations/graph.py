@@ -72,10 +72,10 @@ class Graph:
         return next((self._known[k] for k in keys if k in self._known), None)
 
     def read(self, function: ca.Function, inputs: Sequence[str]) -> list[Result]:
-        """Add the operations of a function of the given vectors; what they result in, in the function's order.
+        """Add the operations of a function of the given vectors; return its results in the function's order.
 
         Raises:
-            UnknownOperationError: there is one that this room does not write.
+            UnknownOperationError: the function has an operation that this package cannot write in C.
         """
         kind = function.class_name()
         if kind == "SXFunction":

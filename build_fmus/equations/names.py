@@ -1,4 +1,4 @@
-"""C identifiers, and C structs whose members are the elements of one of the runtime's vectors by their names."""
+"""C identifiers, and C structs whose fields are the elements of one of the runtime's vectors by their names."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ _RESERVED = frozenset((*_OWN, *HELPERS, *FUNCTIONS))
 
 
 @dataclass(frozen=True)
-class Member:
-    """One member: ``shape`` () for a number, its first position in the vector, and what a reader should know."""
+class Field:
+    """A field of a struct: its shape (() for a scalar), its first position in the vector, and its comment."""
 
     name: str
     shape: tuple[int, ...]
@@ -122,29 +122,29 @@ class Member:
 
 
 class Struct:
-    """A C struct that lies over a vector, member after member without gaps."""
+    """A C struct that lies over a vector, field after field without gaps."""
 
     def __init__(self, name: str, title: str, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> None:
         """``variables``: name, shape and comment of each; the title says what the struct is."""
         self.name, self.title = name, title
-        self.members: list[Member] = []
+        self.fields: list[Field] = []
         taken: set[str] = set()
         slot = 0
         for text, shape, comment in variables:
-            member = Member(identifier(text, taken, local=False), shape, slot, comment)
-            taken.add(member.name)
-            self.members.append(member)
-            slot += member.size
+            field = Field(identifier(text, taken, local=False), shape, slot, comment)
+            taken.add(field.name)
+            self.fields.append(field)
+            slot += field.size
         self.size = slot
-        self._slots = [m.slot for m in self.members]
+        self._slots = [m.slot for m in self.fields]
 
-    def member_at(self, slot: int) -> Member:
-        """The member that an element of the vector belongs to."""
-        return self.members[bisect.bisect_right(self._slots, slot) - 1]
+    def field_at(self, slot: int) -> Field:
+        """The field that an element of the vector belongs to."""
+        return self.fields[bisect.bisect_right(self._slots, slot) - 1]
 
     def element(self, slot: int) -> str:
         """C code of an element, behind the pointer to the struct."""
-        m = self.member_at(slot)
+        m = self.field_at(slot)
         index = slot - m.slot
         if not m.shape:
             return m.name
@@ -153,10 +153,10 @@ class Struct:
         return f"{m.name}[{index // m.shape[1]}][{index % m.shape[1]}]"
 
     def definition(self) -> str:
-        """The typedef, with a comment on each member."""
+        """The typedef, with a comment on each field."""
         lines = [f"/* {self.title} */", "typedef struct {"]
-        column = max(len(_declaration(m)) for m in self.members) + 6
-        for m in self.members:
+        column = max(len(_declaration(m)) for m in self.fields) + 6
+        for m in self.fields:
             head = f"    {_declaration(m)};"
             if m.comment:
                 wrapped = textwrap.wrap(f"/* {c_comment(m.comment)} */", max(50, WIDTH + 8 - column))
@@ -167,5 +167,5 @@ class Struct:
         return "\n".join([*lines, f"}} {self.name};"])
 
 
-def _declaration(m: Member) -> str:
+def _declaration(m: Field) -> str:
     return f"double {m.name}{''.join(f'[{n}]' for n in m.shape)}"

@@ -322,9 +322,9 @@ class Statements:
         if size == 1:
             text = Text(f"{vector}->{struct.element(first)}")
             return Value(lambda _: text, len(text.code), f"&{text.code}", plain=True)
-        member = struct.member_at(first)
-        if len(member.shape) == 1 and first + size <= member.slot + member.size:
-            array, offset = f"{vector}->{member.name}", first - member.slot
+        field = struct.field_at(first)
+        if len(field.shape) == 1 and first + size <= field.slot + field.size:
+            array, offset = f"{vector}->{field.name}", first - field.slot
         else:
             array, offset = f"((const double *){vector})", first
 
@@ -520,10 +520,10 @@ class Statements:
                 element, array, count = f"{target.pointer}[{slot}]", (target.pointer, slot), size
             else:
                 self.pointers[target.pointer] = None
-                member = target.struct.member_at(slot)
+                field = target.struct.field_at(slot)
                 element = f"{target.pointer}->{target.struct.element(slot)}"
-                array = (f"{target.pointer}->{member.name}", slot - member.slot)
-                count = min(size - done, member.slot + member.size - slot) if len(member.shape) < 2 else 1
+                array = (f"{target.pointer}->{field.name}", slot - field.slot)
+                count = min(size - done, field.slot + field.size - slot) if len(field.shape) < 2 else 1
             comment = f" /* {c_comment(target.comments[slot])} */" if slot in target.comments else ""
             if count == 1:
                 line = f"{element} = {value.at(Index('', 0, done)).code};{comment}"

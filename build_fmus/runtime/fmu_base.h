@@ -4,7 +4,7 @@
 
 #include "fmu_core.h"
 
-/* The first member of every FmuInstance. */
+/* The first field of every FmuInstance. */
 typedef struct {
     FmuLog log;
     void *adapter;

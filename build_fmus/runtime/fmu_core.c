@@ -651,8 +651,8 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
             if (!(fabs(self->x[j]) <= M->bounds[j])) {
                 self->state->time = ti + dt;
                 return fmu_fail(self, FMU_ERROR,
-                                "%s: state %s left all bounds at time %.9g s: it is %g, beyond %g; look at inputs and "
-                                "parameters, and try a shorter solver.step",
+                                "%s: state %s diverged at time %.9g s: it is %g, beyond its bound %g; check inputs and "
+                                "parameters, or reduce solver.step",
                                 function, name_of(FMU_STATE, j), ti + dt, self->x[j], M->bounds[j]);
             }
     }
@@ -703,7 +703,7 @@ static FmuStatus advance_discrete(FmuInstance *self, const char *function, doubl
         return fmu_fail(
             self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
     if ((end - first) / Ts > MAX_STEPS_PER_CALL)
-        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end,
+        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g missed samples, too many for one call", function, end,
             (end - first) / Ts);
     /* With event mode these are the samples that no tick of the clock has taken: an importer need not tick it. */
     while (next_sample(s) < end) {
@@ -723,7 +723,7 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
             time, s->time);
     if (!(time + 0.5 * step > time))
         return fmu_fail(
-            self, FMU_ERROR, "%s: communicationStepSize %g s is lost beside the time, %g s", function, step, time);
+            self, FMU_ERROR, "%s: communicationStepSize %g s is below the time resolution at %g s", function, step, time);
     if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
         return fmu_fail(
             self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);

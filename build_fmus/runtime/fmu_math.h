@@ -1,7 +1,7 @@
 /* The mathematical library inside every FMU: functions of musl under names of their own.
  *
  * Mathematical libraries differ in the last digits, and compilers compute functions of constants with one of theirs.
- * With these names all code that includes this header gives the same bits on every platform and with every compiler.
+ * With these names code that includes this header gives bit-identical results on all platforms and compilers.
  * Functions that are not here (sqrt, fabs, copysign) are exact operations of the processor.
  */
 #ifndef FMU_MATH_H

@@ -42,7 +42,7 @@ def kept_json(path: Path) -> Any:
     """The value that :func:`keep_json` wrote there.
 
     Raises:
-        CacheMiss: no such file, one that is older than :func:`anew` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than :func:`ignore_cache` allows, or a damaged one.
     """
     if not _usable(path):
         raise CacheMiss(path)
@@ -81,7 +81,7 @@ def kept_file(directory: Path, key: str, suffix: str) -> Path:
     """The file that :func:`keep_file` kept under ``key``.
 
     Raises:
-        CacheMiss: no such file, one that is older than :func:`anew` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than :func:`ignore_cache` allows, or a damaged one.
     """
     for path in sorted(directory.glob(f"{key}-*{suffix}")):
         if path.name == f"{key}-{_file_digest(key, path)}{suffix}":
@@ -100,8 +100,8 @@ def _file_digest(key: str, path: Path) -> str:
 
 
 @contextmanager
-def anew(since: int) -> Iterator[None]:
-    """In the block, entries kept before ``since`` (a time of :func:`clock`, 0 for ever) count as missing."""
+def ignore_cache(since: int) -> Iterator[None]:
+    """In the block, cache entries older than ``since`` (a time of :func:`clock`; 0: no limit) count as missing."""
     token = _since.set(since)
     try:
         yield

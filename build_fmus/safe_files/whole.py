@@ -67,7 +67,7 @@ def sentence(error: OSError) -> str:
         return str(error) if error.errno is None else f"{error.strerror}"
     return (
         f"{error.filename}:"
-        f" {error.strerror}{'; make room there, or write to another directory' if is_full(error) else ''}"
+        f" {error.strerror}{'; free disk space there, or write to another directory' if is_full(error) else ''}"
     )
 
 

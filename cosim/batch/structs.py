@@ -210,8 +210,8 @@ class Structs:
         if kind != 1:
             return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
         return (
-            f"component '{member.name}': state {name} left all bounds at time {when:.9g} s: it is {value:g}, beyond "
-            f"{lanes.source.bound(slot):g}; look at inputs and parameters, and try a shorter solver.step"
+            f"component '{member.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its bound "
+            f"{lanes.source.bound(slot):g}; check inputs and parameters, or reduce solver.step"
         )
 
 

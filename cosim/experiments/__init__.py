@@ -12,4 +12,4 @@ EXPERIMENTS = {
 """Name on the command line -> module that has it."""
 
 IDENTIFY = {"gpc": "cosim.experiments.gpc.identify:identify"}
-"""Name of an experiment whose laws are identified -> the command that does it."""
+"""Name of an experiment whose controllers are identified -> the command that does it."""

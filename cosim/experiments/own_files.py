@@ -65,8 +65,8 @@ def load_own(experiment: str, file: Path) -> Vehicle:
 
 
 def own_fmus(experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path] | None, case: Any = None) -> FmuSet:
-    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones, and a law of a user's
-    weights where the case names some (``own_weights``).
+    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones, and a controller of
+    a user's weights where the case names some (``own_weights``).
 
     Raises:
         VehicleError: a file that cannot be used; see :func:`load_own`.

@@ -17,17 +17,20 @@ class Stepped(Case):
     """A case whose plant can be solved and exchanged in finer steps; controllers and road keep their sample times."""
 
     solver_parts: int = option(
-        1, within=PARTS, help="parts that each solver step of the plant is divided into", label="solver-in-{}"
+        1, within=PARTS, help="number of parts that each solver step of the plant is divided into", label="solver-in-{}"
     )
     exchange_parts: int = option(
-        1, within=PARTS, help="parts that each exchange step of the plant is divided into", label="exchange-in-{}"
+        1,
+        within=PARTS,
+        help="number of parts that each communication step of the plant is divided into",
+        label="exchange-in-{}",
     )
 
 
 S = TypeVar("S", bound=Stepped)
 
-HALVED = {"solver step": {"solver_parts": 2}, "exchange step": {"exchange_parts": 2}}
-"""What is halved to see whether it matters: words -> fields of a case."""
+HALVED = {"solver step": {"solver_parts": 2}, "communication step": {"exchange_parts": 2}}
+"""Refinements of a convergence check: name -> fields of a case."""
 
 
 def halved(case: S) -> dict[str, S]:
@@ -36,7 +39,7 @@ def halved(case: S) -> dict[str, S]:
 
 
 def exchange_step(coarse: Fraction, case: Stepped) -> Fraction:
-    """Exchange step [s] of a case, from that of an undivided one."""
+    """Communication step [s] of a case, from that of an undivided one."""
     return coarse / case.exchange_parts
 
 

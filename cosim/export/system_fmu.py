@@ -122,7 +122,7 @@ class _Exporter:
             content["sources/buildDescription.xml"] = base.build_description(self.name, c_files)
             content["terminalsAndIcons/icon.png"] = icon
         members = [related.member(p.name, p.files) for p in self.distinct]
-        content |= related.files(self.name, content, parts, compilers, members=members)
+        content |= related.files(self.name, content, parts, compilers, components=members)
         return package.archive(content)
 
     def _check_platforms(self, platforms: Sequence[Platform]) -> None:

@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 
 
 def finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:
-    array = np.array(value, dtype=float)  # a copy, made read-only: a model or law never changes once it exists
+    array = np.array(value, dtype=float)  # a copy, made read-only: a model or control law never changes once it exists
     array.setflags(write=False)
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} has {array.ndim} dimensions, shape {array.shape}; expected {ndim}")

@@ -29,7 +29,7 @@ SAMPLE_TIME = 1e-3  # s
 NATURAL = 80000.0  # 1/s2, (1.16) is the square of NATURAL / (s2 + DECAY s + NATURAL)
 DECAY = 475.0  # 1/s
 
-_UNUSED = {"supply.flow_limit", "valve.null_opening", "valve.smoothing", "bypass"}  # what the law does not know
+_UNUSED = {"supply.flow_limit", "valve.null_opening", "valve.smoothing", "bypass"}  # what the control law does not know
 
 
 def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: float = SAMPLE_TIME) -> Component:
-    """Force controller of one wheel's actuator; what it believes of the actuator are its parameters.
+    """Force controller of one wheel's actuator; its parameters are the assumed properties of the actuator.
 
     ``period``: sample time [s].
     """
@@ -69,7 +69,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     )
     p = declare(c, vehicle, leave_out=_UNUSED)
 
-    # ---------------------------------------------------------------------------------------- parameters of the law
+    # -------------------------------------------------------------------------------- parameters of the control law
 
     def option(name: str, start: bool, text: str, source: str) -> Any:
         return c.parameter(name, start, None, text, tunable=True, source=source)
@@ -142,7 +142,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     width = number(
         "notch.width", 0.5, "1", "width of the notches, as a part of their frequency", "assumed", min=0.01, max=5.0
     )
-    left = number("notch.residual", 0.5, "1", "what is left at the centre of a notch", "assumed", min=0.0, max=1.0)
+    left = number("notch.residual", 0.5, "1", "gain at the center of a notch", "assumed", min=0.0, max=1.0)
 
     # -------------------------------------------------------------------------------------------------------- inputs
 

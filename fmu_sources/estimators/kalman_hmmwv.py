@@ -230,13 +230,13 @@ def kalman_hmmwv(
 def kalman_hmmwv_printed(
     car: Component, sensors: SensorSet, name: str = "KalmanHmmwvPrinted", *, period: float = SAMPLE_TIME
 ) -> Component:
-    """The paper's form: the car's 14 absolute states, observable because the road is believed to be at height 0."""
+    """The paper's form: the car's 14 absolute states, observable because the road is assumed at height 0."""
     f, by_height = absolute_filter(car, sensors, sensors.estimator.road.value, period)
     states = car.linearize().states
     c = _component(
         name,
         period,
-        "Kalman filter of the 14 absolute states of a ride car that believes in a flat road",
+        "Kalman filter of the 14 absolute states of a ride car that assumes a flat road",
         "001 section 1.4: 14 states on a model of 7 degrees of freedom",
         _NOTES_PRINTED,
     )
@@ -244,15 +244,15 @@ def kalman_hmmwv_printed(
     y, u = _measured_inputs(c)
     road, road_valid = _road_inputs(c)
     used = ca.logic_and(use_road > 0.5, road_valid)
-    believed = ca.if_else(used, road, 0)
+    assumed = ca.if_else(used, road, 0)
 
     x = _estimate_state(c, tuple(states))
-    last_road = c.state("road.last", "m", "road heights of the sample before", shape=(4,), start=believed)
-    rate = (believed - last_road) / period
-    c.update(last_road, believed)
+    last_road = c.state("road.last", "m", "road heights of the sample before", shape=(4,), start=assumed)
+    rate = (assumed - last_road) / period
+    c.update(last_road, assumed)
     m = f.model
     prior = x + ca.DM(by_height.E) @ last_road + ca.DM(m.E) @ rate
-    shown = y - ca.DM(m.D) @ u - ca.DM(by_height.F) @ believed - ca.DM(m.F) @ rate
+    shown = y - ca.DM(m.D) @ u - ca.DM(by_height.F) @ assumed - ca.DM(m.F) @ rate
     estimate = prior + ca.DM(f.gain) @ (shown - ca.DM(m.C) @ prior)
     # without the road's part of it, which is known one sample later
     c.update(x, ca.DM(f.A) @ estimate + ca.DM(m.B) @ u + ca.DM(f.Y) @ shown)
@@ -261,7 +261,7 @@ def kalman_hmmwv_printed(
     rows = [lin.outputs.index(n) for n in RELATIVE_STATES]
     heights = [lin.inputs.index(n) for n in ROAD_HEIGHTS]
     T, R = lin.C[rows], lin.D[np.ix_(rows, heights)]
-    _estimate_outputs(c, car, RELATIVE_STATES, ca.DM(T) @ estimate + ca.DM(R) @ believed)
+    _estimate_outputs(c, car, RELATIVE_STATES, ca.DM(T) @ estimate + ca.DM(R) @ assumed)
     _pose_outputs(c, car, estimate[[states.index(n) for n in POSE]])
     row, forces = lin.outputs.index("body.az"), [lin.inputs.index(n) for n in FORCES]
     az = ca.DM(lin.C[row][None]) @ estimate + ca.DM(lin.D[row, forces][None]) @ u
@@ -448,7 +448,7 @@ _NOTES = (
 _NOTES_PRINTED = (
     (
         "The paper's form, for comparison: heights of body and wheels are states, and they are observable only because"
-        " the road is believed to be at height 0 under every wheel. Over a bump tire deflections are wrong by most of"
+        " the road is assumed at height 0 under every wheel. Over a bump tire deflections are wrong by most of"
         " their size, and so is the pose: (1.18) then sees a dip behind the bump that is not there. Use KalmanHmmwv for"
         " control."
     ),
@@ -457,5 +457,6 @@ _NOTES_PRINTED = (
         " and the load cells. use_road feeds road.*.height as the known height of the road; with PreviewBuffer that"
         " closes the loop which the paper reports to be unstable."
     ),
-    "sigma.* is what the filter believes; on a road that is not flat the errors are far larger.",
+    "sigma.* is the standard deviation under the filter's assumptions; on a road that is not flat the errors are far"
+    " larger.",
 )

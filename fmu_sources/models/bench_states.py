@@ -1,4 +1,4 @@
-"""The states that the laws of the quarter-car bench feed back (paper 002), and the bench's model in them.
+"""The states that the controllers of the quarter-car bench feed back (paper 002), and the bench's model in them.
 
 Suspension deflection, body velocity, tire deflection, wheel velocity. The plant's own states are heights;
 :func:`bench_model` changes to those of the paper.
@@ -22,7 +22,7 @@ def bench_model(car: Component) -> Linearization:
     return car_in_states.linearization()
 
 
-def stimulus() -> dict[str, Callable[[float], float]]:
+def reference_inputs() -> dict[str, Callable[[float], float]]:
     """States as in a bump, large enough to meet the limit."""
 
     def wave(amplitude: float, phase: float) -> Callable[[float], float]:

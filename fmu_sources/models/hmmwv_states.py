@@ -50,7 +50,7 @@ def relative_inputs(c: Component, car: Component) -> Any:
 
 
 def force_outputs(c: Component, forces: Sequence[Any]) -> None:
-    """What every higher-level controller of this car has beside its law: ``body.az`` among the inputs, forces within a
+    """Add what all higher-level controllers of this car have in common: ``body.az`` among the inputs, forces within a
     limit.
 
     ``forces``: expressions in the order of :data:`FORCES`.

@@ -8,9 +8,9 @@ the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P
     q'' = P A A x + P A B u = N [q; q'] + P A B u
 
 where N exists as soon as nothing but q and q' decides how the ride goes on. It does for a car that stands, with tires
-that press on the road and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. What that
-leaves out, and dampers whose rates differ by direction and have no derivative at rest, is told in the notes of the
-component.
+that press on the road and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. The
+notes of the component list the simplifications, among them dampers whose rates differ by direction and have no
+derivative at rest.
 """
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
     """Give each corner ``static``, the load [N] of its tire at rest: its wheel's weight and its share of the body's.
 
-    The body is in equilibrium on equal springs: with a car that is the same left and right, the law of the lever.
+    The body is in equilibrium on equal springs: with a car that is the same left and right, the lever rule.
     """
     corners.each(arms=lambda k: ca.vertcat(1, k.side * k.wheel.half_track, -k.wheel.x))
     least = 1e-9  # keeps it solvable for wheels in one line or point

@@ -442,8 +442,8 @@ class _Contacts:
             damper = tire.damping * ca.fmin(1, depth / disc.onset) * rate
             normal = t.share * ca.fmax(0, spring + damper)
             sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
-            # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5
-            # ms.
+            # The slope of the friction model is limited to what a wheel of this mass can follow in explicit steps of
+            # 0.5 ms.
             grip_limit = driven * disc.friction * normal
             grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * small.friction_time / mass))
             fx += touching(normal * t.nx + grip * t.nz)

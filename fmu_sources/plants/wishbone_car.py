@@ -375,7 +375,7 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
                 f"{at}.{which}_arm.share",
                 float(arm.from_axis(arm.com) @ arm.from_axis(arm.ball)) / arm.reach**2,
                 "1",
-                f"how far the centre of mass of the {which} arm is from its axis, of the way to the ball joint",
+                f"how far the center of mass of the {which} arm is from its axis, of the way to the ball joint",
                 min=0.0,
                 max=1.0,
             )
@@ -741,9 +741,9 @@ def _stimulus() -> dict[str, Any]:
 _NOTES = (
     (
         "The car of a published open multibody model, with the same masses, hardpoints, springs, stops, dampers and"
-        " vertical law of the tires. Joints are ideal. What is simplified: rotations of uprights are taken to second"
-        " order, the centre of mass of an arm moves along with its ball joint, the steering is held, and the horizontal"
-        " forces of the tires are those of a friction ellipse."
+        " vertical characteristic of the tires. Joints are ideal. Simplifications: rotations of uprights are taken"
+        " to second order, the center of mass of an arm moves along with its ball joint, the steering"
+        " is held, and the horizontal forces of the tires are those of a friction ellipse."
     ),
     (
         "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the"

@@ -165,7 +165,7 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
                 " a bump lies between their samples. Shift bump.first by parts of 0.27 m and average."
             ),
         ),
-        stimulus_start=4.0,
+        reference_start=4.0,
     )
 
 

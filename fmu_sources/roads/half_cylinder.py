@@ -65,5 +65,5 @@ def road_half_round(layout: RoadLayout, name: str = "RoadHalfRound") -> Componen
         profile,
         description="Half-round obstacle across the road",
         source="half-rounds of proving grounds",
-        stimulus_start=POSITION - 5.0,
+        reference_start=POSITION - 5.0,
     )

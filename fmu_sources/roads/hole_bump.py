@@ -153,5 +153,5 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
                 " km/h). A negative depth or height turns a hole into a bump and the other way round."
             ),
         ),
-        stimulus_start=2.0,
+        reference_start=2.0,
     )

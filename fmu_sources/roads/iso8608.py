@@ -162,5 +162,5 @@ def road_iso8608(
             *(smoothed if contact else ()),
             "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
         ),
-        stimulus_start=40.0,
+        reference_start=40.0,
     )

@@ -129,5 +129,5 @@ def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, 
                 " there), and cars roll."
             ),
         ),
-        stimulus_start=POSITION - 4.0,
+        reference_start=POSITION - 4.0,
     )

@@ -127,5 +127,5 @@ def road_random(
             ),
             "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
         ),
-        stimulus_start=40.0,
+        reference_start=40.0,
     )

@@ -91,7 +91,7 @@ def road(
     source: str,
     symbols: Any = ca.SX,
     notes: Iterable[str] = (),
-    stimulus_start: float = 27.0,
+    reference_start: float = 27.0,
 ) -> Component:
     """A road under the wheels of ``layout``. ``profile`` declares the road's own parameters and gives its heights."""
     c = Component(name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols)
@@ -170,7 +170,7 @@ def road(
     front = position[max(layout.wheels, key=lambda w: w.x).corner]
     c.output("end_of_road", x + front > shape.end, None, "the front wheels are beyond the end of the road", type=bool)
 
-    c.reference_input({"x": lambda t: stimulus_start + 30.0 * t, "speed": lambda _: 30.0})
+    c.reference_input({"x": lambda t: reference_start + 30.0 * t, "speed": lambda _: 30.0})
     return c
 
 

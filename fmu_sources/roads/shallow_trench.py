@@ -94,5 +94,5 @@ def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> 
                 " the CG, so the first axle is on the edge when x is trench.start less that wheel's position."
             ),
         ),
-        stimulus_start=2.0,
+        reference_start=2.0,
     )

@@ -64,7 +64,7 @@ def road_from_table(
     description: str,
     source: str,
     notes: Iterable[str] = (),
-    stimulus_start: float | None = None,
+    reference_start: float | None = None,
 ) -> Component:
     """A road whose heights are the table's."""
     last = len(table.left) - 1
@@ -77,5 +77,5 @@ def road_from_table(
         source=source,
         symbols=ca.MX,
         notes=notes,
-        stimulus_start=table.start + last * table.step / 2 if stimulus_start is None else stimulus_start,
+        reference_start=table.start + last * table.step / 2 if reference_start is None else reference_start,
     )

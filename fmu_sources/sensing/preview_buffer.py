@@ -235,7 +235,7 @@ def _written(
     first = ca.ceil(ca.fmin(last_place, here) / cell - _TINY)
     last = ca.floor(ca.fmax(last_place, here) / cell + _TINY)
     jumped = ca.logic_or(last - first + 1 > _FILL, newest < foremost - (cells - 2 * _FILL))
-    anew = ca.logic_and(valid, ca.logic_or(begun < 0.5, jumped))
+    restart = ca.logic_and(valid, ca.logic_or(begun < 0.5, jumped))
     going = ca.logic_and(begun > 0.5, ca.logic_not(jumped))
 
     # All cells between the last sample and this one, in either direction, by interpolation. A held height never
@@ -253,18 +253,18 @@ def _written(
     heights, known = ca.MX(memory), ca.MX(measured)
     heights.set_nz(ca.if_else(writes, mixed, stored), False, slots)
     known.set_nz(ca.if_else(writes, ca.fmax(both_valid, ca.if_else(again, sure, 0)), sure), False, slots)
-    heights = ca.if_else(anew, value, heights)
-    known = ca.if_else(anew, 0, known)
-    front = ca.if_else(anew, newest, ca.if_else(going, ca.fmax(foremost, last), foremost))
+    heights = ca.if_else(restart, value, heights)
+    known = ca.if_else(restart, 0, known)
+    front = ca.if_else(restart, newest, ca.if_else(going, ca.fmax(foremost, last), foremost))
 
     c.update(memory, heights)
     c.update(measured, known)
     c.update(foremost, front)
-    moved = ca.logic_or(anew, going)
+    moved = ca.logic_or(restart, going)
     c.update(last_place, ca.if_else(moved, here, last_place))
     c.update(last_height, ca.if_else(moved, value, last_height))
     c.update(was_valid, ca.if_else(valid, 1, 0))
-    c.update(begun, ca.if_else(anew, 1, begun))
+    c.update(begun, ca.if_else(restart, 1, begun))
     return heights, known, front, valid
 
 

@@ -109,7 +109,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         "speed.gain",
         1.0,
         "1",
-        "what the speedometer shows per true speed (tire wear, slip)",
+        "speedometer reading per true speed (tire wear, slip)",
         min=0.5,
         max=1.5,
         tunable=True,

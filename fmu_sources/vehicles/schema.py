@@ -352,7 +352,7 @@ class _Disc(Section):
     )
     friction: Quantity = quantity("1", "friction coefficient of the tires", min=0.01, max=5.0)
     slip_speed: Quantity = quantity(
-        "m/s", "sliding speed of the friction law tanh(sliding / slip_speed)", min=0.01, max=10.0
+        "m/s", "sliding speed of the friction model tanh(sliding / slip_speed)", min=0.01, max=10.0
     )
 
 
@@ -725,7 +725,7 @@ class _Cylinder(Section):
     area: Quantity = quantity("m2", "piston area", min=1e-6, max=1.0)
     volume: Quantity = quantity("m3", "volume of both cylinder chambers", min=1e-6, max=1.0, display_unit="l")
     leakage: Quantity = quantity(
-        "m5/(N.s)", "leakage flow through the piston seals per load pressure", min=0.0, max=1e-8, nominal=1e-11
+        "m5/(N.s)", "leakage flow past the piston per load pressure", min=0.0, max=1e-8, nominal=1e-11
     )
 
 
@@ -823,7 +823,7 @@ class _RangeSensor(Section):
 class _Estimator(Section):
     road: Quantity = quantity("m2/s", "intensity of the road's rate as white noise", min=1e-12, max=100.0, nominal=1e-2)
     known_road: Quantity = quantity(
-        "m2/s", "what is left of it where the road is known", min=1e-12, max=100.0, nominal=1e-2
+        "m2/s", "intensity that remains where the road is known", min=1e-12, max=100.0, nominal=1e-2
     )
     pose_leak: Quantity = quantity("s", "time in which heave, pitch and roll fade without road", min=0.05, max=1e4)
     pose_correction: Quantity = quantity(

@@ -114,7 +114,7 @@ def test_a_constant_input_has_no_limits_and_starts_unconnected() -> None:
     (v,) = c.model().constant_inputs
     assert (v.name, v.must_equal, v.start, v.min, v.max) == ("height.step", 0.03, (0.0,), None, None)
     assert v.tolerance == pytest.approx(3e-8)
-    assert c.stimulus["height.step"](0.0) == 0.03, "the reference result shows it connected"
+    assert c.reference_inputs["height.step"](0.0) == 0.03, "the reference result shows it connected"
     assert c.model().dependencies == {
         "grid.step": [],
         "clock": [],

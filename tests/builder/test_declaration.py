@@ -159,9 +159,9 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: [c := mass(), c.value("f", 0), c.value("f", 1)],
         r"Mass\.f: two values of this name",
     ),
-    "stimulus of no input": (
+    "reference input of no input": (
         lambda: mass().reference_input({"f": math.sin}),
-        r"Mass: stimulus for 'f', which is not an input",
+        r"Mass: reference input for 'f', which is not an input",
     ),
 }
 
@@ -225,7 +225,7 @@ LATE: dict[str, Callable[[Component], object]] = {
     "a variable": lambda c: c.parameter("late", 1.0, "1", "late", source="none"),
     "an output": lambda c: c.output("late", c.time, "s", "late"),
     "a check": lambda c: c.check(1.0, "late"),
-    "a stimulus": lambda c: c.reference_input({"f": math.sin}),
+    "a reference input": lambda c: c.reference_input({"f": math.sin}),
     "an operating point": lambda c: c.operating_point("late", {}),
     "a solver": lambda c: c.choose_backend("osqp"),
     "an attribute": lambda c: setattr(c, "description", "late"),

@@ -60,7 +60,7 @@ def test_help_texts_are_shown_as_they_are_written(words: tuple[str, ...]) -> Non
 def test_units_are_in_the_help() -> None:
     assert "speed [km/h]" in help_of("run", "gpc")
     assert "control weight R [1/N2]" in help_of("run", "gpc")
-    assert "sample time of the law made by --weights [s]" in help_of(app=fmu_sources.cli.app)
+    assert "sample time of the controller of --weights [s]" in help_of(app=fmu_sources.cli.app)
 
 
 CHOICES = {
@@ -176,7 +176,8 @@ def test_a_full_disk_under_a_list(command: tuple[str, ...], tmp_path: Path) -> N
     assert done.returncode == 1
     assert (
         done.stderr
-        == f"{command[0]}: standard output: No space left on device; make room there, or write to another directory\n"
+        == f"{command[0]}: standard output: No space left on device; free disk space there, or write to another"
+        " directory\n"
     )
 
 

@@ -268,7 +268,7 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
             ["my_car.toml"],
             (
                 "my_car.toml: this file gives tires damping (tire.front.damping = 100 N.s/m, tire.rear.damping = 100"
-                ' N.s/m), and preview LQ laws are for tires without (base = "sedan")'
+                ' N.s/m), and preview LQ controllers are for tires without (base = "sedan")'
             ),
         ),
         (
@@ -360,7 +360,7 @@ def provenance(fmu: Path) -> dict[str, Any]:
         ),
         (
             ["--weights", "w.toml", "--vehicle", "truck.toml"],
-            "truck.toml: this file describes a 'full_car', and preview LQ laws are made of a 'ride_car'",
+            "truck.toml: this file describes a 'full_car', and preview LQ controllers are made of a 'ride_car'",
         ),
         (["--vehicle", "loop.toml"], "base = leads back to this file; a vehicle cannot be based on itself"),
     ],

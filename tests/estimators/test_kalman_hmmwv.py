@@ -321,7 +321,7 @@ def over_a_bump(car):
     return Truth(car, 300, heights=bump)
 
 
-def test_the_printed_filter_believes_in_a_flat_road(relative, printed, over_a_bump):
+def test_the_printed_filter_assumes_a_flat_road(relative, printed, over_a_bump):
     """Tire deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights
     would mend that."""
     tire = [RELATIVE_STATES.index(n) for n in TIRE]

@@ -364,7 +364,7 @@ def test_encoders_and_solver(page: Report) -> None:
 def test_finer_steps(page: Report) -> None:
     rows = made_up.table(page, "refinement")
     assert [(r["steps"], r["system"]) for r in rows] == [
-        (w, n) for w in ("as in the runs", "solver step halved", "exchange step halved") for n in NAMES.values()
+        (w, n) for w in ("as in the runs", "solver step halved", "communication step halved") for n in NAMES.values()
     ]
     assert list(rows[6].values())[2:] == pytest.approx([1.230123, 8.686, 0.01])
     assert list(rows[13].values())[2:] == pytest.approx([3 * 0.443 * 0.9998, 7.95, -0.02])
@@ -420,7 +420,7 @@ def test_accelerations_over_height(page: Report) -> None:
 
 def test_sections_and_figures_at_the_top(page: Report) -> None:
     assert [s.title for s in page.sections] == [
-        "What was run",
+        "Runs of the study",
         "Plates over the bump",
         "Actuator force",
         "Random road",

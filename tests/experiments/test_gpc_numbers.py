@@ -44,8 +44,8 @@ from cosim.study import FmuSet, Row, Runner
 from cosim.study import Results as Runs
 from cosim.study.case import fields
 from cosim.study.pages import report_of
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
-from fmu_sources.controllers.gpc.law import GpcLaw
 from fmu_sources.vehicles import VehicleError
 
 # ------------------------------------------------------------------------------------------------------ a run by hand
@@ -751,7 +751,7 @@ def test_refinement(page: Report) -> None:
 
 def test_distributions(page: Report) -> None:
     tables = {t.id.removeprefix("distributions-"): t for t in page.tables if t.id.startswith("distributions-")}
-    assert {k: t.title.removeprefix("What the claims on ") for k, t in tables.items()} == {
+    assert {k: t.title.removeprefix("Distributions behind the claims on ") for k, t in tables.items()} == {
         "weights": "the control weight were judged on",
         "sine": "the sine road were judged on",
         "perryman3": "the Perryman 3 road (synthetic) were judged on",
@@ -856,7 +856,7 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
     assert (passive_.color, passive_.dash, passive_.low) == (*LOOKS["passive"], None)
     figure = next(f for f in page.figures if f.id == id_)
     title = {"sine": "sine road", "curb": "curb", "perryman3": "Perryman 3 road (synthetic)"}[road]
-    assert figure.title == f"The three laws on the {title} (figure {number} of the paper)"
+    assert figure.title == f"The three controllers on the {title} (figure {number} of the paper)"
     assert [[s.name for s in p.series] for p in figure.panels] == [["passive", *LAWS], *[list(LAWS)] * 5]
 
 
@@ -926,14 +926,14 @@ def test_histories(page: Report, number: int, road: str, speed: int) -> None:
 
 def test_sections_and_figures_at_the_top(page: Report) -> None:
     assert [s.title for s in page.sections] == [
-        "What was run",
+        "Runs of the study",
         "Effect of the control weight",
         "Sine road",
         "Perryman 3 road (synthetic)",
         "Curb",
         "Spread over identification seeds",
         "Refinement of steps",
-        "What differs from the paper",
+        "Differences from the paper",
     ]
     assert [[f.id for f in s.figures] for s in page.sections[1:5]] == [
         ["figure-6"],
@@ -1170,7 +1170,7 @@ def test_words_of_the_claims(study: Study) -> None:
         "at 80 km/h explicit with R = 1e-7 lowers the response in 2 of 8 seeds (improvement -11 to 3 %)"
     )
     assert reasons["curb-gain"].startswith("explicit is worse than the passive car in 0 of 8 seeds at 80 km/h")
-    assert reasons["curb-explicit-force"].startswith("at some speeds another law")
+    assert reasons["curb-explicit-force"].startswith("at some speeds another controller")
     assert reasons["no-divergence"] == "the first of them is GPC implicit on curb at 72 km/h, seed 2: x is not finite"
 
 

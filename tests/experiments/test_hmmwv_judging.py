@@ -323,8 +323,8 @@ def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(fmus, tmp_path)
         "Absorbed power",
         "Test track",
         "Estimated states and sensed preview",
-        "What the hydraulics do, and what pump it takes",
-        "What the assumptions decide",
+        "Effect of the hydraulics, and the pump that is needed",
+        "Influence of the assumptions",
         "Refinement of the steps",
     ]
     assert message[0] in write_report(made, tmp_path).read_text(encoding="utf-8")

@@ -817,15 +817,15 @@ def test_results_and_words(page: Report) -> None:
     text = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert "see the road 2.5 m ahead of the front axle" in text["Sensed preview"]
     assert f"put {0.5 + 4 / 3:.1f} times that error" in text["Sensed preview"]
-    assert "The bump of 76 mm is higher than the 60 mm of travel" in text["What differs from the paper"]
+    assert "The bump of 76 mm is higher than the 60 mm of travel" in text["Differences from the paper"]
     about = metrics(tracking.runs.Case())
     assert f"quarter car with {about['friction_force']:g} N of friction" in text["Force tracking"]
     assert f"the pump has {about['flow_limit']:g} l/min" in text["Force tracking"]
-    assert "is not given; 5 mm is assumed here" in text["What the assumptions decide"]
+    assert "is not given; 5 mm is assumed here" in text["Influence of the assumptions"]
     demand = [mean("flow_mean", Case("track", c)) for c in ("skyhook", "lqr", "mpc", "mpc-preview")]
     assert (
         f"draw {min(demand):.0f} to {max(demand):.0f} l/min on the test track"
-        in text["What the hydraulics do, and what pump it takes"]
+        in text["Effect of the hydraulics, and the pump that is needed"]
     )
 
 
@@ -951,7 +951,7 @@ def test_words_on_the_pump(fmus: FmuSet) -> None:
         for road, values in flows.items()
         for c, x in zip(("skyhook", "lqr", "mpc", "mpc-preview"), values, strict=True)
     ]
-    text = words(fmus, *changes)["What the hydraulics do, and what pump it takes"]
+    text = words(fmus, *changes)["Effect of the hydraulics, and the pump that is needed"]
     assert (
         "draw 60 to 105 l/min on the test track, 120 to 345 l/min over one bump, 90 to 180 l/min off road from a pump"
         in text
@@ -965,8 +965,8 @@ def test_words_on_the_pump(fmus: FmuSet) -> None:
 def test_what_the_fmu_has_is_that_of_runs_with_hydraulics(fmus: FmuSet) -> None:
     other = [hmmwv_made_up.metric(k, v, actuators="ideal") for k, v in (("null_opening", 0.009), ("flow_limit", 99.0))]
     text = words(fmus, *other)
-    assert "is not given; 5 mm is assumed here" in text["What the assumptions decide"]
-    assert "The pump delivers 45 l/min" in text["What the hydraulics do, and what pump it takes"]
+    assert "is not given; 5 mm is assumed here" in text["Influence of the assumptions"]
+    assert "The pump delivers 45 l/min" in text["Effect of the hydraulics, and the pump that is needed"]
 
 
 @pytest.mark.parametrize(("limited", "behind"), [(True, ", 45 l/min at each actuator"), (False, "")])
@@ -984,18 +984,18 @@ def test_words_on_finer_steps(fmus: FmuSet, limited: bool, behind: str) -> None:
 def test_chains_of_the_preview_by_name() -> None:
     """Filter, road fed back, quarter cars; and how long each is run, with its signals where they are drawn."""
     assert {chains.words(c): (c.filter, c.use_road, c.compensation) for c in chains.CHAINS} == {
-        "flat road believed": ("printed", False, False),
-        "flat road believed, quarter cars added": ("printed", False, True),
-        "flat road believed, road fed back": ("printed", True, False),
+        "flat road assumed": ("printed", False, False),
+        "flat road assumed, quarter cars added": ("printed", False, True),
+        "flat road assumed, road fed back": ("printed", True, False),
         "relative states": ("relative", False, False),
         "relative states, road fed back": ("relative", True, False),
         "relative states, quarter cars added": ("relative", False, True),
         "relative states, road fed back, quarter cars added": ("relative", True, True),
     }
     assert [chains.words(c) for c in (chains.PRINTED, chains.COMPENSATED, chains.PRINTED_FED)] == [
-        "flat road believed",
-        "flat road believed, quarter cars added",
-        "flat road believed, road fed back",
+        "flat road assumed",
+        "flat road assumed, quarter cars added",
+        "flat road assumed, road fed back",
     ]
     assert [chains.words(c) for c in (chains.RELATIVE, chains.FED, chains.TWICE)] == [
         "relative states",
@@ -1368,8 +1368,8 @@ def test_looks_of_the_chains(page: Report) -> None:
     assert {(c.name, c.color, c.dash) for c in curves} == {
         ("range", "black", None),
         ("true", "black", None),
-        ("flat road believed", "orange", "dash"),
-        ("flat road believed, quarter cars added", "purple", "dot"),
+        ("flat road assumed", "orange", "dash"),
+        ("flat road assumed, quarter cars added", "purple", "dot"),
         ("relative states, road fed back", "green", "solid"),
     }
 

@@ -46,7 +46,7 @@ def test_road_fed_to_the_filter_leaves_no_dip(bench, small):
     assert 0.6 * 0.030 < top < 0.030
 
 
-def test_a_flat_road_believed_makes_a_dip(bench, small):
+def test_a_flat_road_assumed_makes_a_dip(bench, small):
     """As published: behind 76 mm some 30 to 40 mm on linear tires, more on tires that lift off."""
     assert small[PRINTED]["lowest"] < -8e-3
     assert -0.06 < bench.metrics(over(PRINTED, 76.0))["lowest"] < -0.025

@@ -267,7 +267,7 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
         ({"shape": "square"}, "no shape 'square'"),
         ({"preview_time": -0.1}, "preview_time is -0.1"),
         ({"speed_kmh": 500.0}, "speed_kmh is 500"),
-        ({"controller": "delay", "preview_time": 0.2}, "preview_time is for the law with preview only"),
+        ({"controller": "delay", "preview_time": 0.2}, "preview_time is for the controller with preview only"),
         ({"controller": "passive", "hold_tail": True}, "hold_tail is for a controlled car only"),
     ],
 )
@@ -319,8 +319,8 @@ def test_weights_without_a_law_are_refused(fmus: FmuSet) -> None:
         with pytest.raises(
             CosimError,
             match=(
-                r"(?s)controller.*weight\.\*: no law is found for these weights, which differ too much: bring them"
-                r" nearer"
+                r"(?s)controller.*weight\.\*: no control law is found for these weights, which differ too much:"
+                r" bring them nearer"
             ),
         ):
             system.run(0.01)

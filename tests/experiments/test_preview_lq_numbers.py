@@ -502,7 +502,7 @@ def test_sampling_and_finer_steps(page: Report) -> None:
         "J, preview [-]",
         "largest change [%]",
     ]
-    assert [r[0] for r in rows] == ["as in the runs", "solver step halved", "exchange step halved"]
+    assert [r[0] for r in rows] == ["as in the runs", "solver step halved", "communication step halved"]
     assert rows[0][1:] == pytest.approx([20.0, 14.0, 10.0, 6.32, 0.0])
     assert rows[1][1:] == pytest.approx([20.002, 14.0014, 10.001, 6.320632, 0.01])
     assert rows[2][-1] == pytest.approx(0.02)
@@ -637,7 +637,7 @@ def test_a_plateau(page: Report) -> None:
 def test_words_of_the_sections(page: Report) -> None:
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert list(words) == [
-        "What was run",
+        "Runs of the study",
         "Closed-loop poles",
         "Mean squares and index",
         "Preview time",
@@ -649,7 +649,7 @@ def test_words_of_the_sections(page: Report) -> None:
     assert "with the sprung mass of 1460 kg (source: weighed)." in words["Closed-loop poles"]
     assert "worse, by up to 12 %, before" in words["Preview time"]
     assert words["Mean squares and index"].startswith("Means over 1.2 s; preview 0.12 s.")
-    assert "at 75 km/h" in words["What was run"]
+    assert "at 75 km/h" in words["Runs of the study"]
 
 
 def test_main_result(page: Report) -> None:

@@ -683,7 +683,7 @@ def test_systems_of_the_live_page(car: str) -> None:
     assert {c.case.actuators for c in shown.cases if c.case.controller != "passive"} <= {"ideal"}
     assert shown.page.text.lower().startswith(f"{CAR_NAMES[car].lower()}: ")
     assert shown.page.text[0].isupper() or car == "6x6"
-    assert ("without a law" if car == "public" else "its laws side by side") in shown.page.text
+    assert ("without a controller" if car == "public" else "its controllers side by side") in shown.page.text
     first = CARS[car].corners[0]
     assert (
         shown.page.plots

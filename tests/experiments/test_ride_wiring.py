@@ -201,7 +201,7 @@ def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, 
     assert own.name("ThreeAxleRide") == "ThreeAxleRide"
     with pytest.raises(FileNotFoundError, match=r"Mine\.fmu does not exist: run `build-fmus --vehicle .*mine\.toml"):
         runs.wire(own, Case("hmmwv", "zero", "ideal"))
-    with pytest.raises(CaseError, match="RideCarMine has no laws of the sedan: its tires have damping"):
+    with pytest.raises(CaseError, match="RideCarMine has no controllers of the sedan: its tires have damping"):
         runs.wire(own, Case("sedan", "comfort-active"))
     file.write_text('base = "quarter_car_hmmwv"\nname = "Mine"\n')
     with pytest.raises(

@@ -241,7 +241,7 @@ def test_cells_of_finer_steps(page: Report) -> None:
     assert [(r["system"], r["steps"]) for r in rows[3:6]] == [
         ("LQR", "as in the runs"),
         ("LQR", "solver step halved"),
-        ("LQR", "exchange step halved"),
+        ("LQR", "communication step halved"),
     ]
     assert [r["largest change [%]"] for r in rows[3:6]] == pytest.approx([0, 0.1 / 1.45, 0.2 / 1.45])
     assert list(rows[4].values())[2:6] == pytest.approx([1.451 * v for v in (1.2, 0.9, 0.75, 80.0)])

@@ -675,15 +675,15 @@ def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_
         "Cost",
         "Time histories and spectra",
         "Steps",
-        "What it depends on",
-        "Where the edge is",
+        "Ablation",
+        "Robustness to the vehicle",
     ]
 
 
 def test_a_study_of_the_published_runs_has_no_other_sections(fmus: FmuSet) -> None:
     made = report(made_up.study(EXPERIMENT, metrics, shown, published_only=True), fmus)
     titles = {s.title for s in made.sections}
-    assert not titles & {"Between the grid points", "What it depends on", "Where the edge is"}
+    assert not titles & {"Between the grid points", "Ablation", "Robustness to the vehicle"}
     assert titles > {"Linear compared with nonlinear vehicle", "Verdicts"}
 
 

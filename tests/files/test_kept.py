@@ -60,14 +60,14 @@ def test_every_flipped_bit_of_a_file_is_found(tmp_path: Path) -> None:
             safe_files.kept_file(tmp_path, "key", ".o")
 
 
-def test_anew_looks_at_nothing_older(tmp_path: Path) -> None:
+def test_ignore_cache_skips_older_entries(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     safe_files.keep_json(path, 1)
     file = safe_files.keep_file(tmp_path, "key", ".o", lambda out: out.write_bytes(b"old") and None)
     now = safe_files.clock(tmp_path)
     for p in (path, file):
         os.utime(p, ns=(now - 1, now - 1))
-    with safe_files.anew(now):
+    with safe_files.ignore_cache(now):
         with pytest.raises(CacheMiss):
             safe_files.kept_json(path)
         with pytest.raises(CacheMiss):

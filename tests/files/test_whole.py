@@ -60,7 +60,7 @@ def test_a_full_disk_leaves_the_older_file_and_is_named(writer: str, tmp_path: P
         write(path)
     assert caught.value.errno == errno.ENOSPC
     assert safe_files.sentence(caught.value) == (
-        f"{path}: No space left on device; make room there, or write to another directory"
+        f"{path}: No space left on device; free disk space there, or write to another directory"
     )
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == [name]  # nothing is left of the new one

@@ -17,7 +17,7 @@ from build_fmus import safe_files
 from cosim import CosimError, Recording, Table, TableError
 from cosim.spool import SUFFIX, Spool, recover
 from cosim.study.store import NotStored, RunStore, Store
-from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
 from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.layout import RoadLayout, WheelPosition

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from fmu_sources.controllers.gpc.arx import ArxModel
-from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 
 
 def closed_loop_spectral_radius(model: ArxModel, law: GpcLaw) -> float:

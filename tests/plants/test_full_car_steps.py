@@ -35,7 +35,7 @@ def run(name: str, cut: float, solver_step: float = 5e-4) -> np.ndarray:
     one, outputs = Evaluator(component, {"solver.step": solver_step}), []
     slots = {e.name: e.slot for e in component.elements("input")}
     for k in range(100):
-        for n, signal in component.stimulus.items():
+        for n, signal in component.reference_inputs.items():
             one.u[slots[n]] = signal(k * ROW)
         for _ in range(round(ROW / (cut * 1e-3))):
             one.step(cut * 1e-3)

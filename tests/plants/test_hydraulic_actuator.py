@@ -302,7 +302,7 @@ def coupled(component: Model, h: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_coupled_with_the_car_at_half_a_millisecond(actuator):
-    """Stable in Gauss-Seidel order, and the exchange step hardly matters."""
+    """Stable in Gauss-Seidel order, and the communication step hardly matters."""
     _, coarse = coupled(actuator, 5e-4)
     _, fine = coupled(actuator, 2.5e-4)
     rms = math.sqrt(np.mean(fine**2))

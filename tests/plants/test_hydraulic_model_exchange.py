@@ -43,11 +43,13 @@ def path(name: str, built_fmus: BuiltFmus) -> str:
 
 @lru_cache
 def rows(name: str) -> np.ndarray:
-    """The stimulus of the component, one row per ``STEP``; the valve's step is from 0.06 s to the row after it."""
+    """The reference inputs of the component, one row per ``STEP``; the valve's step is from 0.06 s to the row after
+    it.
+    """
     c = component(name)
-    table = np.zeros(201, dtype=[("time", float), *((n, float) for n in c.stimulus)])
+    table = np.zeros(201, dtype=[("time", float), *((n, float) for n in c.reference_inputs)])
     table["time"] = np.arange(len(table)) * STEP
-    for n, signal in c.stimulus.items():
+    for n, signal in c.reference_inputs.items():
         table[n] = [signal(t) for t in table["time"]]
     return table
 

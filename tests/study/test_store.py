@@ -42,7 +42,7 @@ DEPENDS = {  # what each measures with, as far as it was forgotten before or eas
         "cosim/experiments/metrics/response.py",
         "fmu_sources/controllers/gpc/identification.py",
         "cosim/experiments/gpc/matching.py",
-        "fmu_sources/controllers/gpc/law.py",
+        "fmu_sources/controllers/gpc/control_law.py",
         "fmu_sources/controllers/gpc/prediction.py",
     },
     "hmmwv": {
@@ -337,7 +337,7 @@ def test_a_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space left") as caught:
         store.put(2, {"n": 2})
     assert caught.value.filename == str(path)
-    assert "make room there" in safe_files.sentence(caught.value)
+    assert "free disk space there" in safe_files.sentence(caught.value)
     assert path.read_bytes() == whole
     assert store.find(2) is None
     store.store._file = store.store._file.file

@@ -46,7 +46,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
     makers = (_plates, _forces, _random, _comparison, _limit, _encoders, _solver, _refinement)
     lead, figure = make_lead(study, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
             f"A laboratory quarter car crosses bumps of {BUMP_HEIGHT_MM:g} mm and random motion of its road plate:"
             f" passive, under an LQR, and under model predictive control that keeps the force within {FORCE_LIMIT:g} N."
@@ -186,9 +186,9 @@ def _comparison(study: Results) -> Section:
             (
                 "The LQR minimises an index of states and force without end and without limit; the MPC minimises the"
                 f" same index over {HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the"
-                f" same law but for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms). Equation (16)"
-                " of the paper weighs the changes of the force instead: that is another index, with less acceleration"
-                " and more force."
+                f" same controller but for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms)."
+                " Equation (16) of the paper weighs the changes of the force instead: that is another"
+                " index, with less acceleration and more force."
             ),
         ],
         [],
@@ -212,7 +212,10 @@ def _limit(study: Results) -> Section:
         panels.append(Panel(f"bump {duration:g} s", "height of the bump [mm]", "rms acceleration [m/s2]", curves))
     return Section(
         "The limit at work",
-        ["Higher bumps keep the force at its limit for longer. What the MPC gains over clipping the LQR shows here."],
+        [
+            "Higher bumps keep the force at its limit for longer. The figure shows the benefit of the MPC over"
+            " clipping the LQR."
+        ],
         [Figure("limit", "Acceleration over the height of the bump", "Force within 8 N.", panels, columns=2)],
     )
 
@@ -294,7 +297,7 @@ def _refinement(study: Results) -> Section:
         f"Results with finer steps, {SHORT}",
         ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"],
         rows,
-        "Solver step and exchange step of the plant; controllers and road keep their sample times.",
+        "Solver step and communication step of the plant; controllers and road keep their sample times.",
     )
     return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 

@@ -1,6 +1,6 @@
 """The claims of paper 000, each judged from the study's own numbers.
 
-A claim about a law is judged on all identification seeds, one about a road on all speeds; see ``judge``.
+A claim about a controller is judged on all identification seeds, one about a road on all speeds; see ``judge``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ POWER_ABOVE = 50.0  # km/h: "less than 200 Watts above 50 kph"
 POWER_LIMIT = 200.0  # W
 
 CLAIMS = ClaimList()
-"""Every published claim with the published figure, and checks of ours; judged with a :class:`Judge`."""
+"""Every published claim with the published figure, and additional checks; judged with a :class:`Judge`."""
 
 
 # ---------------------------------------------------------------------- sine road: figures 7 and 8
@@ -69,7 +69,7 @@ def _open_loop_peak(j: Judge) -> Finding:
 
 
 def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
-    """All three laws, of which implicit and preview are matched to explicit (``law`` explicit), or one that is not
+    """All three controllers, of which implicit and preview are matched to explicit, or the one control law that is not
     matched.
     """
     matched = law == "explicit"
@@ -86,7 +86,7 @@ def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
         return Finding(
             gains.text("{:.0f}", "%") + (shared if matched else ""),
             holds and (not matched or all(most(n, r.seeds) for n in counts.values())),
-            "the identified law differs: the vehicle is a stand-in, and the excitation is not published",
+            "the identified controller differs: the vehicle is a stand-in, and the excitation is not published",
             unit="%",
             over=gains,
             band=Band.around(60),
@@ -104,7 +104,7 @@ for _law in ("explicit", *MATCHED):
     CLAIMS.claim(
         f"sine-{_law}",
         (
-            f"The three laws reduce the response on the sine road at {SINE_SPEED:g} km/h, its peak (implicit and"
+            f"The three controllers reduce the response on the sine road at {SINE_SPEED:g} km/h, its peak (implicit and"
             " preview are matched to explicit: one number)"
             if _law == "explicit"
             else f"With explicit's weight, {R_TEXT}, not matched, GPC {_law} reduces the response there as much"
@@ -152,7 +152,7 @@ def _implicit_power_80(j: Judge) -> Finding:
         seen.is_significant("power, implicit / explicit", power, lambda x: x > 1),
         f"at {TOP_SPEED:g} km/h explicit with {R_TEXT} lowers the response in {gains.count(lambda x: x > 0)} of"
         f" {len(gains.values)} seeds (improvement {gains.low:.0f} to {gains.high:.0f} %), and without that there is"
-        " nothing to match: with the published horizon of 8 samples the laws stop helping above about 70 km/h",
+        " nothing to match: with the published horizon of 8 samples the controllers stop helping above about 70 km/h",
         None if power else math.nan,
         "times",
         ALMOST_TWICE,
@@ -179,7 +179,7 @@ def _implicit_force_50(j: Judge) -> Finding:
         "; ".join(f"{d.text('{:.2f}')} times {to}'s" for to, d in ratios.items() if d)
         or "no weight matches the response",
         all(clear),
-        "matched to explicit's response at this speed, implicit needs little more force than the others; its law"
+        "matched to explicit's response at this speed, implicit needs little more force than the others; its controller"
         " depends on the level of the excitation",
         None if least else math.nan,
         "times",
@@ -195,7 +195,8 @@ def _implicit_force_50(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "sine-signals",
-    f"All three laws lower vertical acceleration and pitch on the sine road at {SINE_SPEED:g} km/h, and roll rises",
+    f"All three controllers lower vertical acceleration and pitch on the sine road at {SINE_SPEED:g} km/h, and roll"
+    " rises",
     published="as stated",
     source="Figure 8",
 )
@@ -216,15 +217,16 @@ def _sine_signals(j: Judge) -> Finding:
         "; ".join(words) + " (medians of the seeds)",
         all(lower) and all(rolls),
         (
-            "acceleration and pitch fall under all three laws, but roll hardly rises in some seeds: a symmetric vehicle"
-            " on a road that is the same left and right rolls only by what the identified laws differ between the sides"
+            "acceleration and pitch fall with all three controllers, but roll hardly rises in some seeds: a symmetric"
+            " vehicle on a road that is the same left and right rolls only by what the identified controllers"
+            " differ between the sides"
             if all(lower)
-            else "not all three laws lower both"
+            else "not all three controllers lower both"
         ),
         criterion=(
-            "r.m.s. of acceleration and pitch clearly below the passive car's over the seeds under every law; r.m.s."
-            f" of roll, which is 0 for the passive car, clearly at least {100 * VISIBLE_ROLL:g} % of that of pitch"
-            " (less adds about 0.1 % to the response)"
+            "r.m.s. of acceleration and pitch clearly below the passive car's over the seeds with every controller;"
+            f" r.m.s. of roll, which is 0 for the passive car, clearly at least {100 * VISIBLE_ROLL:g}"
+            " % of that of pitch (less adds about 0.1 % to the response)"
         ),
         fitted=MATCHING,
         evidence=seen,
@@ -321,7 +323,7 @@ def _perryman_implicit(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "perryman-roll",
-    f"On Perryman 3 at {PERRYMAN_SPEED:g} km/h all three laws lower the peaks of pitch, while roll and vertical"
+    f"On Perryman 3 at {PERRYMAN_SPEED:g} km/h all three controllers lower the peaks of pitch, while roll and vertical"
     " acceleration rise slightly",
     published="slight increases",
     source="Figure 10",
@@ -343,13 +345,13 @@ def _perryman_roll(j: Judge) -> Finding:
     return Finding(
         "; ".join(words) + " (medians of the seeds)",
         all(falls) and all(rises),
-        "on the synthetic road the laws lower roll or vertical acceleration too",
+        "on the synthetic road the controllers lower roll or vertical acceleration too",
         max(largest, default=math.nan),
         "%",
         SLIGHTLY,
         criterion=(
             "peak of pitch clearly below, r.m.s. of roll and of acceleration clearly above the passive car's over the "
-            "seeds under every law; value: the largest rise"
+            "seeds with every controller; value: the largest rise"
         ),
         fitted=chosen(MATCHING, STAND_IN["perryman3"]),
         evidence=seen,
@@ -361,8 +363,8 @@ def _perryman_roll(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "curb-gain",
-    "The three laws reduce the response on the curb, most at the highest speed (implicit and preview are matched to"
-    " explicit: one number)",
+    "The three controllers reduce the response on the curb, most at the highest speed (implicit and preview are"
+    " matched to explicit: one number)",
     published="by as much as 14 %",
     source="Figure 11a",
 )
@@ -423,7 +425,7 @@ def _curb_explicit_force(j: Judge) -> Finding:
             "explicit needs the most, by more than twice: what it spends on its assumption of height 0 ahead does"
             " little for the response, which the others match with weak control"
             if highest == list(j.speeds)
-            else "at some speeds another law needs as much, or the seeds do not decide"
+            else "at some speeds another controller needs as much, or the seeds do not decide"
         ),
         None if farthest else math.nan,
         "times",
@@ -527,7 +529,7 @@ def _curb_peak(j: Judge) -> Finding:
         )
         + f"; with {R_TEXT} for all three lowest in {published.count(lowest)} of {len(r.seeds)} seeds",
         seen.is_significant("peak force, preview / lower of the others", ratio, lowest),
-        "in some seeds another law has the lower peak, or none can be matched",
+        "in some seeds another controller has the lower peak, or none can be matched",
         None if ratio else math.nan,
         "times",
         over=ratio,
@@ -609,14 +611,14 @@ def _force_limit(j: Judge) -> Finding:
     return Finding(
         f"at most {100 * share:.0f} % of the limit in any run",
         share >= 0.99,
-        "150 kN per corner is three times the weight of the whole car; no law here comes near that once commands are "
-        "trimmed and histories start filled",
+        "150 kN per corner is three times the weight of the whole car; no controller here comes near that once"
+        " commands are trimmed and histories start filled",
         share,
         criterion="the largest force of any run on any road is the limit",
     )
 
 
-# ---------------------------------------------------------------------- checks of ours
+# ------------------------------------------------------------------ additional checks
 
 
 @CLAIMS.check(
@@ -643,7 +645,7 @@ def _no_divergence(j: Judge) -> Finding:
 
 @CLAIMS.check(
     "converged",
-    "Halving the solver step, the exchange step or both changes no metric visibly",
+    "Halving the solver step, the communication step or both changes no metric visibly",
     expected=f"within {100 * CONVERGED:g} %",
     source="table of refinement",
 )
@@ -655,7 +657,7 @@ def _converged(j: Judge) -> Finding:
         100 * j.move,
         "%",
         criterion=(
-            f"every metric of every law on every road moves by at most {100 * CONVERGED:g} %, the tolerance of"
+            f"every metric of every controller on every road moves by at most {100 * CONVERGED:g} %, the tolerance of"
             " matching; a value so near to the edge of its band that this could move it across makes a verdict open"
         ),
     )

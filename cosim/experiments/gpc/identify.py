@@ -1,4 +1,4 @@
-"""Command ``cosim identify gpc``: derive the control laws again from their plant."""
+"""Command ``cosim identify gpc``: derive the GPC controllers from their plant FMU."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from build_fmus.terminal import console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
 from cosim.study.commands import Fmus, Out, Vehicles, Version, make_folder
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import VARIANTS, DesignSettings, IdentificationSettings
 from fmu_sources.controllers.gpc.identification import identify as identify_models
-from fmu_sources.controllers.gpc.law import GpcLaw
 
 _FOUND, _DESIGN = IdentificationSettings(), DesignSettings()
 
@@ -37,7 +37,7 @@ def identify(
     vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
-    """Identify the plant again and design the three laws; says whether they equal those in the controller FMUs."""
+    """Identify the plant, design the three controllers and report whether they equal those in the FMUs."""
     chosen = own_fmus("gpc", fmus, fmi, vehicle)
     for option, value in (("excitation", excitation), ("weight", weight)):
         number(f"--{option}", value, above=0)
@@ -55,4 +55,4 @@ def identify(
         residual = ", ".join(f"{x:.2g}" for x in fit.residual_rms)
         table.add_row(variant, f"{fit.condition:.3g}", residual, same)
     show(table)
-    console.print(f"{folder}/: the laws with their gains and provenance as JSON")
+    console.print(f"{folder}/: the controllers with their gains and provenance as JSON")

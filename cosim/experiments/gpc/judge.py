@@ -1,9 +1,9 @@
 """How the claims of paper 000 are judged: on seeds, on speeds, at equal response, within bands.
 
-The excitation that the laws are identified with is random, so a claim about a law is judged on all identification seeds
-("clearly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all speeds of the study. Implicit
-and preview are compared at the weights at which their response equals explicit's, as in the paper; what they do at R =
-1e-7 is said beside it.
+The excitation that the controllers are identified with is random, so a claim about a controller is judged on all
+identification seeds ("clearly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all speeds of
+the study. Implicit and preview are compared at the weights at which their response equals explicit's, as in the paper;
+what they do at R = 1e-7 is said beside it.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Findi
         "; ".join(f"{q} {span(j, ratio[q], 'explicit')}, more {at_speeds(where[q], j.speeds)}" for q in quantities),
         both == list(j.speeds),
         "at the other speeds implicit needs about as much or less, or the seeds do not decide: explicit pays for its "
-        "assumption of height 0 ahead, and where no law helps there is nothing to match",
+        "assumption of height 0 ahead, and where no controller helps there is nothing to match",
         None if over else math.nan,
         "times",
         MORE,
@@ -142,7 +142,7 @@ def at_speeds(where: Sequence[float], speeds: Sequence[float]) -> str:
 
 
 def span(j: Judge, at: Callable[[float], Distribution | None], to: str) -> str:
-    """ "0.34 to 1.02 times explicit's": medians of the seeds over the speeds, of a ratio to another law."""
+    """ "0.34 to 1.02 times explicit's": medians of the seeds over the speeds, of a ratio to another controller."""
     medians = [d.median for v in j.speeds if (d := at(v)) is not None]
     return (
         f"{min(medians):.2f} to {max(medians):.2f} times {to}'s"

@@ -1,4 +1,4 @@
-"""The weight at which a law's response equals another's: what makes the laws of paper 000 comparable."""
+"""The weight at which a controller's response equals another's: what makes the controllers of paper 000 comparable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MATCH_TOLERANCE = 5e-3  # relative, on the response objective
 
 
 def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> Match:
-    """The control weight at which a law's response objective equals ``target``.
+    """The control weight at which a controller's response objective equals ``target``.
 
     J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbours bracket
     the target; the crossing nearest to 1e-7 is then refined in log R. Of two at the same distance the one is taken that

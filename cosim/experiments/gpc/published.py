@@ -18,7 +18,7 @@ OPEN_LOOP_SPEEDS_KMH = (42.5, 45.0, 47.5, 52.5, 55.0, 57.5)  # about the peak, b
 SINE_SPEED, CURB_SPEED, PERRYMAN_SPEED = 50.0, 72.0, 50.0  # km/h
 HISTORIES = (("sine", SINE_SPEED), ("perryman3", PERRYMAN_SPEED), ("curb", CURB_SPEED))  # figures 8, 10, 12
 LAWS = tuple(c for c in CONTROLLERS if c != "passive")
-MATCHED = ("implicit", "preview")  # laws whose weight is chosen so that their response equals explicit's
+MATCHED = ("implicit", "preview")  # controllers whose weight is chosen so that their response equals explicit's
 REFINEMENTS: dict[str, dict[str, Any]] = {  # words -> fields of a case
     "as run": {},
     "solver step halved": {"solver_parts": 2},
@@ -63,10 +63,11 @@ def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Cas
 
 @dataclass(frozen=True)
 class Comparison:
-    """The laws at one speed on one road from one identification: explicit, then the others at the weights that give its
-    response.
+    """The controllers at one speed on one road from one identification: explicit, then the others at the weights that
+    give its response.
 
-    Finds ``compared``, rows of the three laws, and ``unmatched``, the others at R = 1e-7. Where explicit does not lower
+    Finds ``compared``, rows of the three controllers, and ``unmatched``, the others at R = 1e-7. Where explicit does
+    not lower
     the response there is nothing to be matched: the row is that at R = 1e-7, and not matched.
     """
 
@@ -95,7 +96,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class History:
-    """Signals over time of the passive car and the three laws, the matched ones at their weights
+    """Signals over time of the passive car and the three controllers, the matched ones at their weights
     (figures 8, 10, 12)."""
 
     road: str
@@ -126,7 +127,7 @@ def row(runner: Any, case: Case) -> Row:
 
 
 def matched_row(runner: Any, case: Case) -> Row:
-    """The law of a case at the weight at which its response equals explicit's; see :class:`Comparison`."""
+    """The controller of a case at the weight at which its response equals explicit's; see :class:`Comparison`."""
     explicit, passive = (
         runner.metrics(Case(case.road, case.speed_kmh, c, seed=s)) for c, s in (("explicit", case.seed), ("passive", 0))
     )

@@ -49,12 +49,13 @@ def report(runs: Runs, fmus: FmuSet) -> Report:
     ]
     lead, figure = make_lead(results, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
             f"A nonlinear HMMWV ({fmus.name(PLANT)}) crosses three roads at {len(study.speeds)} speeds, passive and"
-            f" under three GPC laws, each identified {len(study.seeds)} times with another random excitation. Car,"
-            " roads and controllers are native FMUs; the co-simulation master exchanges at 1 kHz, the laws act at 100"
-            " Hz. Figures and claims of Brown, Murugan and Mazza stand beside what these runs give."
+            f" under three GPC controllers, each identified {len(study.seeds)} times with another random excitation."
+            " Car, roads and controllers are native FMUs; the co-simulation master exchanges at 1 kHz,"
+            " the controllers act at 100 Hz. Figures and claims of Brown, Murugan and Mazza stand beside"
+            " what these runs give."
         ],
     )
     return Report(
@@ -179,8 +180,8 @@ def _weights(results: Results, *, found: Claims) -> Section:
     return Section(
         "Effect of the control weight",
         [
-            "The preview law is redesigned for every weight R from the same identified model; only gain parameters of"
-            " the controller FMU change."
+            "The preview controller is redesigned for every weight R from the same identified model; only gain"
+            " parameters of the controller FMU change."
         ],
         [figure],
         [_evidence("weights", "the control weight", found, ("weight-",))],
@@ -190,11 +191,11 @@ def _weights(results: Results, *, found: Claims) -> Section:
 def _evidence(id: str, on: str, found: Claims, prefixes: tuple[str, ...]) -> Table:
     return Table(
         f"distributions-{id}",
-        f"What the claims on {on} were judged on",
+        f"Distributions behind the claims on {on}",
         Evidence.COLUMNS,
         [e.row() for e in found.evidence if e.claim.startswith(prefixes)],
-        "Distributions over the identification seeds (ratios: those in which the laws could be matched) and how many"
-        " are on the side that the claim says; 7 of 8 or 6 of 6 decide (sign test at 5 %), 6 of 8 do not.",
+        "Distributions over the identification seeds (ratios: those in which the controllers could be matched) and how"
+        " many agree with the claim; 7 of 8 or 6 of 6 decide (sign test at 5 %), 6 of 8 do not.",
     )
 
 
@@ -209,10 +210,10 @@ def _road(results: Results, *, road: str, found: Claims) -> Section:
 
     comparison = Figure(
         f"figure-{number}",
-        f"The three laws on the {_title(road)} (figure {number} of the paper)",
+        f"The three controllers on the {_title(road)} (figure {number} of the paper)",
         "R = 1e-7 for explicit; at each speed and for each seed the weights of implicit and preview are chosen so that"
-        " their response objective equals explicit's, so the first two panels show one law three times. Left out:"
-        f" seeds in which no weight does, or explicit does not lower the response. {_OVER_SEEDS}",
+        " their response objective equals explicit's, so the first two panels show one controller three times. Left"
+        f" out: seeds in which no weight does, or explicit does not lower the response. {_OVER_SEEDS}",
         _panels(curves),
         columns=2,
     )
@@ -227,7 +228,8 @@ def _road(results: Results, *, road: str, found: Claims) -> Section:
 _TEXTS = {
     "sine": "Half-amplitude 0.10 m, wavelength 10 m, after 30 m of flat road.",
     "curb": (
-        "A step of 0.10 m up after 30 m, 10 m long, and down again. The explicit law ignores the road ahead (height 0)."
+        "A step of 0.10 m up after 30 m, 10 m long, and down again. The explicit controller ignores the road ahead"
+        " (height 0)."
     ),
     "perryman3": (
         "The measured course is not public. This road is synthetic: it has the published character (neither linear, "
@@ -303,7 +305,7 @@ def _comparison_table(results: Results, road: str) -> Table:
             "peak force [N]",
         ],
         rows,
-        "Matched: seeds in which a weight gives the law explicit's response; the others are left out.",
+        "Matched: seeds in which a weight gives the controller explicit's response; the others are left out.",
     )
 
 
@@ -328,9 +330,9 @@ def _seeds(results: Results) -> Section:
     return Section(
         "Spread over identification seeds",
         [
-            "A law depends on the excitation it was identified with. So a claim about a law is judged on all seeds, and"
-            " one about a road on all speeds; the tables above have the distributions. Here every law has the published"
-            " weight R = 1e-7: nothing is matched."
+            "A controller depends on the excitation it was identified with. So a claim about a controller is judged on"
+            " all seeds, and one about a road on all speeds; the tables above have the distributions."
+            " Here every controller has the published weight R = 1e-7: nothing is matched."
         ],
         [],
         [
@@ -353,9 +355,10 @@ def _refinement(results: Results) -> Section:
         "Refinement of steps",
         [
             "The car is integrated at 0.5 ms by a predictor-corrector method of Adams, Bashforth and Moulton and"
-            " exchanges with road and law every 1 ms, as in the paper. The method restarts at every exchange, so what"
-            " it does depends on how time is divided into steps: with the exchange halved at the same solver step every"
-            " step is a first one, and results move a little more than with both halved. A claim whose figure could be"
+            " exchanges with road and controller every 1 ms, as in the paper. The method restarts at every exchange,"
+            " so what it does depends on how time is divided into steps: with the exchange halved at"
+            " the same solver step every step is a first one, and results move a little more than with"
+            " both halved. A claim whose figure could be"
             " moved across the edge of its band by the largest number of this table would be open."
         ],
         [],
@@ -365,7 +368,8 @@ def _refinement(results: Results) -> Section:
                 "Change of metrics when steps are halved",
                 ["road", "speed [km/h]", "law", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
                 rows,
-                f"{R_TEXT}, seed {results.seeds[0]}; the laws stay those identified with the steps of the study.",
+                f"{R_TEXT}, seed {results.seeds[0]}; the controllers stay those identified with the steps of the"
+                " study.",
             )
         ],
     )
@@ -383,7 +387,7 @@ _METRIC_NAMES = {
 
 def _limits(_: Results) -> Section:
     return Section(
-        "What differs from the paper",
+        "Differences from the paper",
         [
             (
                 "The paper's vehicle is a TruckSim model with measured tire tables, suspension compliances, nonlinear"
@@ -392,8 +396,8 @@ def _limits(_: Results) -> Section:
                 " slip lags."
             ),
             (
-                "The identification excitation is not given in the paper and decides how well the implicit law does: 2"
-                " kN per actuator, white up to the Nyquist frequency, is assumed."
+                "The identification excitation is not given in the paper and decides how well the implicit controller"
+                " does: 2 kN per actuator, white up to the Nyquist frequency, is assumed."
             ),
             (
                 "Explicit leaves the future road out of its optimization, as published, which amounts to height 0"

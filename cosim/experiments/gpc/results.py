@@ -37,14 +37,14 @@ def select(rows: Iterable[Row], **where: Any) -> list[Row]:
 class Study:
     """What the figures and claims are made of: rows that are the fields of a case, its metrics, and what a search adds.
 
-    The excitation of the identification is random, so whatever a law does is there once for each of ``seeds``.
+    The excitation of the identification is random, so the results of a controller exist once per seed of ``seeds``.
     """
 
     seeds: tuple[int, ...] = SEEDS
     speeds: tuple[float, ...] = SPEEDS_KMH  # km/h; on the curb also CURB_SPEED
     sweep: list[Row] = field(default_factory=list)  # preview on the sine road over weights (figure 6)
-    comparison: list[Row] = field(default_factory=list)  # all laws on all roads, J matched to explicit (7, 9, 11)
-    unmatched: list[Row] = field(default_factory=list)  # the matched laws at R = 1e-7 instead
+    comparison: list[Row] = field(default_factory=list)  # all controllers and roads, J matched to explicit (7, 9, 11)
+    unmatched: list[Row] = field(default_factory=list)  # the matched controllers at R = 1e-7 instead
     open_loop: list[Row] = field(default_factory=list)  # passive car on the sine road, finer speeds
     refinement: list[Row] = field(default_factory=list)  # solver step and exchange halved, seed 0
     histories: list[Row] = field(default_factory=list)  # time histories, seed 0 (8, 10, 12)
@@ -97,7 +97,7 @@ K = TypeVar("K")
 
 
 class Results:
-    """A study by road, speed, law and seed. Reading a run that is not there raises RunFailed."""
+    """A study by road, speed, controller and seed. Reading a run that is not there raises RunFailed."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
@@ -128,12 +128,12 @@ class Results:
         return self._row(self._passive, (road, speed))
 
     def matched(self, road: str, speed: float, law: str, seed: int) -> Row | None:
-        """The law at the weight at which its response equals explicit's; None where there is no such weight."""
+        """The controller at the weight at which its response equals explicit's; None where there is no such weight."""
         row = self._row(self._matched, (road, speed, law, seed))
         return None if row["diverged"] or not row.get("matched", True) else row
 
     def published(self, road: str, speed: float, law: str, seed: int) -> Row:
-        """The law at R = 1e-7."""
+        """The controller at R = 1e-7."""
         return self._row(self._published, (road, speed, law, seed))
 
     def swept(self, weight: float, speed: float, seed: int) -> Row:
@@ -165,14 +165,14 @@ class Results:
     # ------------------------------------------------------------------ over seeds
 
     def improvements(self, road: str, speed: float, law: str) -> Distribution:
-        """Improvement of a law at R = 1e-7 [%], -inf where it diverged."""
+        """Improvement of a controller at R = 1e-7 [%], -inf where it diverged."""
         return Distribution(100 * self.improvement(self.published(road, speed, law, s)) for s in self.seeds)
 
     def at_equal_response(
         self, road: str, speed: float, laws: Iterable[str], value: Callable[..., float]
     ) -> Distribution | None:
-        """``value(row of each law ...)`` over the seeds in which all these laws have explicit's response; None without
-        any.
+        """``value(row of each controller ...)`` over the seeds in which all these controllers have explicit's
+        response; None without any.
         """
         laws = tuple(laws)
         found = []
@@ -184,7 +184,7 @@ class Results:
         return Distribution(found, of) if found else None
 
     def ratios(self, road: str, speed: float, quantity: str, law: str, to: str) -> Distribution | None:
-        """A metric of one law over that of another at equal response."""
+        """A metric of one controller over that of another at equal response."""
         return self.at_equal_response(road, speed, (law, to), lambda a, b: a[quantity] / b[quantity])
 
     def changes(self, road: str, speed: float, quantity: str, law: str) -> Distribution | None:
@@ -193,7 +193,7 @@ class Results:
         return self.at_equal_response(road, speed, (law,), lambda row: 100 * (row[quantity] / base - 1))
 
     def matched_seeds(self, road: str, speed: float, law: str) -> int:
-        """In how many seeds a weight gives the law explicit's response."""
+        """Number of seeds in which a weight gives the controller explicit's response."""
         return sum(self.matched(road, speed, law, s) is not None for s in self.seeds)
 
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:

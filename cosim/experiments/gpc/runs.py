@@ -1,4 +1,4 @@
-"""Runs of paper 000: a nonlinear HMMWV on three roads, passive and under three GPC laws, wired and measured."""
+"""Runs of paper 000: a nonlinear HMMWV on three roads, passive and under three GPC controllers, wired and measured."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def structure(case: Case) -> tuple[object, ...]:
     return case.road, case.controller, case.exchange_parts
 
 
-_wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose laws are identified from them
+_wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
 
 
 def road_file(fmus: FmuSet, road: str) -> Path:
@@ -112,7 +112,7 @@ def models(plant: Path, road: Path, speed: Path, seed: int) -> IdentifiedModels:
 
 
 def configure(system: System, case: Case) -> None:
-    """Set the parameters of a case; the gains are those of a law identified from these very FMUs."""
+    """Set the parameters of a case; the gains are those of a controller identified from these very FMUs."""
     set_solver_step(system["car"], case)
     system["speed"].set({"start.speed": case.speed_kmh / 3.6})
     if case.controller == "passive":
@@ -155,7 +155,7 @@ METRICS = {
     "rms_roll": Metric("rms roll", "rad", form="{:.5f}"),
     "improvement": Metric("response improvement", form="{:.3f}"),
 }
-"""What is compared between the laws."""
+"""What is compared between the controllers."""
 
 
 def forces(recording: Recording) -> np.ndarray:

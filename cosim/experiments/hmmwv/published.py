@@ -75,7 +75,7 @@ def estimated(controller: str, road: str, *, sensed: bool = False) -> Case:
 
 @cache
 def finer(case: Case) -> Case:
-    """The case with half the exchange step of car and actuators and half the steps of their solvers."""
+    """The case with half the communication step of car and actuators and half the steps of their solvers."""
     return replace(case, exchange_parts=2, solver_parts=2)
 
 

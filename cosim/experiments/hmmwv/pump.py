@@ -73,14 +73,14 @@ def need(study: Averages, s: Statement) -> Need | None:
 
 
 def section(study: Averages) -> Section:
-    """What the hydraulics do, and what pump it takes."""
+    """Effect of the hydraulics, and the pump that is needed."""
     pump, shared = (c.l_min(study) for c in (PUMP, SHARED))
     controlled = ("skyhook", "lqr", "mpc", "mpc-preview")
     demand = {r: [study.mean("flow_mean", Case(r, c)) for c in controlled] for r in ROADS}
     drawn = ", ".join(f"{min(v):.0f} to {max(v):.0f} l/min {WHERE[r]}" for r, v in demand.items())
     beyond = (max(max(v) for r, v in demand.items() if r != "off-road") - pump) / 60  # l in a second
     return Section(
-        "What the hydraulics do, and what pump it takes",
+        "Effect of the hydraulics, and the pump that is needed",
         [
             (
                 f"The pump delivers {pump:g} l/min (the paper's: Table 1.4); an accumulator is not mentioned. Skyhook,"
@@ -94,8 +94,8 @@ def section(study: Averages) -> Section:
                 "How the limit is modelled: the flow that the valve draws from the supply is limited, and a piston"
                 f" that moves faster than this flow fills is held by its oil column. With {pump:g} l/min at each"
                 f" actuator, {4 * pump:g} l/min in all, every actuator may draw what the pump has for all four: the"
-                f" most generous reading. With {shared:g} l/min each the four share it evenly, the narrowest one. What"
-                " the paper's vehicle could do lies between."
+                f" most generous reading. With {shared:g} l/min each the four share it evenly, the narrowest one."
+                " The paper's vehicle lies between."
             ),
         ],
         tables=[_side_by_side(study), _needed(study), _flows(study)],

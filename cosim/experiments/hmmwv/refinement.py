@@ -46,7 +46,7 @@ def refinements(study: Averages) -> list[Refinement]:
         pairs = [(power(run), power(finer(run))) for run in runs]
         whole = [(base, both) for base, both in pairs if base is not None and both is not None]
         if len(whole) == len(pairs):
-            solver, exchange = (power(halved(runs[0])[what]) for what in ("solver step", "exchange step"))
+            solver, exchange = (power(halved(runs[0])[what]) for what in ("solver step", "communication step"))
             changes = tuple(100 * (both / base - 1) for base, both in whole)
             found.append(Refinement(case, whole[0][0], solver, exchange, whole[0][1], changes))
     return found
@@ -93,7 +93,7 @@ def section(study: Averages, undecided: list[str]) -> Section:
                     "pump",
                     "steps of all other tables [W]",
                     "solver steps halved [W]",
-                    "exchange step halved [W]",
+                    "communication step halved [W]",
                     "both halved [W]",
                     "largest change by both [%]",
                 ],

@@ -63,7 +63,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
     )
     lead, figure = make_lead(averages, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
             f"A HMMWV drives at 20 mph ({SPEED_KMH:.1f} km/h) over speed bumps and off road. Each wheel has a hydraulic"
             " actuator whose servo valve is commanded every millisecond by a force tracking controller; a controller"
@@ -178,8 +178,9 @@ def _overview(study: Averages) -> Section:
                 f" samples of the controller, off road over {STRETCHES} stretches of a class E road."
             ),
             (
-                "Ideal actuators give the force that the controller requests, at once. What hydraulics cost is large:"
-                " the force tracking follows the desired force in the middle of a bump only after its valve has come"
+                "Ideal actuators give the force that the controller requests, at once. Hydraulics cost much of the"
+                " benefit: the force tracking follows the desired force in the middle of a bump only"
+                " after its valve has come"
                 " back from saturation."
             ),
         ],
@@ -350,7 +351,7 @@ def _preview(study: Averages) -> Section:
                 )
             )
             + (f"; at {', '.join(f'{ms:+d}' for ms in worse)} ms it is worse than none. " if worse else ". ")
-            + ("What the paper measured fits a preview in the wrong place." if inside else ""),
+            + ("The measurements of the paper fit a misplaced preview." if inside else ""),
         ],
         figures=[
             Figure(
@@ -462,7 +463,7 @@ def _estimates(study: Averages) -> Section:
 
 
 def _assumptions(study: Averages) -> Section:
-    """What the assumptions decide."""
+    """Influence of the assumptions."""
     openings: list[list[Scalar]] = [
         [ROAD_NAMES[road], mm, round(study.power(Case(road, "passive", null_opening_mm=mm)), 1)]
         for road in ("track", "bump")
@@ -480,7 +481,7 @@ def _assumptions(study: Averages) -> Section:
         for c in PUBLISHED
     ]
     return Section(
-        "What the assumptions decide",
+        "Influence of the assumptions",
         [
             (
                 "The paper emulates the passive car with the pump off and the valves unpowered. How far an unpowered"
@@ -511,9 +512,9 @@ def _assumptions(study: Averages) -> Section:
 
 
 def _limits(study: Averages) -> Section:
-    """What differs from the paper."""
+    """Differences from the paper."""
     return Section(
-        "What differs from the paper",
+        "Differences from the paper",
         [
             (
                 "The paper measured on a vehicle; these are runs of a model with seven degrees of freedom, linear but"

@@ -31,7 +31,7 @@ HANDILY = Band(SLIGHTLY.high, math.inf, 'handily: more than the "slightly" of th
 PREVIEW_GAIN = Band(10.0, 20.0, "one drive over one bump, printed to the nearest 5 %")
 ALIKE = (
     SLIGHTLY.high
-)  # %, by which laws that the paper calls comparable may differ from MPC, which is "slightly better"
+)  # %, by which controllers that the paper calls comparable may differ from MPC, which is "slightly better"
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def watts(road: str, controller: str) -> Callable[[Averages, Condition], Distrib
 
 
 def _reading(controller: str) -> str:
-    """How the paper's numbers of a law are read, where the print cannot be meant."""
+    """How the paper's numbers of a controller are read, where the print cannot be meant."""
     if controller == "lqr":
         return "weights of Table 1.1 read with the force in N, not kN"
     return "force rate of Table 1.3 read as per period of 30 ms, not per second" if controller.startswith("mpc") else ""
@@ -220,7 +220,7 @@ STATEMENTS = (
         apart("track", ("skyhook", "lqr"), "mpc"),
         lambda x: abs(x) <= ALIKE,
         f'both within {ALIKE:g} % of MPC at every place of the bumps: no more than the paper\'s "slightly better"'
-        " leaves room for",
+        " permits",
         "MPC goes further than the others",
         fitted=lambda study, at: _reading("lqr"),
     ),

@@ -65,7 +65,7 @@ def connect_corner(system: System, order: str = "gauss-seidel", *, extrapolate: 
 
     The oil column between car and actuator is stiff (44 MN/m): they advance one after the other, the car first. Values
     of the middle of each step (``extrapolate``) make the exchange of second order; without them the force lags by half
-    of an exchange step, which at 0.5 ms costs as much tracking error as the law itself.
+    of a communication step, which at 0.5 ms costs as much tracking error as the controller itself.
     """
     system.connect("actuator.force", "car.force", extrapolate=extrapolate)
     system.connect("car.suspension.velocity", "actuator.piston.velocity", extrapolate=extrapolate)

@@ -68,11 +68,12 @@ def report(study: Results, fmus: FmuSet) -> Report:
     makers = (_poles, _table3, _figure3, _histories, _sampling, _refinement, _offset)
     lead, figure = make_lead(study, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
-            f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ law with"
-            " three information patterns: none of the road, the rear wheels' road from the front wheels, and preview"
-            " ahead. Car, road and controller are native FMUs exchanging every millisecond. Tables and figures of"
+            f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ"
+            " controller with three information patterns: none of the road, the rear wheels' road from"
+            " the front wheels, and preview ahead. Car, road and controller are native FMUs exchanging"
+            " every millisecond. Tables and figures of"
             " Marzbanrad, Hojjat, Zohoor and Nikravesh stand beside what these runs give."
         ],
     )
@@ -226,13 +227,14 @@ def _figure3(study: Results) -> Section:
             "Mean squares over preview time, relative to no preview with the delay between the axles known.",
             (
                 f"The first 10 to 20 ms make the index worse, by up to {100 * (max(short_preview(study)) - 1):.0f} %,"
-                " before longer previews make it better. The law with a finite horizon takes the road beyond it to be"
-                " at height 0. Seen from the middle of a bump, a horizon of 10 ms says that the road is about to fall"
-                " to 0 within 10 ms, and the front actuators prepare for an edge that is not there; the longer the"
+                " before longer previews make it better. The controller with a finite horizon takes the road beyond it"
+                " to be at height 0. Seen from the middle of a bump, a horizon of 10 ms says that the"
+                " road is about to fall to 0 within 10 ms, and the front actuators prepare for an edge"
+                " that is not there; the longer the"
                 " horizon, the farther off and the less urgent the supposed edge. Without any preview the front road"
-                " does not enter the law at all, so nothing false is believed. The dashed curve of the index shows it:"
-                " if the road is taken to continue at its last height instead (hold_tail), every preview is better"
-                " than none."
+                " does not enter the controller at all, so it makes no false assumption. The dashed curve of the index"
+                " shows it: if the road is taken to continue at its last height instead (hold_tail),"
+                " every preview is better than none."
             ),
         ],
         [
@@ -335,8 +337,8 @@ def _sampling(study: Results) -> Section:
     return Section(
         "Sample time",
         [
-            "The law of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs), not the 1"
-            " ms law run slowly."
+            "The controller of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs),"
+            " not the 1 ms controller run slowly."
         ],
         [],
         [table],
@@ -356,7 +358,7 @@ def _refinement(study: Results) -> Section:
         "Index of ride comfort, both sides, with finer steps",
         ["steps", *(f"J, {c} [-]" for c in CONTROLLERS), "largest change [%]"],
         rows,
-        "Solver step and exchange step of the car; controller and road keep their sample time of 1 ms.",
+        "Solver step and communication step of the car; controller and road keep their sample time of 1 ms.",
     )
     return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
@@ -375,8 +377,8 @@ def _offset(study: Results) -> Section:
     figure = Figure(
         "offset",
         f"Driving onto a plateau of {PLATEAU_MM:g} mm",
-        "Without hold_tail the law takes the road to return to height 0 beyond its horizon, for ever, and keeps drawing"
-        " the body down.",
+        "Without hold_tail the controller takes the road to return to height 0 beyond its horizon, for ever, and keeps"
+        " drawing the body down.",
         panels,
         columns=2,
     )
@@ -394,7 +396,7 @@ def _offset(study: Results) -> Section:
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the car, and of the laws' weights, as the FMUs have them."""
+    """Of the car, and of the controllers' weights, as the FMUs have them."""
     rows = parameters(fmus.path(CAR))
     for weights in WEIGHT_SETS:
         w = designed_weights(fmus.path(LAWS[weights][0]))

@@ -1,4 +1,4 @@
-"""Runs of paper 004: car, road and law, wired and measured."""
+"""Runs of paper 004: car, road and controller, wired and measured."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_we
 from fmu_sources.models.corners import CORNERS
 
 CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
-LAWS = {  # name of the weights -> FMU of the law, file of the weights
+LAWS = {  # name of the weights -> FMU of the controller, file of the weights
     "comfort": ("PreviewLqComfort", "comfort"),
     "road-holding": ("PreviewLqRoadHolding", "road_holding"),
     "comfort-5ms": ("PreviewLqComfort5ms", "comfort"),
 }
-TUNABLE = "PreviewLqTunable"  # the law whose weights are parameters
+TUNABLE = "PreviewLqTunable"  # the controller whose weights are parameters
 FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in LAWS.values()), TUNABLE)
 CONTROLLERS = ("passive", *MODES)
 INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
@@ -44,24 +44,28 @@ EXCHANGE = Fraction(1, 1000)  # s, of the car
 INTERVAL = "1 ms"  # between samples
 DURATION, PLATEAU_DURATION = 1.2, 3.0  # s, of a run: of the means in Table 3, and of driving onto a plateau
 
-_PREVIEW = (lambda c: c.controller == "preview", "the law with preview")
+_PREVIEW = (lambda c: c.controller == "preview", "the controller with preview")
 _CONTROLLED = (lambda c: c.controller != "passive", "a controlled car")
 
 
 @dataclass(frozen=True)
 class Case(Stepped):
-    """One run: road, weights of the law, and what it uses of the road."""
+    """One run: road, weights of the controller, and what it uses of the road."""
 
     input: str = option("both", choices=INPUTS, help="wheels that meet hole and bump", always=True)
     weights: str = option(
         "comfort",
         choices=LAWS,
         files=".toml",
-        help="weights of the law, or a file of your own (build-fmus --weights)",
+        help="weights of the controller: published ones, or a weights file (see build-fmus --weights)",
         always=True,
     )
     controller: str = option(
-        "preview", choices=CONTROLLERS, aliases=("system",), help="what the law uses of the road", always=True
+        "preview",
+        choices=CONTROLLERS,
+        aliases=("system",),
+        help="road information that the controller uses",
+        always=True,
     )
     preview_time: float = option(
         PREVIEW_TIME,
@@ -80,7 +84,7 @@ class Case(Stepped):
         False,
         only=_CONTROLLED,
         help=(
-            "the law whose weights are parameters: designed as a run begins, and free to vary in sweeps"
+            "use the controller whose weights are parameters: designed at initialization, and free to vary in sweeps"
             " (controller.weight...)"
         ),
     )
@@ -92,7 +96,7 @@ class Case(Stepped):
 
     @property
     def law(self) -> str | None:
-        """Name of the law's FMU; None for the passive car."""
+        """Name of the controller's FMU; None for the passive car."""
         if self.controller == "passive":
             return None
         if self.tunable:
@@ -106,12 +110,12 @@ def passive(case: Case) -> Case:
 
 
 def weights_of(case: Case) -> PreviewLqWeights:
-    """The weights of a case's index, which are those that its law was designed with."""
+    """The weights of a case's index, which are those that its controller was designed with."""
     return load_weights(case.own_weights or LAWS[case.weights][1])
 
 
 def designed_weights(law: Path) -> PreviewLqWeights:
-    """The weights that an FMU's law was designed with."""
+    """The weights that an FMU's controller was designed with."""
     return PreviewLqWeights.model_validate(designed_with(law)["weights"])
 
 
@@ -124,11 +128,11 @@ def structure(case: Case) -> tuple[object, ...]:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """Speed, road, car and law.
+    """Speed, road, car and controller.
 
     Raises:
         FileNotFoundError: an FMU is not there; the message says how to build it.
-        CaseError: the law was designed with other weights than their file has now.
+        CaseError: the controller was designed with other weights than their file has now.
     """
     law = None
     if case.law is not None:
@@ -163,7 +167,7 @@ def configure(system: System, case: Case) -> None:
 
 
 def configure_law(system: System, case: Case) -> None:
-    """What of a case concerns its law, on any road."""
+    """What of a case concerns its controller, on any road."""
     if case.controller != "passive":
         system["controller"].set(
             {"mode": MODES[case.controller], "preview_time": case.preview_time, "hold_tail": case.hold_tail}

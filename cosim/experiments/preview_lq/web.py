@@ -12,7 +12,7 @@ from cosim.study.web import Live, LiveCase
 from fmu_sources.catalog import LQ_PREVIEW
 
 _POINTS, _STEP = LQ_PREVIEW
-LONGEST = (_POINTS - 1) * _STEP  # s of preview that the laws can use
+LONGEST = (_POINTS - 1) * _STEP  # s of preview that the controllers can use
 GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
 _WEIGHTS = (  # words, parameters, largest
     ("heave", ["acceleration.heave"], 30.0),
@@ -42,7 +42,7 @@ def live(case: Case) -> Live:
         "Tune the preview LQ",
         "A sedan meets a hole and a bump: passive, with optimal active suspension, with one whose rear wheels know what"
         " the front ones met, and with one that sees the road ahead (paper 004). The table is the paper's Table 3: mean"
-        " squares in per cent of the passive car's. Change a weight, and the law is designed anew.",
+        " squares in per cent of the passive car's. When you change a weight, the controller is redesigned.",
         controls=[
             Control(
                 "preview ahead of the front wheels",
@@ -60,7 +60,7 @@ def live(case: Case) -> Live:
                 ["car.body.mass"],
                 800.0,
                 2500.0,
-                text="the law is designed for the car as it is at first",
+                text="the controller is designed for the car's initial parameters",
             ),
             *(
                 Control(f"weight of {words}", [f"controller.weight.{n}" for n in names], None, most)

@@ -1,4 +1,5 @@
-"""Courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car under every law that fits it.
+"""Courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car with every controller that fits
+it.
 
 ``runs`` wires (as the cars' own experiments do), runs and measures; ``course`` makes roads of OpenCRG files; ``search``
 looks for the speeds at which a limit is reached; ``published`` has the plan of the study, ``claims`` its checks,

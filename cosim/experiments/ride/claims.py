@@ -1,4 +1,6 @@
-"""Checks of the study: what must hold of any car, and what the published preview laws promise on these courses."""
+"""Checks of the study: what must hold of any car, and what the published preview controllers promise on these
+courses.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,9 @@ def _search(study: Results) -> Finding:
 
 
 def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], criterion: str) -> Finding:
-    """Whether the speed at a limit falls from step to step, given by values of cases, for every car under every law."""
+    """Whether the speed at a limit falls from step to step, given by values of cases, for every car with every
+    controller.
+    """
     wrong, systems = [], {system_of(s): s for s in on(study, **steps[0])}
     for system, search in systems.items():
         own = [speeds(study, s, metric).median for step in steps for s in on(study, **step) if system_of(s) == system]
@@ -82,7 +86,7 @@ def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], cri
 
 
 @CLAIMS.check(
-    "rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car under every law"
+    "rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car with every controller"
 )
 def _rougher(study: Results) -> Finding:
     courses = [{"course": c, "sides": "alike"} for c in COURSES]
@@ -108,7 +112,10 @@ def _definitions(study: Results) -> Finding:
                 ratios[search.label] = third / second
     wrong = [n for n, r in ratios.items() if r > 1 + SLACK]
     return Finding(
-        f"{_extent(ratios)} of it", not wrong, _more(wrong), criterion="of every car under every law on every course"
+        f"{_extent(ratios)} of it",
+        not wrong,
+        _more(wrong),
+        criterion="of every car with every controller on every course",
     )
 
 
@@ -140,7 +147,9 @@ def _same_course(a: SpeedLimit, b: SpeedLimit) -> bool:
 
 
 @CLAIMS.check(
-    "higher-is-slower", "A higher half-round is crossed more slowly at 2.5 g", expected="of every car under every law"
+    "higher-is-slower",
+    "A higher half-round is crossed more slowly at 2.5 g",
+    expected="of every car with every controller",
 )
 def _higher(study: Results) -> Finding:
     heights = [{"course": OBSTACLE, "height": h} for h in HEIGHTS]

@@ -85,7 +85,7 @@ def course_under(fmus: FmuSet, path: str, plant: str, preview: tuple[int, float]
         fmus: where the car's FMU is.
         path: of the file.
         plant: name of the car's FMU, which says where its wheels are.
-        preview: heights ahead and the time between them [s], that the car's laws read.
+        preview: heights ahead and the time between them [s], that the car's controllers read.
         radius: of its wheels [m].
 
     Raises:

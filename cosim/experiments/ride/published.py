@@ -1,4 +1,4 @@
-"""The runs of the study: every car under every law, over the synthetic courses or one from a file."""
+"""The runs of the study: every car with every controller, over the synthetic courses or one from a file."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ SEEDS_RUN = 3  # profiles of each course, which show the spread
 ONE_SEED = (
     "mpc",
     "mpc-preview",
-)  # laws whose runs take so long that the rougher courses, driven more slowly, have one profile
-SPREAD = "1in"  # the course that all laws drive on all profiles
+)  # controllers whose runs take so long that the rougher courses, driven more slowly, have one profile
+SPREAD = "1in"  # the course that all controllers drive on all profiles
 HEIGHTS = tuple(round(inches * INCH, 4) for inches in (4, 6, 8, 10, 12))  # m, of the half-rounds
-APART = "1in"  # the course that is also driven with different sides
+SIDES_COURSE = "1in"  # the course that is also driven with different sides
 GUESS = {
     "hmmwv": (15.0, 0.8, 0.7),
     "sedan": (40.0, 0.6, 0.47),
@@ -50,7 +50,7 @@ FASTER = {
     ("sedan", "road-holding-active"): 0.62,
     ("sedan", "road-holding-preview"): 2.0,
 }
-"""The same for laws under which a car is much faster or slower: times as fast."""
+"""The same for controllers under which a car is much faster or slower: times as fast."""
 LONG = {
     "mpc": 6.0,
     "mpc-preview": 6.0,
@@ -59,11 +59,13 @@ LONG = {
 SLOWER = {"hydraulic": 2.0}
 """Rough time of a run as compared with others, so that the longest searches come first."""
 
-System = tuple[str, str, str]  # car, law, actuators
+System = tuple[str, str, str]  # car, controller, actuators
 
 
 def systems(car: str | None = None) -> list[System]:
-    """Every car under every law that the study runs, or those of one car; hydraulic actuators where there are any."""
+    """Every car with every controller that the study runs, or those of one car; hydraulic actuators where there are
+    any.
+    """
     if car is not None:
         check_choice("car", car, CARS)
     found = []
@@ -141,5 +143,5 @@ def plan(
             extent(course, *CARS[name].size)
         return [on_file(s, str(course)) for s in chosen]
     found = [six_watts(s, c, seeds=1 if c != SPREAD and s[1] in ONE_SEED else seeds) for s in chosen for c in COURSES]
-    found += [six_watts(s, APART, seeds=1, sides="apart") for s in chosen]
+    found += [six_watts(s, SIDES_COURSE, seeds=1, sides="apart") for s in chosen]
     return [*found, *(obstacle(s, h) for s in chosen for h in HEIGHTS)]

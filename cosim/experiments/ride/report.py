@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.experiments.ride import EXPERIMENT
 from cosim.experiments.ride.claims import CLAIMS, NRMM
-from cosim.experiments.ride.published import APART, HEIGHTS, POWERS, System
+from cosim.experiments.ride.published import HEIGHTS, POWERS, SIDES_COURSE, System
 from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, on, ran, runs, speeds, system_of
 from cosim.experiments.ride.runs import CARS, LIMIT_G, METRICS, NUMBER, OBSTACLE
 from cosim.experiments.ride.search import LIMITS, TOLERANCE, WITHIN, SpeedLimit
@@ -61,11 +61,12 @@ def report(study: Results, fmus: FmuSet) -> Report:
     )
     lead, figure = make_lead(study, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
-            f"Every car of the project under every law that fits it drives over {course}. How fast it can be driven is"
-            f" where its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where the seat sees"
-            f" {LIMIT_G:g} g. Everything is of the driver's seat, without seat and cushion. Absorbed power is by both"
+            f"Every car of the project with every controller that fits it drives over {course}. How fast it can be"
+            f" driven is where its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where"
+            f" the seat sees {LIMIT_G:g} g. Everything is of the driver's seat, without seat and cushion."
+            " Absorbed power is by both"
             " definitions in use, which must not be mixed."
         ],
     )
@@ -88,7 +89,7 @@ def _file(study: Results) -> str:
 
 def _main_result(study: Results) -> tuple[str, Figure | None]:
     """How fast each car can be driven, without control and with the controller with which it is fastest."""
-    course = _file(study) or APART
+    course = _file(study) or SIDES_COURSE
     compared = {car: found for car in _cars(study) if (found := _slow_and_fast(study, car, course))}
     texts = [
         f"{CAR_NAMES[car]} {' and '.join(f'{v:.1f} km/h ({name(s)})' for v, s in found)}"
@@ -157,9 +158,9 @@ def _speeds(study: Results) -> Section:
                 " roll."
             ),
             (
-                "Laws are those of the papers, with their published weights and for their published roads. A law that"
-                " is tuned for another purpose (pitch of the 6x6 over a trench, road holding of the sedan) may well be"
-                " worse here than no law."
+                "Controllers are those of the papers, with their published weights and for their published roads. A"
+                " controller that is tuned for another purpose (pitch of the 6x6 over a trench, road"
+                " holding of the sedan) may well be worse here than no controller."
             ),
         ],
         [],
@@ -168,9 +169,9 @@ def _speeds(study: Results) -> Section:
 
 
 _ABOUT_SPEEDS = (
-    "Speeds are medians over the profiles of a course, with the lowest and the highest where several were driven. What"
-    " stands beside them is of the run on the first profile that is nearest to 6 W by the filter of third order. Power"
-    " given: what all actuators together give while they give; what they take back is lost. A speed is 'never' where"
+    "Speeds are medians over the profiles of a course, with the lowest and the highest where several were driven. The"
+    " other columns are of the run on the first profile that is nearest to 6 W by the filter of third order. Power"
+    " given: the positive power of all actuators together; regenerated power is lost. A speed is 'never' where"
     f" {WITHIN[1]:g} km/h stays below 6 W, 'at any speed' where {WITHIN[0]:g} km/h is above."
 )
 _HEADINGS = ("system", "6 W, third order [km/h]", "6 W, second order [km/h]", *(METRICS[k].heading for k in _SHOWN))
@@ -221,8 +222,10 @@ def _definitions(study: Results) -> Section:
 
 def _sides(study: Results) -> Section:
     rows: list[list[Scalar]] = []
-    for search in on(study, course=APART, sides="apart"):
-        alike = next((s for s in on(study, course=APART, sides="alike") if system_of(s) == system_of(search)), None)
+    for search in on(study, course=SIDES_COURSE, sides="apart"):
+        alike = next(
+            (s for s in on(study, course=SIDES_COURSE, sides="alike") if system_of(s) == system_of(search)), None
+        )
         if alike is None or study_failed(study, search) or study_failed(study, alike):
             continue
         system = system_of(search)
@@ -232,7 +235,7 @@ def _sides(study: Results) -> Section:
         rows.append([CAR_NAMES[system[0]], name(system), first, own, change])
     table = Table(
         "sides",
-        f"Speed of 6 W on the {APART} course, left and right alike and not",
+        f"Speed of 6 W on the {SIDES_COURSE} course, left and right alike and not",
         ["car", "system", "alike [km/h]", "correlated [km/h]", "change [%]"],
         rows,
         "The first seed; third order.",
@@ -305,7 +308,7 @@ def _over_roughness(study: Results, compared: Mapping[str, Sequence[Fast]]) -> F
         return None
     caption = (
         "Without control (dashed), and with the controller with which the car is fastest on the course of"
-        f" {APART} rms. Absorbed power by the filter of third order; bands from the lowest to the highest of the"
+        f" {SIDES_COURSE} rms. Absorbed power by the filter of third order; bands from the lowest to the highest of the"
         " profiles."
     )
     return Figure(
@@ -386,8 +389,8 @@ def _obstacles(study: Results) -> Section:
         "Obstacles",
         [
             "Wheels roll over a half-round as rigid discs, which meet its edge harder than a tire does, and the cars"
-            " but for the full cars have no stops: speeds over the higher half-rounds compare laws rather than tell"
-            " what a vehicle stands. Only the public car has tires that envelop."
+            " but for the full cars have no stops: speeds over the higher half-rounds compare controllers rather than"
+            " tell what a vehicle stands. Only the public car has tires that envelop."
         ],
         [],
         [table],
@@ -405,7 +408,7 @@ def _on_file(study: Results) -> Section:
         "Speeds of 6 W and of 2.5 g",
         ["car", *_HEADINGS, f"{LIMIT_G:g} g [km/h]"],
         rows,
-        "What stands beside the speeds is of the run that is nearest to 6 W by the filter of third order.",
+        "The other columns are of the run that is nearest to 6 W by the filter of third order.",
     )
     text = "Both tracks are those of the file, as wheels roll over them."
     return Section(f"Course {_file(study)}", [text], tables=[table])

@@ -1,4 +1,4 @@
-"""What the searches of a study found, by car, law and course."""
+"""What the searches of a study found, by car, controller and course."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ WORDS = {"never": "never", "always": "at any speed"}
 
 
 def name(system: System) -> str:
-    """Law and actuators for people: "MPC, hydraulic"."""
+    """Controller and actuators for people: "MPC, hydraulic"."""
     car, law, actuators = system
     if (car, law, actuators) == ("hmmwv", "zero", "ideal"):
         return "no actuators"
@@ -99,7 +99,7 @@ def ran(study: Results) -> list[SpeedLimit]:
 
 
 def system_of(search: SpeedLimit) -> System:
-    """Car, law, actuators."""
+    """Car, controller, actuators."""
     return search.case.car, search.case.controller, search.case.actuators
 
 

@@ -1,5 +1,5 @@
-"""Runs over the courses of a proving ground: every car with every law that fits it, wired as its own experiment wires
-it.
+"""Runs over the courses of a proving ground: every car with every controller that fits it, wired as its own experiment
+wires it.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ class Car:
         plant: name of the car's FMU.
         road: name of its courses.
         instead: name of the road that they stand in for.
-        preview: heights ahead that its laws read, and the time between them [s].
+        preview: heights ahead that its controllers read, and the time between them [s].
         radius: of its wheels as they roll over a course [m]; 0: its tires envelop, and get the course as it is.
         case: the other experiment's case.
         wire: its wiring.
-        configure: sets what of such a case concerns car and law.
+        configure: sets what of such a case concerns car and controller.
         driver: the car has one, who may not keep its speed; others move as their road does.
     """
 
@@ -81,7 +81,7 @@ class Car:
 
 
 def _as_it_is(_system: System, _case: Any) -> None:
-    """The laws of paper 000 are in their FMUs."""
+    """The controllers of paper 000 are in their FMUs."""
 
 
 def _enveloping(fmus: FmuSet, case: Any) -> System:
@@ -201,7 +201,7 @@ _OVER = (lambda c: c.course == OBSTACLE, "the half-round")
 
 @dataclass(frozen=True)
 class Case(BaseCase):
-    """One run: a car under a law over a course at a speed."""
+    """One run: a car under a controller over a course at a speed."""
 
     car: str = option("full-car", choices=CARS, help="car", always=True)
     controller: str = option(
@@ -288,8 +288,8 @@ def wire(fmus: FmuSet, case: Case) -> System:
         and preview_lq.LAWS[case.other.weights][0] not in fmus.own
     ):
         raise CaseError(
-            f"{fmus.name(car.plant)} has no laws of the sedan: its tires have damping, and preview LQ laws are for"
-            " tires without"
+            f"{fmus.name(car.plant)} has no controllers of the sedan: its tires have damping, and preview LQ"
+            " controllers are for tires without"
         )
     name, build = fmus.own.get(car.road, (car.road, ""))
     if case.course in NUMBER:

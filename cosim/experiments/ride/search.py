@@ -25,13 +25,13 @@ WITHIN = (3.0, 120.0)  # km/h
 TOLERANCE = 0.02  # of the speed, and of the limit where a run comes that close to it
 LONGEST = 1.5  # ratio of the longest step towards a limit
 EXPONENT = 2.5  # with which absorbed power is taken to rise with speed, until two runs tell
-STEEP = (1.0, 8.0)  # exponents that are believed
+STEEP = (1.0, 8.0)  # range of plausible exponents
 LIMITS = {
     "absorbed_power_nrmm": ABSORBED_POWER_LIMIT,
     "absorbed_power": ABSORBED_POWER_LIMIT,
     "seat_peak": LIMIT_G * STANDARD_GRAVITY,
 }
-"""Metric -> what it is limited to, in SI units."""
+"""Metric -> its limit, in SI units."""
 
 
 def crossing(
@@ -59,7 +59,7 @@ def crossing(
     def ask(v: float) -> None:
         seen[v] = value(v)
         if math.isnan(seen[v]):
-            raise ValueError(f"what is limited is not a number at {v:g} km/h")
+            raise ValueError(f"the limited metric is not a number at {v:g} km/h")
 
     def far(v: float) -> float:
         return abs(math.log(v / guess))

@@ -1,5 +1,5 @@
-"""A proving ground to drive: a car under its laws side by side, over the synthetic courses or a measured one, in a web
-page.
+"""A proving ground to drive: a car under its controllers side by side, over the synthetic courses or a measured one,
+in a web page.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ SHOWN = {
     "hmmwv": ("passive", "lqr", "mpc", "mpc-preview"),
     "sedan": ("passive", "comfort-active", "comfort-delay", "comfort-preview"),
 }
-"""Laws that are side by side, where a car has more than a page has room for."""
+"""Controllers that are side by side, where a car has more than fit on a page."""
 SLOWEST, FASTEST = 2.0, 120.0  # km/h, that the page offers
 
 
 def live(case: Case) -> Live:
-    """The car of the case under its laws; over every course of the project, or over the file that the case names.
-    Actuators, profile and height are those of the case.
+    """The car of the case under its controllers; over every course of the project, or over the file that the case
+    names. Actuators, profile and height are those of the case.
     """
     car = CARS[case.car]
     laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.laws), case.controller)))
@@ -36,8 +36,8 @@ def live(case: Case) -> Live:
     page = WebPage(
         "Drive a proving ground",
         f"{CAR_NAMES[case.car][0].upper()}{CAR_NAMES[case.car][1:]}:"
-        f" {'its laws side by side' if len(laws) > 1 else 'without a law'}, over {_courses(case)}. How fast until the"
-        " driver has had enough?",
+        f" {'its controllers side by side' if len(laws) > 1 else 'without a controller'}, over {_courses(case)}. How"
+        " fast until the driver has had enough?",
         controls=[
             Control("speed", ["speed.start.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp")),
             *(
@@ -77,7 +77,7 @@ def live(case: Case) -> Live:
 
 
 def _system(case: Case, law: str, course: str, group: str) -> LiveCase:
-    """The case with another law and course; what it says of another kind of course is left out."""
+    """The case with another controller and course; what it says of another kind of course is left out."""
     made = passive(case) if law == "passive" else replace(case, controller=law)
     fields = {"seed": course in COURSES, "sides": course in COURSES, "height": course == OBSTACLE}
     made = replace(made, course=course, **{f: getattr(case if used else Case, f) for f, used in fields.items()})

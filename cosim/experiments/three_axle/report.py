@@ -35,7 +35,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
     makers = (_table, _crossings, _disturbance, _forces, _variants, _refinement)
     lead, figure = make_lead(study, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
             "A linear model of a 6x6 with nine degrees of freedom drives over a trench 2 m long with rounded edges,"
             " 0.15 and 0.25 m deep, at 5, 10 and 20 km/h, and then has to follow a pitch of 3 degrees. It does so"
@@ -117,7 +117,7 @@ def _variants(study: Results) -> Section:
         ),
         "With preview the estimator hardly matters, and neither does measuring all states.",
     ]
-    return Section("What is left open", texts, [], [table])
+    return Section("Open points", texts, [], [table])
 
 
 def _refinement(study: Results) -> Section:
@@ -253,7 +253,7 @@ def _forces(study: Results) -> Section:
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
     """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the
-    reference; of the laws, what they were designed with.
+    reference; of the controllers, what they were designed with.
     """
     right = tuple(f".{k}." for k in SIX_CORNERS[1::2])
     vehicle = [p for p in parameters(fmus.path("ThreeAxleRide")) if not any(k in p.name for k in right)]

@@ -96,7 +96,7 @@ def configure(system: System, case: Case) -> None:
 
 
 def configure_law(system: System, case: Case) -> None:
-    """What of a case concerns its law, on any road."""
+    """What of a case concerns its controller, on any road."""
     if CONTROLLERS[case.controller] == "MpcThreeAxle":
         system["controller"].set(
             {

@@ -94,7 +94,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
     )
     lead, figure = make_lead(study, _main_result)
     about = Section(
-        "What was run",
+        "Runs of the study",
         [
             "A three-axle vehicle drives over trenches of 1.2 to 2.0 m at 1 to 9 km/h, passive and under predictive"
             " control that sees the trench coming, lifts the axle above it and shifts its weight. Vehicle, crossing"
@@ -370,7 +370,7 @@ def _reductions(study: Results) -> Section:
         columns += [f"{printed} [%]", f"{printed}, thesis [%]"]
     table = Table(
         "reductions",
-        "What control takes off, per cent of passive (Tables 5.6 to 5.8)",
+        "Reduction by control, per cent of passive (Tables 5.6 to 5.8)",
         columns,
         rows,
         "Negative: control makes it worse.",
@@ -545,24 +545,24 @@ def _between(study: Results) -> list[Section]:
 
 
 def _without(study: Results) -> list[Section]:
-    """What it depends on"""
+    """Ablation: one part of the controller changed at a time."""
     changed = {words: some(controller) for controller, words in WITHOUT.items()}
     text = (
-        "What makes the crossing work, seen by leaving it out. Each line is twelve crossings at 1, 3, 6 and 9 km/h. LQR"
+        "Each row leaves out or changes one part of the controller, for twelve crossings at 1, 3, 6 and 9 km/h. LQR"
         " and MPC without preview get the pitch reference of the crossing algorithm; LQR has no forced ranges."
     )
     tables = _changed(study, "without", "one thing changed", "change", {"as it is": some(), **changed})
-    return [Section("What it depends on", [text], tables=tables)] * bool(tables)
+    return [Section("Ablation", [text], tables=tables)] * bool(tables)
 
 
 def _vehicles(study: Results) -> list[Section]:
-    """Where the edge is"""
+    """Robustness to other vehicles."""
     changed = {words: some(**changes) for words, changes in OTHER_VEHICLES.items()}
-    text = "The plant is changed, the controller and what it knows of the vehicle are not."
+    text = "The plant changes; the controller and its model of the vehicle do not."
     tables = _changed(
         study, "vehicles", "another vehicle", "vehicle", {"as the controller knows it": some(), **changed}
     )
-    return [Section("Where the edge is", [text], tables=tables)] * bool(tables)
+    return [Section("Robustness to the vehicle", [text], tables=tables)] * bool(tables)
 
 
 def _changed(study: Results, id_: str, what: str, column: str, lines: Mapping[str, list[Case]]) -> list[Table]:
@@ -606,7 +606,7 @@ def _limits(_: Results) -> Section:
         "Limits of this comparison",
         [
             (
-                "The thesis does not disclose its vehicle. Our masses, geometry and tires are assumed, some of them"
+                "The thesis does not disclose its vehicle. The masses, geometry and tires are assumed, some of them"
                 " with Table 5.4 in view; its multi-body model has suspension links and a tire model that a disc on"
                 " solids does not replace. So peaks of impacts agree in order of magnitude at best."
             ),
@@ -620,7 +620,7 @@ def _limits(_: Results) -> Section:
                 "Readings of the thesis that matter: the forced ranges of Table 4.8 lift an axle only with their sign"
                 " turned; the rate limit of Table 4.5 counts per control interval in the thesis's tool and never binds"
                 " there, here it counts as N/s; limits on outputs (Table 4.6) are off; pitch keeps its weight of 100 in"
-                " all cases, and the height of the body is weighed too. What each of them does is in the table of"
+                " all cases, and the height of the body is weighed too. The effect of each is in the table of"
                 " changes. Windows of the cases and the pitch reference (4 deg) are not in the thesis."
             ),
         ],

@@ -36,7 +36,7 @@ _MEASURED: dict[str, tuple[list[str], How, float]] = {  # quantity of Table 5.3 
 
 
 def live(case: Case) -> Live:
-    """The vehicle with each law before one trench; what else the case says holds for all of them."""
+    """The vehicle with each controller before one trench; what else the case says holds for all of them."""
     cases = [LiveCase(title, replace(case, controller=controller)) for title, controller in SYSTEMS.items()]
     measures = []
     for quantity, label in LABELS.items():

@@ -114,7 +114,7 @@ class ArxIdentification:
     dropped: tuple[str, ...]  # rows of V without variance, e.g. "d[2](t-3)": their coefficients are 0
 
     def summary(self) -> dict[str, Any]:
-        """Plain numbers, to be stored as provenance of a law."""
+        """Plain numbers, to be stored as provenance of a control law."""
         return {
             "order": self.model.order,
             "samples": self.samples,

@@ -1,7 +1,7 @@
 """Generalized predictive control of the full car as a discrete component (Brown, Murugan, Mazza; equations 15, 19, 21).
 
-Timing, in ticks of 1 ms: the command u changes at k x 10 ms, where the road height d(t) is latched too; the response
-y(t) is latched one tick later, so that it holds the direct effect of u(t), as the ARX form (1) needs. A command is
+Timing, in ticks of 1 ms: the command u changes at k x 10 ms, where the road height d(t) is sampled too; the response
+y(t) is sampled one tick later, so that it contains the direct effect of u(t), as the ARX form (1) needs. A command is
 computed from responses, commands and road heights of t-1 and older; preview adds road heights of t and later.
 """
 
@@ -15,13 +15,13 @@ import numpy as np
 from scipy.constants import degree, g
 
 from build_fmus.component import Component
-from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.models.corners import CORNERS
 
-TICK = 1e-3  # s, exchange step of the published co-simulation
+TICK = 1e-3  # s, communication step of the published co-simulation
 TICKS_PER_SAMPLE = 10  # 100 Hz
 SAMPLE_TIME = TICK * TICKS_PER_SAMPLE  # s
-LATCH_TICK = 1  # tick after a sample at which y is latched
+RESPONSE_TICK = 1  # tick after a sample instant at which y is sampled
 FORCE_LIMIT = 1.5e5  # N, Table 2
 RESPONSES = (
     ("body.az", "m/s2", "vertical acceleration of the body", g),
@@ -39,10 +39,10 @@ _EQUATIONS = {"implicit": "(15)", "explicit": "(19)", "preview": "(21)"}
 
 
 def gpc_controller(law: GpcLaw, *, name: str) -> Component:
-    """The controller FMU of a law for four corners and the three responses of :data:`RESPONSES`.
+    """The controller FMU of a control law for four corners and the three responses of :data:`RESPONSES`.
 
-    The law's gains are the start values of tunable parameters, so another law (other weights, another identification)
-    of the same order and horizon can be set at run time.
+    The control law's gains are the start values of tunable parameters, so another control law (other weights, another
+    identification) of the same order and horizon can be set at run time.
     """
     variant, p, h = law.variant, law.order, law.h_p
     rc = len(CORNERS)
@@ -66,17 +66,17 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
 
     phase = c.state("tick", "1", "ticks since the last sample instant")
     y_static = c.initial_value("y_static", measured, None, "responses at the start (trim)")
-    past_y = c.state("past.y", None, "latched responses, newest first", shape=(len(y) * p,))
+    past_y = c.state("past.y", None, "sampled responses, newest first", shape=(len(y) * p,))
     past_u = c.state("past.u", "N", "applied commands, newest first", shape=(rc * p,))
     held = c.state("command", "N", "command being held", shape=(rc,))
 
     command = gain_y @ past_y + gain_u @ past_u
-    sampling, latching = phase < 0.5, ca.fabs(phase - LATCH_TICK) < 0.5
+    sampling, sampling_responses = phase < 0.5, ca.fabs(phase - RESPONSE_TICK) < 0.5
     if variant != "implicit":
         d = ca.vertcat(*(c.input(f"road.{k}.height", "m", f"road height under wheel {k}") for k in CORNERS))
         gain_d = _gain(c, "gain.d", law.gain_d, "N/m", f"gains on the last {p} road heights, newest first")
         d_static = c.initial_value("d_static", d, "m", "road heights at the start (datum)")
-        past_d = c.state("past.d", "m", "latched road heights, newest first", shape=(rc * p,))
+        past_d = c.state("past.d", "m", "sampled road heights, newest first", shape=(rc * p,))
         command += gain_d @ past_d
         c.update(past_d, ca.if_else(sampling, _shift(past_d, d - d_static), past_d))
     if variant == "explicit":
@@ -91,7 +91,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         )
         command += hold * (gain_hold @ past_d[:rc])
     if variant == "preview":
-        # Index 1 of a preview is now. The law wants d(t) of all corners, then d(t+1) of all corners, ...
+        # Index 1 of a preview is now. The control law wants d(t) of all corners, then d(t+1) of all corners, ...
         ahead = ca.horzcat(
             *(c.input(f"preview.{k}", "m", f"road heights ahead of wheel {k}", shape=(h,)) for k in CORNERS)
         )
@@ -107,7 +107,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         c.output(f"force.{k}", force[i], "N", f"commanded actuator force at corner {k}")
 
     c.update(phase, ca.fmod(phase + 1, TICKS_PER_SAMPLE))
-    c.update(past_y, ca.if_else(latching, _shift(past_y, measured - y_static), past_y))
+    c.update(past_y, ca.if_else(sampling_responses, _shift(past_y, measured - y_static), past_y))
     c.update(past_u, ca.if_else(sampling, _shift(past_u, limited), past_u))
     c.update(held, force)
     c.provenance = law.to_dict()
@@ -116,7 +116,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
 
 
 def gain_parameters(law: GpcLaw) -> dict[str, np.ndarray]:
-    """FMU parameters that give a controller FMU of the law's variant, order and horizon this law's gains."""
+    """FMU parameters that give a controller FMU of the control law's variant, order and horizon this control law's
+    gains.
+    """
     gains = {"gain.y": law.gain_y, "gain.u": law.gain_u}
     if law.variant != "implicit":
         gains["gain.d"] = law.gain_d
@@ -155,13 +157,13 @@ def _notes(variant: str, p: int, h: int) -> tuple[str, ...]:
     notes = [
         (
             f"ARX order {p}, prediction horizon {h}, sample time 10 ms in ticks of 1 ms: the command changes at k x 10"
-            " ms, the responses are latched 1 ms later. Responses are trimmed by their values at the start, road"
+            " ms, the responses are sampled 1 ms later. Responses are trimmed by their values at the start, road"
             " heights are measured from those at the start, and the histories start filled with these values."
         ),
         (
             "The gains were identified from a co-simulation of the vehicle FMU; how, and from which data, is in"
-            " resources/provenance.json. They are tunable parameters: a law with other weights can be set without a"
-            " rebuild."
+            " resources/provenance.json. They are tunable parameters: a control law with other weights can be set"
+            " without a rebuild."
         ),
     ]
     if variant == "explicit":

@@ -1,4 +1,4 @@
-"""From a vehicle FMU to GPC laws: excite it in a co-simulation, record, identify, design.
+"""From a vehicle FMU to GPC controllers: excite it in a co-simulation, record, identify, design.
 
 The run is that of the paper: the synthetic Perryman 3 road at 40 km/h, zero-order-hold Gaussian excitation of all four
 actuators at 100 Hz. Responses and road heights are sampled as the controller FMU samples them (module ``component``).
@@ -22,8 +22,8 @@ from build_fmus.checks import number, whole_number
 from build_fmus.sources import code_hash
 from cosim import PythonComponent, System
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
-from fmu_sources.controllers.gpc.component import LATCH_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE
-from fmu_sources.controllers.gpc.law import GpcLaw, Variant, gpc_law
+from fmu_sources.controllers.gpc.component import RESPONSE_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE
+from fmu_sources.controllers.gpc.control_law import GpcLaw, Variant, gpc_law
 from fmu_sources.controllers.gpc.prediction import multi_step_predictor
 from fmu_sources.models.corners import CORNERS
 
@@ -50,7 +50,7 @@ class IdentificationSettings:
 
 @dataclass(frozen=True)
 class DesignSettings:
-    """Weights and horizons of the laws: Table 2 of the paper."""
+    """Weights and horizons of the control laws: Table 2 of the paper."""
 
     h_p: int = 8
     h_c: int = 8
@@ -142,7 +142,7 @@ def record_identification(
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])
     at = np.arange(n) * TICKS_PER_SAMPLE
-    return IdentificationData(sequence[:n], (y - y[0])[at + LATCH_TICK], (d - d[0])[at])
+    return IdentificationData(sequence[:n], (y - y[0])[at + RESPONSE_TICK], (d - d[0])[at])
 
 
 def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None) -> IdentifiedModels:
@@ -164,7 +164,7 @@ def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSetti
 def published_laws(
     *, plant: Path, road: Path, speed: Path, cache: Path | None = None, settings: IdentificationSettings | None = None
 ) -> dict[str, GpcLaw]:
-    """The three laws with the paper's tuning, identified from the given FMUs.
+    """The three control laws with the paper's tuning, identified from the given FMUs.
 
     With ``cache`` the result is kept by the content of the FMUs, the settings and the code that computes it.
     """

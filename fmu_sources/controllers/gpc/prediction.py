@@ -1,7 +1,7 @@
 """Multi-step prediction with an ARX model (module ``arx``): equations (6) to (8), (18) and (20) of paper 000.
 
-Histories and futures are ordered as in module ``law``. Where the print is incomplete or damaged, this is what is
-implemented:
+Histories and futures are ordered as in module ``control_law``. Where the print is incomplete or damaged, the
+implementation is:
 
 * (8b), (8c) for every index: alpha_i^q = alpha_{i+1}^{q-1} + alpha_1^{q-1} alpha_i with alpha_{p+1} = 0; likewise
   beta_i^q and delta_i^q, for i = 0 ... p.

@@ -1,7 +1,7 @@
 """Linear-quadratic control, with and without preview of the road.
 
 ===================  =======================================================================
-``design``           optimal laws of a linear plant: continuous, sampled, with preview
+``design``           optimal control laws of a linear plant: continuous, sampled, with preview
 ``preview``          preview control of the car with seven degrees of freedom as a component (paper 004)
 ``preview_weights``  weights of its index: files in TOML, the published ones in ``weights/``
 ``hmmwv``            regulator of the HMMWV on its relative states (paper 001)

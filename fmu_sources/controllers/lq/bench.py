@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from build_fmus.component import Component
-from fmu_sources.models.bench_states import STATES, bench_model, stimulus
+from fmu_sources.models.bench_states import STATES, bench_model, reference_inputs
 
 WEIGHTS = (
     450.0,
@@ -69,5 +69,5 @@ def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
         "N",
         "actuator force, positive lifts the body and pushes the wheel down",
     )
-    c.reference_input(stimulus())
+    c.reference_input(reference_inputs())
     return c

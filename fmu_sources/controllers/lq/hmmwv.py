@@ -130,13 +130,13 @@ def lqr_hmmwv(
 _NOTES = (
     (
         "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. body.az is"
-        " there as on every higher-level controller of this vehicle, so that one can be exchanged for another; this law"
-        " does not use it."
+        " there as on every higher-level controller of this vehicle, so that one can be exchanged for another; this"
+        " control law does not use it."
     ),
     (
-        "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the law requests some 200 N at most and"
-        " hardly differs from zero force. LqrHmmwvKilonewton reads the force in kN: it requests thousands of newtons"
-        " and reaches force.limit. The published comparison is with the first."
+        "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the control law requests some 200 N at"
+        " most and hardly differs from zero force. LqrHmmwvKilonewton reads the force in kN: it requests"
+        " thousands of newtons and reaches force.limit. The published comparison is with the first."
     ),
     (
         "The design minimizes the exact integral of the index between samples, on the car's 14 absolute states; gain"

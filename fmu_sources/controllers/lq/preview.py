@@ -92,12 +92,12 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
 
 
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
-    """Design the law on a plant and lay its feed-forward out on ``count`` samples one period apart."""
+    """Design the control law on a plant and lay its feed-forward out on ``count`` samples one period apart."""
     index = output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS))
     if np.any(index.Nuw):
         raise ValueError(
-            "an output of the index depends on both a force and a road height at once: the law then needs the road"
-            " under the rear wheels now, which this controller does not measure"
+            "an output of the index depends on both a force and a road height at once: the control law then needs the"
+            " road under the rear wheels now, which this controller does not measure"
         )
     sampled = sampled_lq(plant, index, period)
     if math.isclose(period, CONTINUOUS_PERIOD):
@@ -130,10 +130,10 @@ def preview_lq(
         period: sample time [s].
         preview_count, preview_step: points and spacing [s] of the preview inputs; the spacing is a multiple of period.
         memory: longest delay of the rear wheels [s] that is remembered.
-        tunable: the weights are parameters, and the FMU designs its law when it is initialized.
+        tunable: the weights are parameters, and the FMU designs its control law when it is initialized.
 
     Raises:
-        ValueError: the spacing is no multiple of the period, or a tunable law has another period than
+        ValueError: the spacing is no multiple of the period, or a tunable control law has another period than
             :data:`CONTINUOUS_PERIOD`, or is for a car whose sides differ.
         LqError: the design has no stabilizing solution.
     """
@@ -142,7 +142,8 @@ def preview_lq(
         raise ValueError(f"{name}: preview step {preview_step:g} s is no multiple of the period {period:g} s")
     if tunable and not math.isclose(period, CONTINUOUS_PERIOD):
         raise ValueError(
-            f"{name}: a law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every {period:g} s"
+            f"{name}: a control law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every"
+            f" {period:g} s"
         )
     ahead = (preview_count - 1) * every  # periods
     past = math.ceil(memory / period)
@@ -155,7 +156,7 @@ def preview_lq(
         kind="discrete",
         sample_time=period,
         description=(
-            "Optimal preview LQ law of a car with seven degrees of freedom:"
+            "Optimal preview LQ controller of a car with seven degrees of freedom:"
             f" {'weights are parameters' if tunable else weights.name}"
         ),
         source="Marzbanrad, Hojjat, Zohoor, Nikravesh: Theorem 1, Table 2",
@@ -169,7 +170,7 @@ def preview_lq(
         "0 active, 1 active and delay, 2 active and preview",
         min=0,
         max=2,
-        source="004: the laws of its Table 3",
+        source="004: the control laws of its Table 3",
     )
     preview_time = c.parameter(
         "preview_time", 0.12, "s", "preview used ahead of the front wheels", min=0.0, max=10.0, source="004"
@@ -267,7 +268,7 @@ def preview_lq(
 
 
 class _Fixed:
-    """A law whose gains are constants of the FMU."""
+    """A control law whose gains are constants of the FMU."""
 
     def __init__(self, c: Component, taps: Taps, units: Sequence[str]) -> None:
         self._c, self._taps = c, taps
@@ -300,8 +301,8 @@ class _Fixed:
 
 
 class _Designed:
-    """A law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right wheels are
-    those of the left ones with the sides changed.
+    """A control law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right
+    wheels are those of the left ones with the sides changed.
     """
 
     def __init__(self, c: Component, plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> None:
@@ -309,8 +310,8 @@ class _Designed:
         taps = tunable_taps(plant, _declared(c, weights), period, count)
         c.check(
             RESIDUAL_LIMIT - taps.residuals,
-            "weight.*: no law is found for these weights, which differ too much: bring them nearer to each other, or to"
-            " those of a published law",
+            "weight.*: no control law is found for these weights, which differ too much: bring them nearer to each"
+            " other, or to those of a published control law",
         )
         self._taps = {"interior": taps.interior, "end": taps.end, "tail": taps.tail}
         self._kept: dict[tuple[str, str], ca.MX] = {}
@@ -350,7 +351,7 @@ def _opposite(corner: str) -> str:
 
 
 def _check_sides(taps: Taps, name: str) -> None:
-    """Refuse a law whose right wheels are not the left ones in a mirror.
+    """Refuse a control law whose right wheels are not the left ones in a mirror.
 
     Raises:
         ValueError: they are not.
@@ -360,7 +361,7 @@ def _check_sides(taps: Taps, name: str) -> None:
             mirrored = table[:, _seen_from(right), CORNERS.index(_opposite(right))]
             if np.abs(table[:, :, CORNERS.index(right)] - mirrored).max() > SYMMETRY_LIMIT * np.abs(table).max():
                 raise ValueError(
-                    f"{name}: a law with weights as parameters is for cars that are the same left and right"
+                    f"{name}: a control law with weights as parameters is for cars that are the same left and right"
                 )
 
 
@@ -369,7 +370,9 @@ _LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1
 
 
 def weight_parameters(weights: PreviewLqWeights) -> dict[str, float]:
-    """Parameters of a tunable law for these weights: ``weight.acceleration.heave``, ``weight.tire.front``, ..."""
+    """Parameters of a tunable control law for these weights: ``weight.acceleration.heave``, ``weight.tire.front``,
+    ...
+    """
     return {_parameter(name): value for name, value in weights.by_name().items()}
 
 
@@ -392,7 +395,7 @@ def _declared(c: Component, weights: PreviewLqWeights) -> ca.MX:
             f"weight of the squares of {texts[name]}",
             min=least,
             max=most,
-            source=f"{weights.source}; any other designs another law",
+            source=f"{weights.source}; any other designs another control law",
         )
     return ca.vertcat(*(own[n] for n in (*output_weights(CORNERS), *control_weights(CORNERS))))
 
@@ -430,8 +433,9 @@ def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Ca
 
 _NOTES_TUNABLE = (
     (
-        "Weights are parameters: the law is designed for them on the car of the build when the FMU is initialized (two"
-        " Riccati equations, solved by doubling). With the weights of a published law it is that law, to rounding."
+        "Weights are parameters: the control law is designed for them on the car of the build when the FMU is"
+        " initialized (two Riccati equations, solved by doubling). With the weights of a published control"
+        " law it is that control law, to rounding."
     ),
 )
 _NOTES = (

@@ -120,8 +120,8 @@ _NOTES = (
         " with the wheels weighed as printed it holds the wheels still instead of the body."
     ),
     (
-        "The gain is that of continuous time, evaluated every millisecond, the exchange step of the plant: close enough"
-        " that the loop's decay rates stay within 3.5 % (20 % at the 5 ms of the predictive controllers)."
+        "The gain is that of continuous time, evaluated every millisecond, the communication step of the plant: close"
+        " enough that the loop's decay rates stay within 3.5 % (20 % at the 5 ms of the predictive controllers)."
     ),
     (
         "There is no integral action and no feed-forward of the reference, so a requested pitch is reached only in"

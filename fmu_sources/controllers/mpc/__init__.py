@@ -5,10 +5,10 @@
 ``settings``    weights, bounds, horizon, cases; every mistake is refused when the objects are made
 ``observer``    state estimation
 ``qp``          the condensed quadratic program
-``component``   inputs, outputs and solver of a law in a component; :func:`mpc_component` makes a whole one
-``bench``       the published laws of the quarter-car bench (paper 002)
-``hmmwv``       the published law of the HMMWV (paper 001)
-``three_axle``  the published laws of the 6x6 (paper 003)
+``component``   inputs, outputs and solver of a control law in a component; :func:`mpc_component` makes a whole one
+``bench``       the published control laws of the quarter-car bench (paper 002)
+``hmmwv``       the published control law of the HMMWV (paper 001)
+``three_axle``  the published control laws of the 6x6 (paper 003)
 ==============  ===========================================================================================
 
 Public names are imported from here. ``tests/oracles/mpc.py`` computes the same step by another solver.
@@ -33,7 +33,7 @@ Example: a quarter car with preview of the road, all states measured::
     )
 
 Without all states: design an :class:`Observer` on the model of the plant, make the Mpc with ``observer.model``, and
-give the observer to :func:`mpc_component`. With states from elsewhere, or more than one law in a component:
+give the observer to :func:`mpc_component`. With states from elsewhere, or more than one control law in a component:
 :func:`add_mpc`.
 """
 

@@ -11,7 +11,7 @@ from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, WEIGHTS
 from fmu_sources.controllers.mpc.component import mpc_component
 from fmu_sources.controllers.mpc.model import MpcModel
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
-from fmu_sources.models.bench_states import STATES, bench_model, stimulus
+from fmu_sources.models.bench_states import STATES, bench_model, reference_inputs
 
 FORCE_LIMIT = 8.0  # N, 002 section V
 MPC_PERIOD = 10e-3  # s, assumed
@@ -59,7 +59,7 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
             "Wiring: the inputs carry the names of the plant's outputs, force that of its input.",
         ),
     )
-    c.reference_input(stimulus())
+    c.reference_input(reference_inputs())
     return c
 
 

@@ -1,6 +1,7 @@
-"""Model predictive control as a discrete component: what of a law is declared, and the whole law of a plant.
+"""Model predictive control as a discrete component: the declarations of a control law, and the whole controller
+of a plant.
 
-What is here, and an example, is told by the package (:mod:`fmu_sources.controllers.mpc`).
+The package (:mod:`fmu_sources.controllers.mpc`) has an overview and an example.
 """
 
 from __future__ import annotations
@@ -60,7 +61,8 @@ class Preview:
 
 @dataclass(frozen=True)
 class MpcSolution:
-    """Symbols of a law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps.
+    """Symbols of a control law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack``
+    eps.
 
     What it expects to come of it: ``planned`` (nu, prediction), inputs from now on, one period apart; ``predicted``
     (ny, prediction), outputs from the next period on, in the order of ``mpc.outputs``. When the last command is kept,
@@ -87,7 +89,7 @@ def add_mpc(
     backend: Backend | Sequence[Backend] | None = None,
     solver: str = "solver",
 ) -> MpcSolution:
-    """Add the law to a component: its quadratic program, and the command that follows from it.
+    """Add the control law to a component: its quadratic program, and the command that follows from it.
 
     Args:
         c: discrete component with ``symbols=ca.MX`` and the sample time of the model.
@@ -192,7 +194,7 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
     c.constant_input(
         "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview.step
     )
-    use = c.input("use_preview", None, "whether the law uses the preview", type=bool, start=True)
+    use = c.input("use_preview", None, "whether the control law uses the preview", type=bool, start=True)
     unused = ca.MX(*known.shape) if preview.unused == "zero" else ca.repmat(known[:, 0], 1, known.shape[1])
     return ca.if_else(use, known, unused)
 

@@ -1,6 +1,6 @@
-"""Observers of the MPC: steady-state Kalman filters that know the road, suspect it, or explain everything by offsets.
+"""Observers of the MPC: steady-state Kalman filters with a measured road, an estimated road or output offsets.
 
-What the filter believes about what it cannot measure decides how an MPC without preview acts:
+The disturbance model of the filter decides how an MPC without preview acts:
 
 - offsets on the outputs (``offsets``): every deviation is a constant added to an output. This is the usual default of
   MPC tools; it knows of no road, so it reacts to what the road has done to the body, and leaves no steady-state error.

@@ -215,7 +215,7 @@ class CondensedQp:
     def expressions(
         self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any, named: Named = _unnamed
     ) -> QpExpressions:
-        """q, l, u of the scaled program; ``named`` is told what values are called.
+        """q, l, u of the scaled program; ``named`` gets the names of the values.
 
         Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw,
         prediction + 2) or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.

@@ -13,7 +13,8 @@ from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 INFINITE = 1e30
 """Stands for a bound that is not there, in the quadratic program."""
 CATCH_UP = 1e-6
-"""Part of the rate's range by which an input that comes back to its bounds may lag its fastest way: room for rounding.
+"""Part of the rate's range by which an input that comes back to its bounds may lag its fastest way: margin for
+rounding.
 """
 
 

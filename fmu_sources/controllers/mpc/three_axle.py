@@ -302,8 +302,8 @@ def _times(matrix: np.ndarray, vector: ca.MX) -> ca.MX:
 def _stimulus() -> dict[str, Callable[[float], float]]:
     """A shallow hollow under one axle after the other, a nod of the body, and all cases in turn.
 
-    Nothing answers to the forces, so the estimator and the law drive each other to the bounds. Rounded numbers are the
-    same in the table of inputs.
+    Nothing answers to the forces, so the estimator and the control law drive each other to the bounds. Rounded numbers
+    are the same in the table of inputs.
     """
 
     def hollow(depth: float, at: float) -> Callable[[float], float]:
@@ -348,8 +348,9 @@ _NOTES = (
         " sample; a range that the rate cannot reach at once is approached as fast as the rate lets it."
     ),
     (
-        "Without preview (use_preview false) what the estimator believes decides: with offsets on the outputs, the"
-        " usual default, the controller reacts only when the trench has tilted the body; with road heights it infers"
+        "Without preview (use_preview false) the estimator's disturbance model decides: with offsets on the outputs,"
+        " the usual default, the controller reacts only when the trench has tilted the body; with road"
+        " heights it infers"
         " the road from the wheels and is nearly as good at low speed. With all states measured it knows no reason for"
         " what happens and leaves an error."
     ),

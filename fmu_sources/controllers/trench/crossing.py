@@ -102,7 +102,7 @@ def trench_crossing(
     gamma = -pitch
     shift_x = ca.cos(gamma) * g.ahead - ca.sin(gamma) * g.above - g.ahead  # (4.18), (4.24)
     shift_z = ca.sin(gamma) * g.ahead + ca.cos(gamma) * g.above - g.above  # (4.19), (4.25)
-    unseen = c.constant("unseen", UNSEEN, "m", "distance of an edge that was never seen", source="own")
+    never_seen = c.constant("unseen", UNSEEN, "m", "distance of an edge that was never seen", source="own")
     lowest = c.constant("lowest", 0.01, "m", "lidar above an edge, at least", source="own")
     ahead: dict[str, Any] = {}  # of the lidar of a body at rest; remembered while the lidar sees nothing
     known: dict[str, Any] = {}
@@ -116,7 +116,7 @@ def trench_crossing(
         ahead[end] = ca.if_else(valid, dx + shift_x, last)
         level[end] = ca.fmax(lowest, ca.if_else(valid, dz - shift_z - body_z, last_level))
         known[end] = ca.fmax(ever, valid)
-        c.update(last, ca.if_else(known[end] > 0.5, ahead[end] - speed * c.period, unseen))  # dead reckoning
+        c.update(last, ca.if_else(known[end] > 0.5, ahead[end] - speed * c.period, never_seen))  # dead reckoning
         c.update(last_level, level[end])
         c.update(ever, known[end])
         c.output(
@@ -195,7 +195,7 @@ def trench_crossing(
     c.output("trench.known", there, None, "a trench has been seen", type=bool)
     c.output(
         "trench.distance",
-        ca.if_else(there, to_start[0], unseen),
+        ca.if_else(there, to_start[0], never_seen),
         "m",
         "start of the trench ahead of axle 1, 1000 if unknown",
     )

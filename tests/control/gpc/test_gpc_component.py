@@ -15,13 +15,13 @@ from build_fmus import safe_files
 from build_fmus.reference import simulate
 from fmu_sources.controllers.gpc import identification
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import (
     DesignSettings,
     IdentificationSettings,
     identify,
     published_laws,
 )
-from fmu_sources.controllers.gpc.law import GpcLaw
 from fmu_sources.models.corners import CORNERS
 
 VARIANTS = ("implicit", "explicit", "preview")
@@ -37,7 +37,7 @@ def random_law(variant: str, hold: bool = False) -> GpcLaw:
 
 
 class ByHand:
-    """The law with its histories, fed tick by tick as equations (15), (19), (21) and the latch times say."""
+    """The control law with its histories, fed tick by tick at the sample times of equations (15), (19), (21)."""
 
     def __init__(self, law: GpcLaw) -> None:
         self.law = law
@@ -159,7 +159,7 @@ def test_kept_laws_are_used_only_as_they_were_kept(tmp_path, monkeypatch) -> Non
     with pytest.warns(safe_files.DamagedWarning, match=kept.name):
         laws()
     assert len(identified) == 2
-    with safe_files.anew(safe_files.clock(tmp_path) + 10**9):
+    with safe_files.ignore_cache(safe_files.clock(tmp_path) + 10**9):
         laws()
     assert len(identified) == 3
     files["road"].write_bytes(b"another road")

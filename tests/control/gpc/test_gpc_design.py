@@ -12,7 +12,7 @@ from oracles.gpc import closed_loop_spectral_radius
 from scipy import linalg, optimize, sparse
 
 from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx
-from fmu_sources.controllers.gpc.law import GpcLaw, gpc_law, gpc_sequence
+from fmu_sources.controllers.gpc.control_law import GpcLaw, gpc_law, gpc_sequence
 from fmu_sources.controllers.gpc.prediction import multi_step_predictor
 
 Q_PAPER = [50.0, 10.0, 1.0]
@@ -485,25 +485,25 @@ class TestLaw:
     def test_refuses_wrong_variants(self, rng, model):
         with_d = multi_step_predictor(model, 8)
         without_d = multi_step_predictor(random_arx(rng, 5, m=3, rc=4, rd=0), 8)
-        with pytest.raises(ValueError, match=r"implicit law takes no account .* 2; identify it without d"):
+        with pytest.raises(ValueError, match=r"implicit control law takes no account .* 2; identify it without d"):
             gpc_law(with_d, 1.0, 1.0, "implicit")
         for variant in ("explicit", "preview"):
-            with pytest.raises(ValueError, match=f"{variant} law needs measured disturbances"):
+            with pytest.raises(ValueError, match=f"{variant} control law needs measured disturbances"):
                 gpc_law(without_d, 1.0, 1.0, variant)
         with pytest.raises(ValueError, match=r"unknown variant 'exlicit'.*implicit, explicit, preview"):
             gpc_law(with_d, 1.0, 1.0, "exlicit")
-        with pytest.raises(ValueError, match="hold applies to the explicit law only"):
+        with pytest.raises(ValueError, match="hold applies to the explicit control law only"):
             gpc_law(with_d, 1.0, 1.0, "preview", hold=True)
 
     def test_refuses_wrong_histories(self, rng, model):
         predictor = multi_step_predictor(model, 8)
         y, u, d = random_past(rng, model).values()
         preview, explicit = (gpc_law(predictor, 1.0, 1.0, variant) for variant in ("preview", "explicit"))
-        with pytest.raises(ValueError, match="preview law needs d_future"):
+        with pytest.raises(ValueError, match="preview control law needs d_future"):
             preview.command(y, u, d)
-        with pytest.raises(ValueError, match="explicit law has no use for d_future"):
+        with pytest.raises(ValueError, match="explicit control law has no use for d_future"):
             explicit.command(y, u, d, np.zeros((8, 2)))
-        with pytest.raises(ValueError, match="explicit law needs d_hist"):
+        with pytest.raises(ValueError, match="explicit control law needs d_hist"):
             explicit.command(y, u)
         with pytest.raises(ValueError, match=r"d_future has shape \(7, 2\); expected \(8, 2\) or \(16,\)"):
             preview.command(y, u, d, np.zeros((7, 2)))

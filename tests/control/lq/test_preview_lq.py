@@ -371,7 +371,7 @@ def test_a_law_with_weights_as_parameters_is_for_cars_with_equal_sides(car) -> N
         table = getattr(heavy, kind).copy()
         table[2, 1, 3] *= 1.01  # of the right front actuator, for the road below the right rear wheel
         with pytest.raises(
-            ValueError, match="X: a law with weights as parameters is for cars that are the same left and right"
+            ValueError, match="X: a control law with weights as parameters is for cars that are the same left and right"
         ):
             preview._check_sides(replace(heavy, **{kind: table}), "X")
 
@@ -394,6 +394,6 @@ def test_weights_are_parameters_of_a_tunable_law(car, tunable) -> None:
     assert limits["tire.front"] == (1.0, 1e8)
     assert limits["force.rear"] == (1e-9, 1e-2)
     with pytest.raises(
-        ValueError, match=r"X: a law with weights as parameters is sampled every 0.001 s, not every 0.005 s"
+        ValueError, match=r"X: a control law with weights as parameters is sampled every 0.001 s, not every 0.005 s"
     ):
         preview_lq(car, weights, name="X", period=5e-3, tunable=True)

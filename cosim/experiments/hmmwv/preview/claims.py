@@ -70,7 +70,7 @@ def _dip_compensated(study: Results) -> Finding:
     return Finding(
         f"{dip:.0f} mm are left, and a rise of {rise:.0f} mm comes with it",
         max(-dip, rise) <= seen,
-        "accelerometers and gyros show part of the body's motion even to a filter that believes in a flat road, and the"
+        "accelerometers and gyros show part of the body's motion even to a filter that assumes a flat road, and the"
         " quarter cars add all of it; through the buffer they close a loop of their own that keeps swinging",
         max(-dip, rise),
         "mm",

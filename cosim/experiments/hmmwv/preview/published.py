@@ -44,13 +44,13 @@ DROPOUT = replace(on_track(FED), duration=3.6, dropout_start=0.7, dropout=0.2)
 
 
 def generated(error: float) -> Case:
-    """The known track under a speedometer that shows ``error`` [%] too much."""
+    """The known track with a speedometer that reads ``error`` [%] too high."""
     return Case("generated", road="track", duration=3.0, speedometer_error=error)
 
 
 def words(chain: Case) -> str:
     """Name of a chain in tables and figures."""
-    name = "flat road believed" if chain.filter == "printed" else "relative states"
+    name = "flat road assumed" if chain.filter == "printed" else "relative states"
     return name + ", road fed back" * chain.use_road + ", quarter cars added" * chain.compensation
 
 

@@ -100,7 +100,7 @@ def chain_section(study: Results) -> Section:
         [
             (
                 f"Two range sensors see the road {ahead:.1f} m ahead of the front axle. Their heights are only as good"
-                " as the pose of the body that is taken off them (1.18). A filter that believes in a flat road takes"
+                " as the pose of the body that is taken off them (1.18). A filter that assumes a flat road takes"
                 " the climb over a bump for something else, and the road after the bump gets a dip that is not there."
             ),
             (

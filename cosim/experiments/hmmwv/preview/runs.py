@@ -71,7 +71,7 @@ class Case(AnyCase):
         within=(-50, 50),
         only=(lambda c: c.preview == "generated", "the generated preview"),
         label="speedometer{:+g}",
-        help="what the speedometer shows too much",
+        help="error of the speedometer (positive: it reads too high)",
     )
 
 

@@ -33,7 +33,7 @@ VARIANTS: dict[str, Case] = {
 
 
 def robustness_case(signal: str, density: float, leakage: float) -> Case:
-    """The controller believes in another density and leakage (relative) than the actuator has."""
+    """The controller assumes another density and leakage (relative) than the actuator has."""
     return Case(signal, density=density, leakage=leakage)
 
 

@@ -58,9 +58,10 @@ def section(study: Results) -> Section:
                 f" under the sweep; the pump has {about['flow_limit']:g} l/min."
             ),
             (
-                "The law inverts the actuator and takes the motion of the piston out by its flow, so it must know the"
-                " actuator. Too high a density (or too small a valve) in the controller takes out too much, which"
-                " feeds the motion of the car: negative damping. Too high a leakage is positive feedback of the force."
+                "The controller inverts the actuator and takes the motion of the piston out by its flow, so it must"
+                " know the actuator. Too high a density (or too small a valve) in the controller takes"
+                " out too much, which feeds the motion of the car: negative damping. Too high a leakage"
+                " is positive feedback of the force."
                 " Largest density in the controller, relative to the actuator's, of those tried, with which the error"
                 f" after a step dies away: {margins}. Being 5 % off costs a lot already: {100 * off[0]:.0f} % rms below"
                 f" and {100 * off[1]:.0f} % above instead of {100 * base:.1f} %."

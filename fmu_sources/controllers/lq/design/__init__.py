@@ -15,13 +15,14 @@ sum rho_i y_i^2 + sum rho_j u_j^2, as in (10); in general it is (13) with one mo
 The way from a plant to a controller:
 
     index = output_index(plant, output_weights, control_weights)       # (10) -> (13)
-    law = continuous_lq(plant, index)                                  # (14)-(18): u = -law.K x + u_ff
-    weights = law.foh_weights(step=0.005, count=80)                    # u_ff from heights 5 ms apart
+    lq = continuous_lq(plant, index)                                   # (14)-(18): u = -lq.K x + u_ff
+    weights = lq.foh_weights(step=0.005, count=80)                     # u_ff from heights 5 ms apart
     u_ff = weights.command(road_ahead, horizons=[24, 51, 24, 51])      # one horizon per wheel, in steps
 
 or, for a controller that is evaluated every `period` seconds and holds its command and its road in between,
-`sampled_lq(plant, index, period)`. Both laws are optimal for a disturbance known over the whole future. A horizon
-that ends earlier takes the disturbance to be 0 beyond its end, or with hold_tail to stay at the last value known.
+`sampled_lq(plant, index, period)`. Both control laws are optimal for a disturbance known over the whole future. A
+horizon that ends earlier takes the disturbance to be 0 beyond its end, or with hold_tail to stay at the last value
+known.
 
 In (17) the driving term is printed as (P E + Q12) w; here it is (P E + Q12 - K' Nuw) w, which differs when D' W F is
 not 0. Theorem 2, of an index in outputs with a known error, is used by no component: ``tests/oracles/lq.py``.
@@ -29,9 +30,9 @@ not 0. Theorem 2, of an index in outputs with a known error, is used by no compo
 ==============  =====================================================================
 ``plant``       linear plants and quadratic indices
 ``continuous``  Theorem 1, with preview of a disturbance that is linear between nodes
-``sampled``     the exact law of a controller with a sample time
-``tunable``     both as expressions of the weights, for an FMU that designs its law
-``modes``       whether a law exists, and which mode stands in the way
+``sampled``     the exact control law of a controller with a sample time
+``tunable``     both as expressions of the weights, for an FMU that designs its control law
+``modes``       whether a control law exists, and which mode stands in the way
 ``riccati``     Newton steps on a Riccati equation
 ``matrices``    checks and symmetry of matrices
 ==============  =====================================================================

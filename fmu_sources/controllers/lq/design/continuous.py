@@ -1,4 +1,4 @@
-"""The optimal law in continuous time: Theorem 1, and its feed-forward for a disturbance that is linear
+"""The optimal control law in continuous time: Theorem 1, and its feed-forward for a disturbance that is linear
 between nodes."""
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def symmetric(name: str, value: Array) -> Array:
 
 
 def matrix(name: str, value: npt.ArrayLike, shape: tuple[int | None, int | None], meaning: str) -> Array:
-    array = np.array(value, dtype=float)  # a copy, made read-only: a plant or law never changes once it exists
+    array = np.array(value, dtype=float)  # a copy, made read-only: a plant or control law never changes once it exists
     array.setflags(write=False)
     if array.ndim != 2 or any(size not in (None, have) for size, have in zip(shape, array.shape, strict=True)):
         expected = ", ".join("any" if size is None else str(size) for size in shape)

@@ -1,4 +1,4 @@
-"""Whether an optimal law exists: modes that no control reaches, or that the index does not see."""
+"""Whether an optimal control law exists: modes that no control reaches, or that the index does not see."""
 
 from __future__ import annotations
 
@@ -64,15 +64,15 @@ def hidden_mode(A: Array, B: Array, *, dual: bool = False, discrete: bool = Fals
             continue
         shifted = balanced - eigenvalue * np.eye(len(A))
         left, singular, _ = linalg.svd(np.hstack([shifted, columns]), full_matrices=False)
-        unseen = left[:, singular <= MODE_TOLERANCE * size]
-        if not unseen.shape[1]:
+        unreached = left[:, singular <= MODE_TOLERANCE * size]
+        if not unreached.shape[1]:
             continue
         if dual:
-            return complex(eigenvalue), linalg.norm(unseen, axis=1)
+            return complex(eigenvalue), linalg.norm(unreached, axis=1)
         # The motions themselves: of all right eigenvectors, those that the unreached directions belong to.
         _, singular, right = linalg.svd(shifted)
         space = right[singular <= max(1e-7 * size, singular[-1])].conj().T
-        motion = linalg.norm(space @ (space.conj().T @ unseen), axis=1)
+        motion = linalg.norm(space @ (space.conj().T @ unreached), axis=1)
         return complex(eigenvalue), motion if linalg.norm(motion) > 1e-6 else linalg.norm(space, axis=1)
     return None
 

@@ -20,7 +20,7 @@ from fmu_sources.controllers.lq.design.matrices import (
 
 
 class LqError(ValueError):
-    """No optimal law exists. `eigenvalue` and `states` name the mode that stands in the way, if it is one."""
+    """No optimal control law exists. `eigenvalue` and `states` name the mode that stands in the way, if it is one."""
 
     def __init__(self, message: str, eigenvalue: complex | None = None, states: Sequence[str] = ()) -> None:
         super().__init__(message)

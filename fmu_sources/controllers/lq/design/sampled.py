@@ -1,4 +1,6 @@
-"""The optimal law of a controller with a sample time, exact for commands and disturbances that are held in between."""
+"""The optimal control law of a controller with a sample time, exact for commands and disturbances that are held in
+between.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT, refined
 
 @dataclass(frozen=True, eq=False)
 class SampledLq:
-    """The optimal law of a controller with sample time `period`: u_k = -K x_k - sum_{j>=0} G_j w_{k+j}.
+    """The optimal control law of a controller with sample time `period`: u_k = -K x_k - sum_{j>=0} G_j w_{k+j}.
 
     Controls and disturbances are held over each period; the index is the exact integral between samples, so that
     P, Qd, Nd ... are integrals over one period, not means.

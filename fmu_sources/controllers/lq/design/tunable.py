@@ -1,4 +1,4 @@
-"""The designs of this folder as CasADi expressions of the weights, so that an FMU designs its law when it is
+"""The designs of this folder as CasADi expressions of the weights, so that an FMU designs its control law when it is
 initialized.
 
 Riccati equations are solved by structure-preserving doubling (Chu, Fan, Lin: "A structure-preserving doubling algorithm
@@ -31,12 +31,12 @@ _HALVINGS, _TERMS = 8, 8  # of the step before the exponential series, and what 
 
 @dataclass(frozen=True, eq=False)
 class TunableTaps:
-    """Feedback ``K`` (controls, states) of the sampled law, and feed-forward of the continuous one for a disturbance
-    that is linear between nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count *
+    """Feedback ``K`` (controls, states) of the sampled control law, and feed-forward of the continuous one for a
+    disturbance that is linear between nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count *
     disturbances), node after node.
 
     ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does
-    not fail where weights have no law, or none that double precision finds: what it gives then solves nothing.
+    not fail where weights have no control law, or none that double precision finds: what it gives then solves nothing.
     """
 
     K: ca.MX

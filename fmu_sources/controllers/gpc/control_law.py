@@ -11,8 +11,8 @@ Three steps lead from a recorded run to a controller:
 
     found = identify_arx(u, y, d, order=8, samples=400)            # (2)-(5), (16), (17)
     predictor = multi_step_predictor(found.model, h_p=8, h_c=8)    # (6)-(8), (18), (20)
-    law = gpc_law(predictor, Q=[50, 10, 1], R=1e-7, variant="preview")   # (9)-(15), (19), (21)
-    u_now = law.command(y_hist, u_hist, d_hist, d_future)
+    gpc = gpc_law(predictor, Q=[50, 10, 1], R=1e-7, variant="preview")   # (9)-(15), (19), (21)
+    u_now = gpc.command(y_hist, u_hist, d_hist, d_future)
 
 Everywhere a history is ordered most recent first, [x(t-1); x(t-2); ...; x(t-p)], and a future in time,
 [x(t); x(t+1); ...]. Both are passed as arrays with one row per instant, or flattened in that order. Signals are
@@ -117,7 +117,8 @@ def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLi
 
 @dataclass(frozen=True, eq=False)
 class GpcLaw:
-    """The receding-horizon law: u(t) from histories and, with preview, from the disturbance ahead. (15), (19), (21).
+    """The receding-horizon control law: u(t) from histories and, with preview, from the disturbance ahead. (15), (19),
+    (21).
 
     The four gains are always those of the optimisation itself. What a variant does with them:
 
@@ -160,11 +161,11 @@ class GpcLaw:
             if shape != (self.controls, columns):
                 raise ValueError(f"{name} has shape {shape}; expected ({self.controls}, {columns})")
         if self.variant == "implicit" and self.disturbances:
-            raise ValueError(f"an implicit law has no disturbances, but gain_d is for {self.disturbances}")
+            raise ValueError(f"an implicit control law has no disturbances, but gain_d is for {self.disturbances}")
         if self.variant != "implicit" and not self.disturbances:
-            raise ValueError(f"the {self.variant} law needs measured disturbances, but gain_d has no columns")
+            raise ValueError(f"the {self.variant} control law needs measured disturbances, but gain_d has no columns")
         if self.hold and self.variant != "explicit":
-            raise ValueError(f"hold applies to the explicit law only, not to {self.variant}")
+            raise ValueError(f"hold applies to the explicit control law only, not to {self.variant}")
 
     @property
     def outputs(self) -> int:
@@ -208,9 +209,9 @@ class GpcLaw:
         used = {"d_hist": self.variant != "implicit", "d_future": self.variant == "preview"}
         for name, value in (("d_hist", d_hist), ("d_future", d_future)):
             if used[name] and value is None:
-                raise ValueError(f"the {self.variant} law needs {name}")
+                raise ValueError(f"the {self.variant} control law needs {name}")
             if not used[name] and value is not None:
-                raise ValueError(f"the {self.variant} law has no use for {name}")
+                raise ValueError(f"the {self.variant} control law has no use for {name}")
         u = self.gain_y @ rows("y_hist", y_hist, self.order, self.outputs).ravel()
         u += self.gain_u @ rows("u_hist", u_hist, self.order, self.controls).ravel()
         if self.variant != "implicit":
@@ -221,7 +222,7 @@ class GpcLaw:
         return u
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON values from which `from_dict` rebuilds the law exactly."""
+        """JSON values from which `from_dict` rebuilds the control law exactly."""
         return {
             "format": LAW_FORMAT,
             "variant": self.variant,
@@ -235,14 +236,14 @@ class GpcLaw:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> GpcLaw:
-        """The law of a dictionary made by `to_dict`."""
+        """The control law of a dictionary made by `to_dict`."""
         if data.get("format") != LAW_FORMAT:
-            raise ValueError(f"not a stored GPC law: format is {data.get('format')!r}, expected {LAW_FORMAT!r}")
+            raise ValueError(f"not a stored GPC controller: format is {data.get('format')!r}, expected {LAW_FORMAT!r}")
         names = ("variant", "hold", "order", "h_p", "h_c", *_LAW_ARRAYS, "provenance")
         missing = [name for name in names if name not in data]
         unknown = sorted(set(data) - {"format", *names})
         if missing or unknown:
-            raise ValueError(f"not a stored GPC law: lacks {missing}, has unknown {unknown}")
+            raise ValueError(f"not a stored GPC controller: lacks {missing}, has unknown {unknown}")
         if not isinstance(data["hold"], bool):
             raise ValueError(f"hold is {data['hold']!r}; expected true or false")
         return cls(**{name: data[name] for name in names})
@@ -253,11 +254,11 @@ class GpcLaw:
 
     @classmethod
     def from_json(cls, text: str) -> GpcLaw:
-        """The law of a text made by `to_json`."""
+        """The control law of a text made by `to_json`."""
         try:
             data = json.loads(text)
             if not isinstance(data, dict):
-                raise ValueError("not a stored GPC law: the text holds no JSON object")
+                raise ValueError("not a stored GPC controller: the text holds no JSON object")
             return cls.from_dict(data)
         except (ValueError, TypeError, RecursionError) as error:  # numbers that are none, brackets without an end
             raise ValueError(plain(str(error))) from None
@@ -285,11 +286,13 @@ def gpc_law(
         raise ValueError(f"unknown variant {variant!r}; choose one of {', '.join(get_args(Variant))}")
     if variant == "implicit" and predictor.disturbances:
         raise ValueError(
-            f"the implicit law takes no account of disturbances, but the model has {predictor.disturbances}; "
+            f"the implicit control law takes no account of disturbances, but the model has {predictor.disturbances}; "
             "identify it without d"
         )
     if variant != "implicit" and not predictor.disturbances:
-        raise ValueError(f"the {variant} law needs measured disturbances, but the model has none; identify it with d")
+        raise ValueError(
+            f"the {variant} control law needs measured disturbances, but the model has none; identify it with d"
+        )
     sequence = gpc_sequence(predictor, Q, R)
     first = slice(0, predictor.controls)
     return GpcLaw(
