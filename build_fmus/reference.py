@@ -189,17 +189,17 @@ class Evaluator:
 def simulate(
     component: Model,
     *,
-    inputs: Mapping[str, Callable[[float], float]] | None = None,
+    signals: Mapping[str, Callable[[float], float]] | None = None,
     parameters: Mapping[str, float] | None = None,
     step: float | None = None,
     steps: int = 200,
 ) -> ReferenceResult:
-    """Run a component alone, driven by ``inputs`` (its reference inputs by default) sampled at each step and held.
+    """Run a component alone, driven by ``signals`` (its reference inputs by default) sampled at each step and held.
 
     Row k holds the inputs that act from t_k on and the outputs at t_k, read before those inputs are set (row 0: after
     initialization with the first inputs), which is what a tool sees that sets inputs, steps, and reads.
     """
-    inputs = component.reference_inputs if inputs is None else inputs
+    signals = component.reference_inputs if signals is None else signals
     h = step or component.sample_time or component.exchange_step
     names = [e.name for e in component.elements("input")]
     slots = [e.slot for e in component.elements("input")]
@@ -209,7 +209,7 @@ def simulate(
 
     def set_inputs(t: float) -> None:
         for n, s in zip(names, slots, strict=True):
-            run.u[s] = inputs[n](t) if n in inputs else base[s]
+            run.u[s] = signals[n](t) if n in signals else base[s]
 
     for k in range(steps + 1):
         t = k * h

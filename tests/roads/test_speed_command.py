@@ -12,7 +12,7 @@ PERIOD = 1e-3
 def drive(target, steps, **parameters):
     result = simulate(
         speed_command().model(),
-        inputs={"target.speed": target},
+        signals={"target.speed": target},
         parameters={k.replace("__", "."): v for k, v in parameters.items()},
         steps=steps,
     )
