@@ -1,5 +1,5 @@
-"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify laws, look into FMUs,
-build them.
+"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify control laws, inspect
+FMUs, build them.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Drawings(Experiments):
 
 
 class Laws(Commands):
-    """One command per experiment whose laws are identified."""
+    """One command per experiment whose controllers are identified."""
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
         return list(IDENTIFY)
@@ -118,12 +118,12 @@ def first_steps() -> str:
 
 
 app = typer.Typer(cls=Commands, epilog=first_steps(), **GROUP)
-FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py, cosim {0} Any.ssp"
+FILE = "NAME is a built-in experiment or your own file: cosim {0} my_experiment.py, cosim {0} Any.ssp"
 
 
 @app.callback()
 def cosim(_version: PackageVersion = False) -> None:
-    """Co-simulate FMUs: experiments that repeat published papers or are your own, and a look into FMUs of any tool."""
+    """Co-simulate FMUs: reproduce published experiments, run your own, and inspect FMUs of any tool."""
 
 
 app.add_typer(typer.Typer(cls=Runs, help="Run one case of an experiment. " + FILE.format("run"), **GROUP), name="run")
@@ -156,7 +156,8 @@ app.add_typer(
     name="wiring",
 )
 app.add_typer(
-    typer.Typer(cls=Laws, help="Derive the control laws again from their plant FMU.", **GROUP), name="identify"
+    typer.Typer(cls=Laws, help="Identify the controllers of an experiment again from its plant FMU.", **GROUP),
+    name="identify",
 )
 
 
@@ -166,7 +167,7 @@ def list_experiments() -> None:
     if extras.missing("studies"):
         show(Text(first_steps().removeprefix("\b\n"), end=""), as_is=True)
         return
-    table = Table("experiment", "what it is", box=None)
+    table = Table("experiment", "title", box=None)
     table.add_column("options", overflow="fold")
     for name in NAMES:
         experiment = load(EXPERIMENTS[name])
@@ -188,11 +189,11 @@ def _options(command: Any) -> str:
 
 @app.command(cls=Command)
 def fmu(
-    file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")],
-    strict: Annotated[bool, typer.Option("--strict", help="refuse what deviates from the FMI standard")] = False,
+    file: Annotated[Path, typer.Argument(help=".fmu file of any tool")],
+    strict: Annotated[bool, typer.Option("--strict", help="reject an FMU that deviates from the FMI standard")] = False,
     limit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times"),
+        typer.Option(metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"),
     ] = None,
 ) -> None:
     """Show what is in an FMU, ready to wire, and where it deviates from the FMI standard."""
@@ -228,10 +229,10 @@ def complete(words: Annotated[list[str] | None, typer.Argument()] = None) -> Non
 
 @app.command(cls=Command)
 def recover(
-    file: Annotated[Path, typer.Argument(help="NAME.csv.part, or NAME.csv beside it", metavar="FILE")],
-    to: Annotated[Path | None, typer.Option(help="write the CSV there", metavar="FILE")] = None,
+    file: Annotated[Path, typer.Argument(help="NAME.csv.part, or the NAME.csv next to it", metavar="FILE")],
+    to: Annotated[Path | None, typer.Option(help="write the CSV to this file", metavar="FILE")] = None,
 ) -> None:
-    """Make the CSV of a run that died from the rows that it has left."""
+    """Recover the results of a crashed run as a CSV file."""
     from cosim.spool import recover
 
     path, recording = recover(file, to)

@@ -1,8 +1,8 @@
 """Recordings as files of other programs, by the ending of the file: CSV, Parquet, NetCDF (which is HDF5) and MF4.
 
-A writer takes what a `Recording` holds, a reader gives it back: the same bits, names, units and order, and types but
-for CSV, which has none. Nothing in a file depends on when it was written. Libraries come with the extra [data] and are
-imported when they are used.
+A writer takes what a `Recording` holds, a reader restores it: bit-identical values, names, units and order, and types
+but for CSV, which has none. Nothing in a file depends on when it was written. Libraries come with the extra [data] and
+are imported when they are used.
 """
 
 from __future__ import annotations
@@ -181,8 +181,8 @@ def _gathered(time: Any, found: Sequence[tuple[str, Any, str]], kinds: Mapping[s
 
 
 def write_csv(file: IO[bytes], recorded: Recorded) -> None:
-    """`time [s]` and every column with a header `name [unit]`; floats are written so that reading them back gives the
-    same bits.
+    """`time [s]` and every column with a header `name [unit]`; floats are bit-identical when they are
+    read back.
     """
     units = [recorded.units.get(name, "") for name in recorded.names]
     header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(recorded.names, units, strict=True))]

@@ -73,8 +73,8 @@ class Recording:
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`).
-        `read` gives the same bits, names, units, order and types back; a CSV has no types. Makes the folder; an older
-        file is replaced when the new one is whole. Raises FormatError (a ValueError) for other endings,
+        `read` restores bit-identical values, names, units, order and types; a CSV has no types. Makes the folder; an
+        older file is replaced when the new one is whole. Raises FormatError (a ValueError) for other endings,
         MissingExtraError without the extra [data], OSError naming the path.
         """
         return formats.write(path, self)

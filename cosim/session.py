@@ -127,12 +127,13 @@ class System(Wiring):
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
         `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way
-        elsewhere, the simulation continues from there with the same bits (start_time is not used). Wiring, rates and
+        elsewhere, the simulation continues from there with bit-identical values (start_time is not used). Wiring, rates
+        and
         parameters of components that are not in it may have changed, at a common multiple of all steps: several
         controllers can be tried from one instant. Outputs that are NaN or infinite end the run with ComponentError
         unless `allow_nan`. `engine`: "compiled", "python", or "auto", which is compiled where that is possible
-        (`print(system.schedule())` says which and why); both give the same bits. Inputs that nothing drives keep their
-        start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
+        (`print(system.schedule())` says which and why); both give bit-identical values. Inputs that nothing drives keep
+        their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
         """
         self.end_simulation()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
@@ -242,18 +243,18 @@ class System(Wiring):
     ) -> LinearModel:
         """The system's linear model about where it stands `settle` [s] after its start, as a `control.StateSpace`.
 
-        Continuous (default): the continuous members, coupled without the delays of the exchange; inputs are outputs of
-        sampled members and inputs that no continuous member drives. With `discrete=True` the whole system, sampled
-        members included, over the least common multiple of all steps, or over a multiple of it (`discrete="10 ms"`);
-        inputs are those that nothing drives. `cosim.master.linearization` says what the states are and what is left
-        out.
+        Continuous (default): the continuous components, coupled without the delays of the exchange; inputs are outputs
+        of discrete components and inputs that no continuous component drives. With `discrete=True` the whole system,
+        discrete components included, over the least common multiple of all steps, or over a multiple of it
+        (`discrete="10 ms"`); inputs are those that nothing drives. `cosim.master.linearization` says what the states
+        are and what is left out.
 
-        `inputs` and `outputs`: names and patterns (`law.*`, `car.body.az`). Defaults: commands of the sampled members
-        (continuous model) and all unconnected Real inputs; all Real outputs. Names in the model are as
+        `inputs` and `outputs`: names and patterns (`controller.*`, `car.body.az`). Defaults: commands of the discrete
+        components (continuous model) and all unconnected Real inputs; all Real outputs. Names in the model are as
         `cosim.statespace` says (`car.body.az` is `car_body_az`), and its `names` lead back. As in a run, components are
-        reset and initialized with their parameters and start values first. Raises CosimError naming the member or
+        reset and initialized with their parameters and start values first. Raises CosimError naming the component or
         connection that has no linear model, with the reason, LoopError for an algebraic loop without a solution (of
-        continuous members at the start; else for every one, as in a run), WiringError for names that do not fit.
+        continuous components at the start; else for every one, as in a run), WiringError for names that do not fit.
         """
         from cosim.statespace import LinearModel
 
@@ -297,13 +298,13 @@ class System(Wiring):
         platforms: str = "host",
         text: str = "",
     ) -> Path:
-        """Write the system as one FMU, Co-Simulation, which any tool runs: engine, exchange and members in one file.
+        """Write the system as one FMU, Co-Simulation, which any tool runs: engine, exchange and components in one file.
 
-        Its variables are those of the members, as `member.variable`. `inputs`: names and patterns; default all that no
-        member drives. `outputs`: as in `select`; default all outputs that are no array elements. `parameters`: default
-        all of all members, starting at the values that they have here. `without`: members that stay outside, with their
-        connections; what they drove become inputs. `fmi`: 2 or 3. `platforms`: "host", "all", or names separated by
-        commas. `text`: the FMU's description.
+        Its variables are those of the components, as `component.variable`. `inputs`: names and patterns; default all
+        that no component drives. `outputs`: as in `select`; default all outputs that are no array elements.
+        `parameters`: default all of all components, starting at the values that they have here. `without`: components
+        that stay outside, with their connections; what they drove become inputs. `fmi`: 2 or 3. `platforms`: "host",
+        "all", or names separated by commas. `text`: the FMU's description.
 
         FMUs of this project are linked from their sources, for every platform; those of others travel with the
         libraries that they have. Its step is a whole number of ticks of the schedule; the numbers are those of
@@ -344,7 +345,7 @@ class System(Wiring):
         """Write the system as a web page, in which it runs live: compiled to WebAssembly, in one file that needs no
         server, no network and nothing installed. FMUs of this project only, of FMI 3.0.
 
-        `title` and `text` stand above it. `values`: inputs and parameters, `member.variable`, that it starts with.
+        `title` and `text` stand above it. `values`: inputs and parameters, `component.variable`, that it starts with.
         `controls`: inputs and parameters that get a slider at once (all of them have a field below). `plots`: outputs
         of the charts at first. `scene`: what it looks like; `cosim.scenes.infer_scene(system)` finds that by the names
         of its variables. For several systems side by side, measures and controls with words of their own:
@@ -372,7 +373,7 @@ class System(Wiring):
         SSP 1.0 takes FMUs of FMI 2.0: of one of FMI 3.0 that `build-fmus` has made, its other version. SSP 2.0 takes
         that of FMI 3.0 where there is one. `inputs`: names and patterns of inputs that nothing drives, which become
         inputs of the system (not every reader takes systems that have any); default none, they keep their start values.
-        `stop_time` [s]: of the default experiment; default the longest of the members'. `text`: its description. The
+        `stop_time` [s]: of the default experiment; default the longest of the components'. `text`: its description. The
         system is initialized, since readers that step before they exchange need what connected inputs show then. Raises
         SspError naming what cannot travel: components in Python, isolated ones, FMUs in no version that fits.
         """
@@ -467,7 +468,7 @@ def _check_stop_time(stop_time: TimeLike, start_time: TimeLike, state: SystemSta
 
 
 def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | None:
-    """Names of a member's variables as those of a system."""
+    """Names of a component's variables as those of a system."""
     return (
         None if patterns is None else [f"{member}.{p}" for p in ([patterns] if isinstance(patterns, str) else patterns)]
     )

@@ -97,7 +97,7 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
 
 
 def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = None) -> tuple[Path, Recording]:
-    """Make the file of a run that died from `NAME.csv.part` (or from `NAME.csv`, beside which that lies), and remove
+    """Recover the results of a crashed run from `NAME.csv.part` (or from the `NAME.csv` next to it), and remove
     the rows.
 
     It is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there are no

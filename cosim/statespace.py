@@ -38,7 +38,7 @@ class Matrices:
     point: Mapping[str, float] = field(default_factory=dict)
 
     def within(self, member: str) -> Matrices:
-        """The same in the member's own names."""
+        """The same in the component's own names."""
 
         def own(name: str) -> str:
             return name.removeprefix(f"{member}.")

@@ -10,7 +10,7 @@ from cosim.description import Description, split_index
 
 BUS, PLUG, SEQUENCE = "bus", "plug", "sequence"
 RULES = (PLUG, BUS, SEQUENCE)
-FLOWS = ("inflow", "outflow")  # kinds of members that add up to zero where terminals are connected
+FLOWS = ("inflow", "outflow")  # kinds of variables that add up to zero where terminals are connected
 KINDS = ("signal", *FLOWS)
 DEEPEST = 16  # terminals within each other
 
@@ -38,9 +38,9 @@ class Stream:
 
 @dataclass(frozen=True)
 class Terminal:
-    """`path`: its name, after those of the terminals that it is in (`road.fl`). `rule` says how members match: "plug",
-    "bus", "sequence", or what another standard defines; `kind` is of a domain, and may be empty. `declared`: the FMU
-    says so; otherwise its names do.
+    """`path`: its name, after those of the terminals that it is in (`road.fl`). `rule` says how variables match:
+    "plug", "bus", "sequence", or what another standard defines; `kind` is of a domain, and may be empty. `declared`:
+    the FMU says so; otherwise its names do.
     """
 
     path: str
@@ -89,7 +89,8 @@ def by_names(about: Description) -> tuple[Terminal, ...]:
 
 def expanded(members: tuple[TerminalMember, ...]) -> tuple[TerminalMember, ...]:
     """Arrays as their elements, `fl` as `fl[1]`, `fl[2]`, ..., by which they match those that are
-    declared one by one."""
+    declared as scalars.
+    """
     return tuple(
         TerminalMember(
             m.name + variable[len(split_index(variable)[0]) :] if len(m.variables) > 1 else m.name, (variable,), m.kind

@@ -3,7 +3,7 @@
 
 make pictures
 
-In Chromium, at the widths and colour schemes in which people read; pages and reports have to be there (``build/live``,
+In Chromium, at the widths and color schemes in which people read; pages and reports have to be there (``build/live``,
 ``results``). What is missing is named, and its picture stays as it was.
 """
 

@@ -152,7 +152,7 @@ def claims_page() -> str:
 
 def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path], root: str = "") -> str:
     """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of
-    colours that each is for. ``root`` leads from the page to the root of the site: "" or "../".
+    colors that each is for. ``root`` leads from the page to the root of the site: "" or "../".
     """
     parts = []
     for target, title, text, pictures in cards:

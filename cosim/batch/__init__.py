@@ -1,11 +1,11 @@
 """Many copies of one system, stepped together on all cores.
 
-- ``batch``: :class:`Batch`, what users see;
-- ``structs``: the plan of all copies for the compiled engine, and what failed;
-- ``source``: the sources that an FMU carries, and why it has no lanes;
+- ``batch``: :class:`Batch`, the interface for users;
+- ``structs``: the plan of all copies for the compiled engine, and the failures;
+- ``source``: the sources that an FMU carries, and why it is not vectorizable;
 - ``statements``: its generated functions, read back;
-- ``lanes``: these functions over several copies at once, in C;
-- ``library``: what is compiled of them, for one kind of processor.
+- ``lanes``: these functions vectorized over several copies, in C;
+- ``library``: the compiled library, for one kind of processor.
 
 In ``runtime/`` are the vectors (``lanes.h``), solvers and samples in lanes (``lane_member.h``), and the engine of
 groups (``batch.c``).

@@ -65,15 +65,15 @@ class BatchRecording:
 
 
 class Batch:
-    """`copies` of a system, stepped together on all cores; each has the bits of a run of its own.
+    """`copies` of a system, stepped together on all cores; each is bit-identical to a run of its own.
 
         batch = Batch(system, 1000, start={"car.body.mass": masses}, inputs=["car.force.*"], outputs=["car.body.az"])
         batch.advance("0.1 s")
         az = batch.step("0.01 s", forces)         # (1000, 4) in, (1000, 1) out
 
-    FMUs of this project whose equations have no control flow of their own for each copy run in *lanes*: 2, 4 or 8
-    copies in one vector of the processor. Others (quadratic programs, stiff solvers, FMUs of others, signals from
-    tables) run one by one in the same batch. `print(batch)` names both, and why.
+    FMUs of this project are vectorized where all copies take the same branches: 2, 4 or 8 copies run in the *lanes*
+    of one vector of the processor. Others (quadratic programs, stiff solvers, third-party FMUs, signals from
+    tables) run as scalar code in the same batch. `print(batch)` lists both, with reasons.
 
     Args:
         system: whose components, connections and rates every copy has. The batch uses its components: it has no other
@@ -120,7 +120,7 @@ class Batch:
             if not isinstance(m.component, FmuComponent) and not m.description.native:
                 raise CosimError(
                     f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component"
-                    " that build-fmus makes an FMU of, or run the copies one by one"
+                    " that build-fmus makes an FMU of, or run the copies without a batch"
                 )
         if threads is not None:
             whole_number("threads", threads, error=CosimError)
@@ -143,8 +143,8 @@ class Batch:
         self._target: Target = choose_target(vectors)
         self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
         self._sources: dict[Member, LaneSource] = {}
-        self.one_by_one: dict[str, str] = {}
-        """Names of members whose copies run one by one, and why."""
+        self.scalar: dict[str, str] = {}
+        """Names of components that are not vectorizable, and why."""
         self._fixed_reasons: dict[Member, str] = {}
         for m in system.members.values():
             try:
@@ -215,7 +215,7 @@ class Batch:
             steps = given.get((m, "solver.step"))
             if steps is not None and len(set(steps)) > 1:
                 self._alone[m] = "its copies have different solver.step"
-        self.one_by_one = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
+        self.scalar = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
         for m in self._alone:
@@ -252,7 +252,7 @@ class Batch:
         return found
 
     def _begin(self, given: Mapping[tuple[Member, str], list[Any]]) -> None:
-        """Initialize the copies, one after the other; where all members have lanes, equal ones once."""
+        """Initialize the copies, one after the other; where all components have lanes, equal ones once."""
         self.system.end_simulation()
         schedule = self._schedule
         kept = [(m, dict(m.values), m.component) for m in schedule.members]
@@ -556,7 +556,7 @@ class Batch:
             lines.append("in lanes:")
             lines += [f"     {m.name} ({m.description.name})" for m in together]
         if self._alone:
-            lines.append("one by one:")
+            lines.append("scalar:")
             lines += [
                 f"     {m.name} ({m.description.name}): {self._alone[m]}"
                 for m in self._schedule.members

@@ -1,7 +1,8 @@
 """The functions of a component over several copies at once: its generated statements in C over vectors of numbers
 ("lanes").
 
-Every operation is that of the component's own code, in the same order, so each lane has the bits of a copy alone. Three
+Every operation is that of the component's own code, in the same order, so each lane is bit-identical to a copy alone.
+Three
 things are left out: what no needed output or state comes from; what depends on parameters only is computed once
 (`Fixed`); a block under a condition is skipped where the condition holds in no lane. Where it holds in some, the block
 is carried out for all, and the choice that the condition stands for takes its value for these lanes only.
@@ -143,7 +144,7 @@ class Needed:
 
     @classmethod
     def of(cls, members: Sequence[tuple[str, int]], slots: Iterable[int]) -> Needed:
-        """`members`: name and size in their order; `slots`: of the elements."""
+        """From the names and sizes of the struct's fields, in their order, and the slots of the elements."""
         places = [(name, i) for name, size in members for i in range(size)]
         found = frozenset(places[s] for s in slots)
         return cls(found, frozenset(name for name, _ in found))
@@ -153,7 +154,7 @@ class Needed:
         index = None
         if target.kind == "index":
             target, index = target.parts
-        if target.kind != "member":
+        if target.kind != "field":
             raise NotRead("its code writes outputs in another way than by name")
         name = target.text.partition("->")[2]
         if index is not None and index.kind == "number":
@@ -167,7 +168,7 @@ class Structs:
     def __init__(self, code: str):
         self.code: dict[str, str] = {}
         self.members: dict[str, list[tuple[str, int]]] = {}
-        self.arrays: set[str] = set()  # members that are arrays, as pointer->name
+        self.arrays: set[str] = set()  # fields that are arrays, as pointer->name
         for body, name in _STRUCT.findall(code):
             rows = [_MEMBER.fullmatch(line.strip()) for line in body.split("\n") if line.strip()]
             if not all(rows):
@@ -276,7 +277,7 @@ class _Function:
         if target is None:
             raise NotRead("its code has a loop over a declaration")
         base = _base(target)
-        if base.kind == "member":
+        if base.kind == "field":
             pointer = base.text.partition("->")[0]
             if pointer not in _RESULTS:
                 raise NotRead(f"its code writes to {base.text}")
@@ -373,7 +374,7 @@ class _Function:
 
     def _place(self, e: Expression) -> str:
         """Where something is written."""
-        if e.kind == "member":
+        if e.kind == "field":
             return e.text
         if e.kind == "index":
             array, kind = self._pointer(e.parts[0])
@@ -400,7 +401,7 @@ class _Function:
             return e.text, "lanes"
         if e.kind == "name" and self._tables.get(e.text) == "double":
             return e.text, "table"
-        if e.kind == "member":
+        if e.kind == "field":
             if e.text not in self._structs.arrays:
                 raise NotRead(f"its code has {e.text} in place of an array")
             return self._checked(e.text), "lanes"
@@ -454,7 +455,7 @@ class _Function:
             if e.text not in self._values:
                 raise NotRead(f"its code has '{e.text}' as a number")
             return self._values[e.text]
-        if e.kind == "member":
+        if e.kind == "field":
             return Code(self._checked(e.text), "lanes", fixed=e.text.startswith("p->"))
         if e.kind == "index":
             array, kind = self._pointer(e.parts[0])

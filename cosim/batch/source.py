@@ -34,7 +34,7 @@ _IN_LANES = frozenset(
 
 
 class NoLanes(Exception):  # noqa: N818
-    """An FMU whose copies run one by one; the argument says why."""
+    """An FMU that is not vectorizable; the argument says why."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ class NotRead(Exception):  # noqa: N818
 
 
 class Expression(NamedTuple):
-    """`kind`: number, name, member (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or
+    """`kind`: number, name, field (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or
     cast; `text`: number, name, operator or function; `parts`: operands.
     """
 
@@ -27,8 +27,8 @@ class Expression(NamedTuple):
     parts: tuple[Expression, ...] = ()
 
     def names(self) -> Iterator[str]:
-        """All names in it; of members as pointer->name."""
-        if self.kind in ("name", "member"):
+        """All names in it; of struct fields as pointer->name."""
+        if self.kind in ("name", "field"):
             yield self.text
         elif self.kind == "flat":
             yield f"{self.text}->"
@@ -272,7 +272,7 @@ class _Reader:
         if not token.isidentifier():
             raise NotRead(f"its code has '{' '.join(self._tokens[max(0, self._at - 4) : self._at + 3])}'")
         if self._takes("->"):
-            return Expression("member", f"{token}->{self._next()}")
+            return Expression("field", f"{token}->{self._next()}")
         if self._takes("("):
             arguments = []
             while not self._takes(")"):

@@ -26,7 +26,7 @@ _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 @dataclass(frozen=True)
 class CopyFailure:
-    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and
+    """Why a copy has ended: its index, the component that failed, the time [s] at which its step began, and
     the message."""
 
     copy: int
@@ -40,7 +40,7 @@ class CopyFailure:
 
 @dataclass
 class Lanes:
-    """A member whose copies lie side by side."""
+    """A component whose copies lie side by side."""
 
     source: LaneSource
     library: Any
@@ -59,8 +59,8 @@ class Lanes:
 class Structs:
     """A plan for all copies, ready for the compiled engine.
 
-    `exchanges`: of each copy, None where it could not be initialized; those of copies with members that run one by one
-        are kept.
+    `exchanges`: of each copy, None where it could not be initialized; those of copies with scalar components are
+        kept.
     """
 
     def __init__(

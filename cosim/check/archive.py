@@ -77,7 +77,7 @@ def zip_file(file: File) -> Found:
 
 @check(
     "archive.layout",
-    "what lies in the archive lies where the standard says",
+    "files are where the standard says",
     fmi2="2.3 FMU Distribution (structure of the ZIP file)",
     fmi3="2.5.1 Structure of the ZIP file",
     advice=(
@@ -200,7 +200,7 @@ def terminals(file: File) -> Found:
 
 
 def _unmatchable(terminal: Any) -> Iterator[str]:
-    """Why members of a terminal cannot be matched."""
+    """Reasons why variables of a terminal cannot be matched."""
     members = terminal.findall("TerminalMemberVariable")
     rule, line = terminal.get("matchingRule", ""), f"line {terminal.sourceline}"
     if rule not in RULES and "." not in rule:
@@ -210,9 +210,11 @@ def _unmatchable(terminal: Any) -> Iterator[str]:
         )
     if rule in (PLUG, BUS):
         yield from (
-            f"line {m.sourceline}: a member of a {rule} needs a memberName" for m in members if not m.get("memberName")
+            f"line {m.sourceline}: a variable of a {rule} needs a memberName"
+            for m in members
+            if not m.get("memberName")
         )
-        yield from (f"line {at}: there is a member {name!r} already" for name, at in _twice(members, "memberName"))
+        yield from (f"line {at}: there is a memberName {name!r} already" for name, at in _twice(members, "memberName"))
     flows = sum(m.get("variableKind") in FLOWS for m in members)
     if terminal.find("TerminalStreamMemberVariable") is not None and flows > 1:
         yield f"{line}: streams are carried by one flow, and this terminal has {flows}"

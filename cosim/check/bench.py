@@ -15,7 +15,7 @@ from cosim.check.rules import Finding, NotApplicable, warning
 
 STEPS = 10  # communication steps of a run
 MOST_READ = 400  # variables that are compared after each
-MOST_TRIED = 12  # variables that are tried one by one
+MOST_TRIED = 12  # variables that are tried individually
 EQUAL = 1e-9  # of the largest value of a signal: up to which numbers of two equal runs are rounding, not another result
 OTHER = 1e-4  # of the largest value of a signal: from which on fixed steps give another result
 TOLERANCE = 1e-4  # relative tolerance of an integrator with error control, where the default experiment has none

@@ -19,7 +19,7 @@ from cosim.check.runner import Options, Unchecked, Workers, check, ordered
 from cosim.errors import CosimError
 from cosim.fmu.limits import Limits
 
-_COLOURS = {
+_COLORS = {
     "error": "bold red",
     "warning": "yellow",
     "note": "cyan",
@@ -33,40 +33,41 @@ def check_command(
     files: Annotated[list[Path] | None, typer.Argument(help="FMU files, of any tool", metavar="FILE.fmu ...")] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="CHECK", help="only this check, group or pattern, as saved or 'runs.*'; may be given several times"
-        ),
+        typer.Option(metavar="CHECK", help="run only this check, group or pattern, such as 'runs.*' (repeatable)"),
     ] = None,
     skip: Annotated[
         list[str] | None,
-        typer.Option(metavar="CHECK", help="not this check, group or pattern; may be given several times"),
+        typer.Option(metavar="CHECK", help="skip this check, group or pattern (repeatable)"),
     ] = None,
-    interface: Annotated[str | None, typer.Option(metavar="cs|me", help="only Co-Simulation or Model Exchange")] = None,
-    fmi: Annotated[str | None, typer.Option(metavar="2|3", help="the FMI version that the FMUs must be of")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="warnings fail, too")] = False,
+    interface: Annotated[
+        str | None, typer.Option(metavar="cs|me", help="check only Co-Simulation or Model Exchange")
+    ] = None,
+    fmi: Annotated[str | None, typer.Option(metavar="2|3", help="require this FMI version")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="treat warnings as errors")] = False,
     every: Annotated[
-        bool, typer.Option("--all", help="show every check, also those that passed or do not apply")
+        bool, typer.Option("--all", help="show every check, including those that passed or do not apply")
     ] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="write JUnit XML, for CI")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE", help="write a page")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="write everything as JSON")] = None,
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="time of one check")] = 20.0,
+    html: Annotated[Path | None, typer.Option(metavar="FILE", help="write an HTML page")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="write all results as JSON")] = None,
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="limit the time of one check [s]")] = 20.0,
     memory_limit: Annotated[
-        float | None, typer.Option(metavar="MB", help="memory of one check (default: half of the machine's)")
+        float | None,
+        typer.Option(metavar="MB", help="limit the memory of one check [MB] (default: half of the machine's)"),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times"),
+        typer.Option(metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"),
     ] = None,
     list_: Annotated[bool, typer.Option("--list", help="list the checks and stop")] = False,
 ) -> None:
-    """Check whether an FMU keeps to the FMI standard: what it says, and what it does. Ends with 0 when it is clean, 1
-    when errors were found, 2 when it could not be checked.
+    """Check whether an FMU conforms to the FMI standard: its description and its behavior. The exit code is 0 without
+    errors, 1 with errors, 2 when the FMU could not be checked.
     """
     if list_:
-        table = Table("check", "what is looked at", "worst", box=None)
+        table = Table("check", "requirement", "worst", box=None)
         for c in ordered():
-            table.add_row(c.id, Text(c.title), Text(c.worst, style=_COLOURS[c.worst]))
+            table.add_row(c.id, Text(c.title), Text(c.worst, style=_COLORS[c.worst]))
         show(table)
         return
     try:
@@ -154,11 +155,11 @@ def _show(report: Report, every: bool) -> None:
     for result, finding in report.findings():
         text = Text(str(finding))
         text.append(f"\n{section(result, report)}. {result.check.advice}", style="dim")
-        table.add_row(Text(finding.severity, style=_COLOURS[finding.severity]), result.name, text)
+        table.add_row(Text(finding.severity, style=_COLORS[finding.severity]), result.name, text)
     for result in report.results:
         if result.verdict not in SEVERITIES and (every or result.verdict == "not judged"):
             table.add_row(
-                Text(result.verdict, style=_COLOURS[result.verdict]),
+                Text(result.verdict, style=_COLORS[result.verdict]),
                 result.name,
                 Text(result.inapplicable or result.check.title),
             )

@@ -19,7 +19,7 @@ _STRUCTURE2, _STRUCTURE3 = (
 _PARTIAL2, _PARTIAL3 = "2.1.9 Getting Partial Derivatives", "2.2.11 Getting Partial Derivatives"
 MOST = 24  # knowns that are tried
 TOLERANCE = 1e-3  # of a column: what is above is another derivative, not the error of a difference
-AGREE = 1e-5  # of a column: up to which differences with two steps agree, so that they are believed
+AGREE = 1e-5  # of a column: up to which differences with two steps agree, for the column to count as reliable
 
 Vector = list[float]
 
@@ -294,7 +294,7 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
 
 
 def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector | None:
-    """The derivative of `f` by central differences, or None where it has none that can be believed: at kinks, jumps and
+    """The derivative of `f` by central differences, or None where it has none that is reliable: at kinks, jumps and
     limits.
     """
     best: Vector | None = None

@@ -36,7 +36,7 @@ DEFAULT_INITIAL = {
 }
 """(variability, causality) -> the default of `initial`; what is not here is not allowed."""
 
-INDICES = 4000  # of a list of dependencies that are kept one by one
+INDICES = 4000  # of a list of dependencies that are stored individually
 
 
 @dataclass(frozen=True, eq=False)

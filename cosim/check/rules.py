@@ -33,7 +33,7 @@ GROUPS = (
 wrong ones.
 """
 
-MOST = 10  # findings of a check that are kept one by one; the others are counted
+MOST = 10  # findings of a check that are listed; the others are counted
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ def threads(bench: Bench) -> Found:
             begin.wait(10)
             for _ in range(rounds):
                 results[i].append(bench.fresh())
-        except Exception as error:  # whatever it is, it is told by the thread that waits
+        except Exception as error:  # the waiting thread reports any error
             failures.append(str(error))
 
     workers = [threading.Thread(target=work, args=(i,)) for i in range(n)]

@@ -433,7 +433,7 @@ def null_arguments(bench: Bench) -> Found:
 
 @check(
     "states.token",
-    "an FMU that is told the token of another description cannot be instantiated",
+    "instantiation with a wrong token fails",
     fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmuGUID)",
     fmi3="2.3.1 Super State: FMU State Setable (instantiationToken)",
     advice="Compare the token with the one that was compiled in, and return NULL with a message where they differ.",

@@ -59,7 +59,7 @@ def _not_at_start(values: Values) -> Found:
 
 @check(
     "values.set",
-    "what is set is what is read, in initialization and between steps",
+    "a get returns the value that was set, in initialization and between steps",
     fmi2=_VALUES2,
     fmi3=_VALUES3,
     advice="Keep values that were set until they are set again.",
@@ -93,7 +93,7 @@ def set_and_read(bench: Bench) -> Found:
         return bench.alone(work)
 
     found = lost(before)
-    if found is None:  # together they do not fit: one by one
+    if found is None:  # together they do not fit: try each alone
         found = {v: text for v in tried([*before]) for text in (lost({v: before[v]}) or {}).values()}
     later = lost({v: before[v] for v in found}, set_after_setup=True) if found and bench.version == "2" else None
     for v, text in [*found.items()][:MOST_NAMED]:
@@ -201,7 +201,7 @@ def effect(bench: Bench) -> Found:
 
 @check(
     "values.readonly",
-    "what may not be set cannot be set",
+    "constants, outputs and calculated variables cannot be set",
     fmi2="2.1.3 Status Returned by Functions; 2.2.7 (causality, variability)",
     fmi3="2.2.4 Status Returned by Functions (setting a constant)",
     advice="Return Error when a constant, an output or another calculated variable is set.",

@@ -312,7 +312,7 @@ def send(stream: BinaryIO, data: bytes) -> None:
 
 def main() -> None:
     """Answer jobs until the other end is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other end is told, and closes
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles it and closes the pipe
     sources = os.fdopen(os.dup(0), "rb")
     answers = os.fdopen(os.dup(1), "wb")
     null = os.open(os.devnull, os.O_RDWR)

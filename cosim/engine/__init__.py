@@ -1,4 +1,4 @@
-"""The compiled engine: the schedule as flat arrays, and C that executes them with the bits of the Python master.
+"""The compiled engine: the schedule as flat arrays, and C that executes them, bit-identical to the Python master.
 
 - ``plan``: the flat arrays, made from the values and the clocks of an exchange;
 - ``library``: the C engine, compiled once per machine;

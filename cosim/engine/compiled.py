@@ -133,7 +133,7 @@ class BoundEngine:
 
     @property
     def struct(self) -> Any:
-        """The `Engine*`, ready for calls of single members; it lives as long as this object."""
+        """The `Engine*`, ready for calls of single components; it lives as long as this object."""
         self.ready()
         return self._state
 
@@ -160,7 +160,7 @@ class BoundEngine:
         return failure
 
     def fail(self, member: Member, call: int, status: int, t: float) -> None:
-        """Raise what the ports of a member raise when this call of its FMU returns this status, in an instant at `t`
+        """Raise what the ports of a component raise when this call of its FMU returns this status, in an instant at `t`
         [s].
         """
         calls = self._exchange.ports[member].fmi
@@ -191,7 +191,7 @@ class BoundEngine:
                     struct.changed = 0
 
     def ready(self) -> None:
-        """Before members are stepped: whether their FMUs may be rolled back is known."""
+        """Before components are stepped: whether their FMUs may be rolled back is known."""
         for struct, calls in zip(self._members, self._calls, strict=True):
             if calls is not None:
                 struct.no_set_prior = calls.no_set_prior()

@@ -13,9 +13,9 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
-/* An instant is one function without calls but those of the members. What calls save on the stack are stores, and a
- * processor that has no room for more of them waits, instead of computing one member while it finishes another: a third
- * of the time of a chain of small FMUs. */
+/* An instant is one function without calls but those of the components. What calls save on the stack are stores, and a
+ * processor whose store buffer is full waits, instead of computing one component while it finishes another: a
+ * third of the time of a chain of small FMUs. */
 #if defined(__GNUC__)
 #define RARELY(condition) __builtin_expect(condition, 0)
 #define INLINE static inline __attribute__((always_inline))
@@ -104,7 +104,7 @@ COLD int failed(Engine *e, int32_t call, uint32_t status) {
     return ENGINE_CALL_FAILED;
 }
 
-/* The three calls of a member, once for each version of FMI: what differs are the arguments. */
+/* The three calls of a component, once for each version of FMI: what differs are the arguments. */
 #define CALL2(s) (s)->call2(m->instance, (s)->references, (s)->n_references, (s)->data)
 #define CALL3(s) (s)->call3(m->instance, (s)->references, (s)->n_references, (s)->data, (s)->n_data)
 #define SET_ALL(CALL)                                                   \
@@ -145,7 +145,7 @@ INLINE int step3(Engine *e, const EngineMember *m, double t) {
     return RARELY((status > LARGEST_SUCCESS) | flags[2] | flags[3]) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
-/* Set, step and get of a member with any number of calls. */
+/* Set, step and get of a component with any number of calls. */
 NOINLINE int run_parts(Engine *e, const EngineMember *m, double t) {
     int result = engine_set(e, m);
     if (!result) result = m->fmi == 3 ? step3(e, m, t) : step2(e, m, t);
@@ -172,7 +172,7 @@ COLD void put_back(Engine *e, const EngineMember *m) {
     e->members[m - e->members].changed |= environment_restore(e->environment);
 }
 
-/* One communication step of a member: inputs as they stand, doStep, outputs. */
+/* One communication step of a component: inputs as they stand, doStep, outputs. */
 INLINE int run_member(Engine *e, const EngineMember *m, double t) {
     gather(e->values, m, t);
     const int result = !m->direct    ? (m->fmi ? run_parts(e, m, t) : run_back(e, m, t))
@@ -197,7 +197,7 @@ INLINE bool all_finite(const double *y, size_t n) {
     return !(found >> 63);
 }
 
-/* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their
+/* Whether the outputs of the components that are due are finite, of those from number `first` to before `end` in their
  * list. */
 COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
@@ -211,7 +211,7 @@ COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
     return ENGINE_AT_END;
 }
 
-/* The same for all continuous members that are due, piece by piece; who it is is looked up if something is found. */
+/* The same for all continuous components that are due, piece by piece; who it is is looked up if something is found. */
 INLINE int look_at_reached(Engine *e) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = 0; k < e->n_reached; k++)
@@ -220,7 +220,7 @@ INLINE int look_at_reached(Engine *e) {
     return ENGINE_AT_END;
 }
 
-/* A few values are copied one by one: what was stored as doubles a moment ago and is loaded in larger pieces has to
+/* A few values are copied by scalar stores: what was stored as doubles a moment ago and is loaded in larger pieces has to
  * wait until it has left the processor's store buffer. */
 INLINE void copy(double *values, const EngineCopy *c) {
     if (c->n > 32) memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the two never overlap */
@@ -296,7 +296,7 @@ int engine_advance(Engine *e, double t) { return advance(e, t); }
 
 /* ------------------------------------------------------------------ instants */
 
-/* What a continuous member shows at its arrival, and where its outputs are, behind what others have. */
+/* What a continuous component shows at its arrival, and where its outputs are, behind what others have. */
 static void append(Engine *e, const EngineMember *m) {
     for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
         const EngineCopy new = m->copies[c];
@@ -309,7 +309,7 @@ static void append(Engine *e, const EngineMember *m) {
     else e->reached[e->n_reached++] = (EnginePiece){m->first, m->n_outputs};
 }
 
-/* List the members that are due, and what that means. */
+/* List the components that are due, and what that means. */
 static void list_due(Engine *e) {
     e->n_due = e->n_due_discrete = e->n_shown = e->n_reached = 0;
     e->remembers = e->in_line = false;

@@ -1,8 +1,8 @@
 /* The plan of a system's exchange as flat arrays, and the engine that executes it.
  *
  * The rule of exchange is that of cosim/master (its specification is written there); the Python master and this engine
- * give the same bits. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and there are
- * no globals. Lines that do not begin with # are also read by cffi. */
+ * are bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
+ * there are no globals. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_H
 #define ENGINE_H
 
@@ -19,11 +19,11 @@ typedef enum {
 /* Why engine_run returned. */
 typedef enum {
     ENGINE_AT_END,      /* all instants before the requested end are done */
-    ENGINE_FULL,        /* no room for the sample of the next instant, of which nothing is done */
-    ENGINE_STOPPED,     /* a stop condition is fulfilled; steps of continuous members are still to be done */
-    ENGINE_NOT_FINITE,  /* an output of `member` is NaN or infinite */
-    ENGINE_CALL_FAILED, /* `call` of `member` returned `status`, or its step ended early or asks for the end */
-    ENGINE_BACK_FAILED  /* a callback, that of `member`, returned another value than 0 */
+    ENGINE_FULL,        /* no space for the sample of the next instant, which has not begun */
+    ENGINE_STOPPED,     /* a stop condition is fulfilled; steps of continuous components are still to be done */
+    ENGINE_NOT_FINITE,  /* an output of the component is NaN or infinite */
+    ENGINE_CALL_FAILED, /* `call` of the component returned `status`, or its step ended early or requests termination */
+    ENGINE_BACK_FAILED  /* the callback of the component returned another value than 0 */
 } EngineResult;
 
 /* Statuses that are no failure are 0 and 1 in FMI 2.0 and 3.0; as unsigned numbers all others are larger. */
@@ -90,7 +90,7 @@ typedef struct {
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineMember;
 
-/* Outputs of members that lie side by side: values[from] to values[from + n - 1]. */
+/* Outputs of components that lie side by side: values[from] to values[from + n - 1]. */
 typedef struct {
     uint32_t from, n;
 } EnginePiece;
@@ -131,7 +131,7 @@ typedef struct {
     const uint32_t *recorded;   /* slots */
     size_t n_recorded;
     double *times, *rows;       /* of samples, row by row */
-    int64_t count, room;        /* samples taken, and for how many there is room */
+    int64_t count, room;        /* samples taken, and the capacity */
     const EngineStop *stops;
     int32_t n_stops;
     EngineBack back;
@@ -152,12 +152,12 @@ int engine_advance(Engine *e, double t);
 
 /* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
-/* Inputs of a member from the values. */
+/* Inputs of a component from the values. */
 void engine_gather(const Engine *e, const EngineMember *m, double t);
 /* Hand inputs over, or fetch outputs. Returns 0, or 1 with what failed in `call` and `status`. */
 int engine_set(Engine *e, const EngineMember *m);
 int engine_get(Engine *e, const EngineMember *m);
-/* One communication step of member number `number`; what fails is in `member`, `call` and `status`. */
+/* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_member(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);
 

@@ -1,4 +1,4 @@
-"""A system as C: its plan as constants, the engine, and the sources of its members under names of their own."""
+"""A system as C: its plan as constants, the engine, and the sources of its components under names of their own."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HERE = Path(__file__).parent
 _RUNTIME = _HERE / "runtime"
 _ENGINE = _HERE.parent / "engine"
 _OWN = (
-    *(_RUNTIME / n for n in ("container.c", "member.c", "member.h", "system.h")),
+    *(_RUNTIME / n for n in ("container.c", "component.c", "component.h", "system.h")),
     *(_ENGINE / n for n in ("engine.c", "engine.h")),
     ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
@@ -45,7 +45,7 @@ _BYTES = 8  # of one value in a buffer, whatever its type
 
 
 def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool = False) -> Schedule:
-    """The schedule of what is exported: without some members, and without the connections to and from them. `page`: it
+    """The schedule of what is exported: without some components, and without the connections to and from them. `page`: it
     becomes a web page, which leaves nothing out; else an FMU.
     """
     left_out = {wiring.members[name] for name in without}
@@ -82,7 +82,7 @@ class SystemCode:
     Attributes:
         variables: of the system; the value reference of each is its place here, counted from 1 (0 is time).
         fmi: version of the functions that it has, 2 or 3.
-        parts: how each member travels.
+        parts: how each component travels.
 
     Args:
         known: how FMUs travel, by path and token, filled here; for systems that are linked together and share what they
@@ -104,7 +104,7 @@ class SystemCode:
         self.parts = self._parts({} if known is None else known)
 
     def _parts(self, found: dict[tuple[str, str], Part]) -> dict[Member, Part]:
-        """One part per FMU file, whatever number of members is made of it."""
+        """One part per FMU file, whatever number of components is made of it."""
         parts: dict[Member, Part] = {}
         for m in self.schedule.members:
             fmu = m.component.fmu  # type: ignore[attr-defined]
@@ -123,12 +123,12 @@ class SystemCode:
 
     @property
     def can_save(self) -> bool:
-        """Whether all members can save their states."""
+        """Whether all components can save their states."""
         return all(m.description.can_save for m in self.schedule.members)
 
     def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
         """All C files and headers but plan.c, by path below `sources/`. ``platform``: whose compiler tells the names
-        that members have in common; by default this machine's.
+        that components have in common; by default this machine's.
         """
         linked = [p for p in self.distinct if p.linked]
         files = {p.name: p.read_bytes() for p in _OWN}
@@ -273,7 +273,7 @@ def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
 
 
 def start_values(member: Member) -> Iterator[tuple[Variable, Any]]:
-    """What a member is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by
+    """What a component is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by
     their first element). Raises WiringError where a part of an array is given and the FMU does not tell the rest.
     """
     variables = member.description.variables
@@ -317,7 +317,7 @@ def write(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def template(name: str) -> jinja2.Template:
-    """One of this room's templates, by its file's name."""
+    """One of the templates of this package, by its file name."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cosim.export", "templates"),
         autoescape=name.endswith(".html"),

@@ -28,7 +28,7 @@ _PREFIXED = {  # what gives the functions of FMI a prefix; not every header of F
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One FMU in the FMU of a system; several members may be instances of it.
+    """One FMU in the FMU of a system; several components may be instances of it.
 
     Attributes:
         name: an identifier, unique in the system's FMU.
@@ -107,7 +107,7 @@ def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[st
         flat = file.replace("/", "_")
         files[f"{prefix}{flat}"] = f'#include "{name}/names.h"\n#include "{name}/{file}"\n'.encode()
     files[f"{prefix}functions.c"] = (
-        f'#include "{name}/names.h"\n#include "member.h"\n\nDECLARED{version}\n'
+        f'#include "{name}/names.h"\n#include "component.h"\n\nDECLARED{version}\n'
         f"extern const Functions{version} {prefix}functions;\n"
         f"const Functions{version} {prefix}functions = FUNCTIONS{version};\n"
     ).encode()
@@ -158,7 +158,7 @@ def _c_files(files: dict[str, bytes]) -> tuple[str, ...]:
 
 
 def shown(parts: Sequence[Part]) -> str:
-    """What is where, for people and programs: `resources/members.json`."""
+    """What is where, for people and programs: `resources/components.json`."""
     about = [
         {"name": p.name, "model": p.fmu.description.name, "fmi": p.fmu.description.fmi_version, "linked": p.linked}
         for p in parts

@@ -1,4 +1,4 @@
-"""A whole system as one FMU: the engine, the plan of the exchange and all members in one archive."""
+"""A whole system as one FMU: the engine, the plan of the exchange and all components in one archive."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class _Exporter:
         for part in self.distinct:
             content |= {f"resources/{n}": d for n, d in part.resource_files().items()}
             content |= {f"{licences.FOLDER}/{n}": d for n, d in part.licences().items()}
-        content["resources/members.json"] = shown(self.distinct).encode()
+        content["resources/components.json"] = shown(self.distinct).encode()
         content["documentation/schedule.txt"] = f"{self.schedule}\n".encode()
         content["documentation/index.html"] = self._page().encode()
         parts = self._licensed(files, content)
@@ -126,7 +126,7 @@ class _Exporter:
         return package.archive(content)
 
     def _check_platforms(self, platforms: Sequence[Platform]) -> None:
-        """FMUs of others have libraries for some platforms only."""
+        """Third-party FMUs have libraries for some platforms only."""
         for m, part in self.parts.items():
             there = set(part.platforms())
             missing = [p.name for p in platforms if (p.fmi2_name if part.version == 2 else p.name) not in there]
@@ -160,8 +160,8 @@ class _Exporter:
         return parts + licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
 
     def _licences(self, parts: list[licences.Part], content: dict[str, bytes]) -> dict[str, bytes]:
-        """The entry point, and the texts of what the system's own files hold; those of members are in folders of their
-        own.
+        """The entry point, and the texts of what the system's own files hold; those of components are in folders of
+        their own.
         """
         texts = licences.texts(self.name, parts)
         folders = sorted(
@@ -174,7 +174,9 @@ class _Exporter:
         )
         if folders:
             more = (
-                "\nThe members of the system have theirs in the folders beside this file: " + ", ".join(folders) + "\n"
+                "\nThe components of the system have theirs in the folders beside this file: "
+                + ", ".join(folders)
+                + "\n"
             )
             texts[licences.ENTRY] += more.encode()
         return texts

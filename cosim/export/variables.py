@@ -1,4 +1,4 @@
-"""The variables of a system's FMU: which of its members', in which order, with which values."""
+"""The variables of a system's FMU: which of its components', in which order, with which values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FITS = {"Real", "Float64", "Float32", "Integer", "Int32", "Int16", "UInt16", "I
 
 @dataclass(frozen=True)
 class Exported:
-    """One variable of the system's FMU: `member.variable`."""
+    """One variable of the system's FMU: `component.variable`."""
 
     member: Member
     variable: Variable
@@ -56,7 +56,7 @@ def choose(
 ) -> list[Exported]:
     """Parameters, inputs and outputs by names and patterns.
 
-    `inputs`: default all that no member drives. `outputs`: default all outputs that are no array elements.
+    `inputs`: default all that no component drives. `outputs`: default all outputs that are no array elements.
     `parameters`: "*", all. Raises WiringError for a name that fits nothing, that is driven, or whose type no system's
     FMU has.
     """
@@ -90,7 +90,7 @@ def _chosen(
             if not reason:
                 chosen[name] = Exported(member, variable, causality, _start(member, variable))
         if plain and not candidates:
-            raise WiringError(f"'{pattern}' is no {causality} of a member")
+            raise WiringError(f"'{pattern}' is no {causality} of a component")
     return list(chosen.values())
 
 
@@ -112,7 +112,7 @@ def _start(member: Member, variable: Variable) -> Any:
 
 
 def units_of(variables: Sequence[Exported]) -> list[Unit]:
-    """Units by their names, that of time first. Raises WiringError when two members mean different units
+    """Units by their names, that of time first. Raises WiringError when two components mean different units
     by one name."""
     found: dict[str, tuple[Unit, str]] = {"s": (units.unit("s"), "time")}
     for e in variables:
@@ -136,7 +136,7 @@ def units_of(variables: Sequence[Exported]) -> list[Unit]:
 
 def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, list[str]]:
     """Inputs that an output depends on within the same step, by name: those of sampled systems, whose outputs count
-    from the sample on. What continuous members reach in a step counts at its end.
+    from the sample on. What continuous components reach in a step counts at its end.
     """
     inputs = {e.name for e in variables if e.causality == "input"}
     ahead = {c.target_name: c for c in schedule.connections if not c.delay and c not in schedule.lagging}

@@ -1,6 +1,6 @@
-"""FMU files and folders, believed only as far as they can be checked: names, sizes, contents, the library.
+"""Validation of FMU files and folders: names, sizes, contents, the library.
 
-A declared size costs a sender nothing, so every size is compared with a limit before anything is made that big.
+Every declared size is compared with a limit before memory or disk space of that size is used.
 """
 
 from __future__ import annotations

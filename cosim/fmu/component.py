@@ -104,8 +104,8 @@ class FmuComponent:
 
     @property
     def in_event_mode(self) -> bool:
-        """Whether it is told when its clocks tick. A sampled FMU of this project that is isolated is not: it counts its
-        samples itself.
+        """Whether the master activates its clocks in event mode. A discrete FMU of this project that is isolated counts
+        its samples itself.
         """
         about = self.description
         return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
@@ -387,7 +387,7 @@ class FmuComponent:
             self._step_failed(status, t, h)
 
     def _with_guards(self, ports: Ports) -> Ports:
-        """Put back the floating-point environment after calls into FMUs of others."""
+        """Put back the floating-point environment after calls into third-party FMUs."""
         if not self._foreign:
             return ports
         guard = self._guarded

@@ -43,7 +43,7 @@ static inline int environment_looks_changed(void) {
 #endif
 }
 
-/* Back to the bits of before, where they differ; returns what was changed. */
+/* Restores the earlier flags where they differ; returns the changed ones. */
 static inline uint32_t environment_restore(uint32_t before) {
     const uint32_t changed = environment_bits() ^ before;
     if (!changed) return 0;

@@ -1,4 +1,4 @@
-"""The floating-point environment, put back after calls into FMUs of others that run in this process.
+"""The floating-point environment, put back after calls into third-party FMUs that run in this process.
 
 An FMU that leaves another rounding mode behind, or flushes subnormal numbers to zero (libraries compiled with
 -ffast-math do so when they are loaded), changes the results of all others. `environment.h` says what is looked at.

@@ -293,7 +293,7 @@ class EventMode:
                 return
             self._event(ticking, first=first)
             first = False
-        self._stop("its clocks tick for ever")
+        self._stop("event iteration did not converge: clocks tick again after every update")
 
     def _event(self, ticking: frozenset[int], *, first: bool = False) -> None:
         """Event mode: clocks tick, what belongs to them is exchanged, discrete states are updated."""
@@ -336,7 +336,7 @@ class EventMode:
                 self._reschedule(ticking)
                 self.next_event = when[0] if flags[4] else math.inf
                 return
-        self._stop("its discrete states want to be updated for ever")
+        self._stop("event iteration did not converge: every update of discrete states requires another one")
 
     def _told_now(self) -> frozenset[int]:
         """Output clocks that tick."""

@@ -1,8 +1,7 @@
 """Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`. FMI 3 arrays are expanded to their elements
 (`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions wire by the same names.
 
-Nothing in the file is believed: what cannot be read, or run safely, ends in one sentence that names the variable and
-its line, and numbers that say how big something is are compared with a limit first.
+The file is validated: an error names the variable and its line, and sizes are compared with limits first.
 """
 
 from __future__ import annotations

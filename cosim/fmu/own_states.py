@@ -22,7 +22,7 @@ from cosim.errors import CosimError
 from cosim.signals import Array
 
 MORE_THAN_STATES = (
-    "it remembers more than states, such as the last solution of a quadratic program: that is no linear law"
+    "it remembers more than states, such as the last solution of a quadratic program: it has no linear model"
 )
 
 _ffi = cffi.FFI()

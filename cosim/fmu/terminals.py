@@ -1,5 +1,5 @@
-"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s. Nothing in it is believed; the
-sizes are those that a modelDescription.xml may have.
+"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s. The file is validated; the
+size limits are those of a modelDescription.xml.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class _Reader:
         names = [m.name for m in members if m.name] + [n for s in streams for n in (s.entering.name, s.leaving.name)]
         if len(set(names)) < len(names):
             twice = next(n for k, n in enumerate(sorted(names)[1:]) if sorted(names)[k] == n)
-            raise self.refused(element, f"terminal {_quoted(name)} has two members {_quoted(twice)}")
+            raise self.refused(element, f"terminal {_quoted(name)} has two variables {_quoted(twice)}")
         nested = self.terminals(element.iterfind("Terminal"), path)
         return Terminal(name, rule, element.get("terminalKind", ""), tuple(members), tuple(streams), tuple(nested))
 

@@ -118,7 +118,7 @@ def _key(xml: bytes) -> str:
 
 @cache
 def _makers() -> bytes:
-    """Hash of what verdicts are made with: this room's code, the quirks and the schemas."""
+    """Hash of what verdicts are made with: the code of this package, the quirks and the schemas."""
     files = [*_HERE.glob("*.py"), _QUIRKS, *_HERE.glob("schemas/*/*.xsd")]
     return hashlib.sha256(b"\0".join(f.name.encode() + b"\0" + f.read_bytes() for f in sorted(files))).digest()
 
@@ -335,10 +335,10 @@ def _structure(root: Any, about: Description, major: str) -> Iterator[Finding]:
         if name not in listed:
             text = f"output {one_line(name, 80)!r} is not in ModelStructure; it counts as depending on all inputs"
             yield Finding(structure.sourceline, text)
-    for circle in _circles(about):
-        line = listed.get(circle[0], structure.sourceline)
-        path = " -> ".join(one_line(n, 40) for n in [*circle[:5], *(["..."] if len(circle) > 5 else []), circle[0]])
-        yield Finding(line, f"output {one_line(circle[0], 80)!r} depends on itself: {path}")
+    for cycle in _cycles(about):
+        line = listed.get(cycle[0], structure.sourceline)
+        path = " -> ".join(one_line(n, 40) for n in [*cycle[:5], *(["..."] if len(cycle) > 5 else []), cycle[0]])
+        yield Finding(line, f"output {one_line(cycle[0], 80)!r} depends on itself: {path}")
 
 
 def _plain(text: str | None) -> str:
@@ -346,8 +346,8 @@ def _plain(text: str | None) -> str:
     return str(int(text)) if text else ""
 
 
-def _circles(about: Description) -> Iterator[list[str]]:
-    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its
+def _cycles(about: Description) -> Iterator[list[str]]:
+    """Outputs that depend on themselves, directly or by way of others: one cycle for each way back. A state may: its
     value is known. An array counts as one.
     """
     states = {v.declared for v in about.states}

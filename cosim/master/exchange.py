@@ -8,8 +8,8 @@ The rule. Time is an integer count of base ticks. At every instant t at which so
 3. The recorder takes its sample if it is due, and the stop conditions are looked at. A recording at t therefore
    shows plant outputs at t together with the controllers' new outputs at t.
 4. Continuous components that are due advance from t to t + step with inputs as of t. What they reach stays hidden
-   until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, members see at once
-   what the members before them have reached (their latest step, if they are slower).
+   until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, components see at once
+   what the components before them have reached (their latest step, if they are slower).
 
 `System.run` ends with part 3 at its stop time: its last row is the row that a longer run has at that time.
 `Simulation.advance` ends with part 1 and a provisional sample, so that inputs can be set before discrete components
@@ -102,7 +102,7 @@ class Exchange:
         if interval is None:
             interval = min(m.step for m in schedule.members)
         self._step_of: dict[Member, Timed] = {}
-        self.clocks = (  # of the members, then the recorder's
+        self.clocks = (  # of the components, then the recorder's
             *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.members),
             Clock(self.base.count(interval), 0),
         )

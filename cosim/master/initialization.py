@@ -107,7 +107,7 @@ def _take(exchange: Exchange, state: SystemState) -> None:
 
 
 def _within(state: SystemState, member: str) -> bool:
-    """Whether a member was within a step."""
+    """Whether a component was within a step."""
     clock = state.clock(member)
     return state.tick > clock.offset and not clock.due(state.tick)
 
@@ -124,11 +124,11 @@ def _check_initial_values(exchange: Exchange) -> None:
 
 
 def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
-    """The members that are in a saved state. Where the system is not that of the state, they must be at the end of a
+    """The components that are in a saved state. Where the system is not that of the state, they must be at the end of a
     step.
     """
     schedule = exchange.schedule
-    if not set(state.members.values()) <= set(schedule.members):  # members are never taken out of a system
+    if not set(state.members.values()) <= set(schedule.members):  # components are never taken out of a system
         raise CosimError(
             "this state was saved in another system; FMU states belong to their instances: give it as bytes, "
             "SystemState.from_bytes(state.to_bytes()), or in a file"

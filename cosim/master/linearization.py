@@ -1,26 +1,26 @@
 """Linear models of systems about where they stand, as matrices with names.
 
-Continuous model (`continuous_model`): the continuous members, linearized by their directional derivatives and coupled
-through their connections without the delays of the exchange,
+Continuous model (`continuous_model`): the continuous components, linearized by their directional derivatives and
+coupled through their connections without the delays of the exchange,
 
     dx/dt = A x + B u,    y = C x + D u;
 
-the outputs of sampled members are inputs of it.
+the outputs of discrete components are inputs of it.
 
 Sampled model (`sampled_model`): the map of the whole system over one common period T of all steps, in the master's own
 order,
 
     x[k+1] = A x[k] + B u[k],    y[k] = C x[k] + D u[k].
 
-x[k] is what there is right before the instant k T: states of continuous and of sampled members, and values that are
-held (inputs of the latest step of a continuous member that show in its outputs, commands between samples). u[k] is held
-over the period; y[k] is what a recording shows at k T. Continuous members are linearized where they stand at the
-beginning of the period and made discrete exactly for inputs held over their steps. Sampled members are linearized at
-each of their samples of one period, by perturbing their states and inputs (central differences) while the system runs
-through it. Then all are replaced by these models (`cosim.master.linearized`), and the same master with the same
-schedule takes every unit deviation through the period.
+x[k] is what there is right before the instant k T: states of continuous and of discrete components, and values that are
+held (inputs of the latest step of a continuous component that show in its outputs, commands between samples). u[k] is
+held over the period; y[k] is what a recording shows at k T. Continuous components are linearized where they stand at
+the beginning of the period and made discrete exactly for inputs held over their steps. Discrete components are
+linearized at each of their samples of one period, by perturbing their states and inputs (central differences) while the
+system runs through it. Then all are replaced by these models (`cosim.master.linearized`), and the same master with the
+same schedule takes every unit deviation through the period.
 
-A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a
+A state of a discrete component that never changes is a constant of the operating point, and one that acts on nothing (a
 counter of samples) is a matter of the period: both are left out. A component with a kink or jump at the operating point
 is refused (continuous FMUs: `cosim.fmu.kinks`), and one with more than `LARGEST` numbers in its matrices before they
 are computed.
@@ -127,7 +127,7 @@ def choose_outputs(
             raise WiringError(f"'{pattern}' is no Real output")
         for m, v in real:
             if m.discrete and not sampled:
-                raise WiringError(f"{m.name}.{v.name} belongs to a sampled member: linearize with discrete=True")
+                raise WiringError(f"{m.name}.{v.name} belongs to a discrete component: linearize with discrete=True")
             chosen[m, v] = None
     return list(chosen)
 
@@ -168,13 +168,13 @@ def _state_signals(m: Member, count: int) -> list[tuple[str, Variable | None]]:
 
 
 def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> Matrices:
-    """Model of the continuous members of an initialized system. `inputs`: their own inputs that no continuous member
-    drives, or outputs of sampled members; `outputs`: their own. Raises CosimError for members and connections without a
-    linear model, LoopError for a singular algebraic loop.
+    """Model of the continuous components of an initialized system. `inputs`: their own inputs that no continuous
+    component drives, or outputs of discrete components; `outputs`: their own. Raises CosimError for components and
+    connections without a linear model, LoopError for a singular algebraic loop.
     """
     members = schedule.continuous
     if not members:
-        raise CosimError("no member is continuous: linearize with discrete=True")
+        raise CosimError("no component is continuous: linearize with discrete=True")
     inner = [c for c in schedule.connections if c.source in members and c.target in members and c.output.type == "real"]
     for c in inner:
         if c.delay:
@@ -265,7 +265,7 @@ def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
 
 @dataclass
 class _Updates:
-    """What is found of a sampled member while the system runs through a period: a matrix [x; u] -> [x_next; y] per
+    """What is found of a discrete component while the system runs through a period: a matrix [x; u] -> [x_next; y] per
     sample, states before and after the period, and which states jump when perturbed.
     """
 
@@ -297,7 +297,7 @@ class _Updates:
             if counts and not back:
                 raise CosimError(
                     f"'{self.member.name}' cannot be linearized over this period: its {self.names[i]} counts, from"
-                    f" {self.before[i]:g} to {self.after[i]:g}; give the period after which it begins anew,"
+                    f" {self.before[i]:g} to {self.after[i]:g}; give the period after which it begins from scratch,"
                     " discrete='10 ms' (of one FMU: period='10 ms')"
                 )
             if counts or (alone and back and all(abs(row[i] - 1) < 1e-9 for row in rows)):
@@ -314,7 +314,7 @@ class _Updates:
         return LinearizedSampled(kept, self.inputs, self.outputs), names
 
     def look(self, step: Callable[[], None]) -> None:
-        """Linearize the member's next sample about where it stands, and leave it there."""
+        """Linearize the component's next sample about where it stands, and leave it there."""
         component = self.member.component
         point = component.sampled_states()  # type: ignore[attr-defined]
         if not self.matrices:
@@ -367,7 +367,7 @@ class _Updates:
         slope, apart = _differences(here, result, column, h)
         scale = max(np.abs(slope).max(initial=0.0), np.abs(here).max(initial=0.0), 1.0)
         wrong = apart > _ROUNDING * scale + _ROUNDING * np.abs(slope)
-        if wrong.any():  # of a smooth law half the step halves what lies between the slopes on both sides
+        if wrong.any():  # of a smooth function half the step halves the difference between the slopes on both sides
             wrong &= _differences(here, result, column, h / 2)[1] > 0.75 * apart
         rows = np.flatnonzero(wrong)
         if not len(rows):
@@ -405,7 +405,7 @@ def sampled_model(
 ) -> Matrices:
     """Model of an initialized system over one period, from the first multiple of it at or after `not_before` [s] that
     all offsets have passed, but not the start itself. `exchange` watches `outputs`. `inputs` are driven by nothing.
-    Raises CosimError for members without a linear model.
+    Raises CosimError for components without a linear model.
     """
     schedule, layout = exchange.schedule, exchange.layout
     for c in schedule.connections:
@@ -444,7 +444,7 @@ def sampled_model(
 def _through_period(
     exchange: Exchange, length: int, ports: Mapping[Member, tuple[list[Variable], list[Variable]]]
 ) -> dict[Member, _Updates]:
-    """Run one period, and linearize every sample of the sampled members on the way."""
+    """Run one period, and linearize every sample of the discrete components on the way."""
     found: dict[Member, _Updates] = {}
     for m in exchange.schedule.discrete:
         if not m.description.can_save:

@@ -19,7 +19,7 @@ from cosim.system.members import Member
 
 @dataclass(frozen=True)
 class Model:
-    """Linear model of a continuous member, inputs and outputs those of its connections."""
+    """Linear model of a continuous component, inputs and outputs those of its connections."""
 
     a: Array
     b: Array
@@ -28,7 +28,7 @@ class Model:
 
 
 def model_of(member: Member, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Model:
-    """The model of a member where it stands. Raises CosimError when it has none."""
+    """The model of a component where it stands. Raises CosimError when it has none."""
     try:
         linearize = member.component.linearize  # type: ignore[attr-defined]
     except AttributeError:
@@ -83,7 +83,7 @@ class LinearizedContinuous(_Linearized):
 
 
 class LinearizedSampled(_Linearized):
-    """A component that runs one linear update after the other, and begins anew after the last."""
+    """A component that runs one linear update after the other, and begins from scratch after the last."""
 
     def __init__(self, updates: Sequence[Array], inputs: Sequence[Variable], outputs: Sequence[Variable]):
         """`updates`: matrices from [x; u] to [x_next; y]."""

@@ -293,7 +293,8 @@ class Simulation:
 
     def stepper(self, step: TimeLike, *, stop_when: Sequence[StopCondition] = ()) -> Callable[[], str | None]:
         """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with
-        the same bits and the same answers, without pace, progress and spool. Ctrl-C within a step ends the simulation.
+        bit-identical values and the same answers, without pace, progress and spool. Ctrl-C within a step ends the
+        simulation.
         """
         exchange, stops = self._exchange, list(stop_when)
         ticks = exchange.base.count(positive(step, "step"))
@@ -392,7 +393,7 @@ class Simulation:
             raise
 
     def _origin(self, failure: CallFailed) -> CallFailed:
-        """A component that cannot take a NaN is not to blame for it. Only initialization hands such values on."""
+        """A component that cannot take a NaN does not cause it. Only initialization hands such values on."""
         if self._exchange.allow_nan or isinstance(failure, NotFinite):
             return failure
         return self._layout.not_finite(self.schedule.members) or failure
@@ -421,7 +422,7 @@ class Simulation:
         if unable:
             raise CosimError(
                 f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
-                "(canGetAndSetFMUState); run again from the start instead"
+                "(canGetAndSetFMUState); rerun from the start instead"
             )
         components: dict[str, Any] = {}
         serialized: dict[str, bytes | CosimError] = {}

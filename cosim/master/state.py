@@ -2,7 +2,7 @@
 
 A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`,
 pickle) it holds what they serialized, the exchanged values by name, the exact time, and what tells systems apart:
-members with their FMUs, rates, wiring.
+components with their FMUs, rates, wiring.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from build_fmus import safe_files
-from cosim import sealed
+from cosim import packing
 from cosim.component import Array, Portable
 from cosim.errors import CosimError
 from cosim.master.exchange import Exchange, Phase
@@ -52,8 +52,8 @@ class SystemState:
 
     Give it to `Simulation.restore` of the same simulation, or to `System.initialize(state=...)` of the same system,
     whose wiring may have changed. Pickled, or written to a file (`write`, `read`), it also continues in other
-    processes, in a system that is put together in the same way; all members must be able to serialize their states
-    then. `components` holds what each member remembers: a member that is deleted there begins afresh.
+    processes, in a system that is put together in the same way; all components must be able to serialize their states
+    then. `components` holds what each component remembers: a component that is deleted there begins afresh.
     """
 
     tick: int
@@ -76,12 +76,12 @@ class SystemState:
         return self.base.seconds(self.tick)
 
     def clock(self, name: str) -> Clock:
-        """When a member was due, in ticks of `base`."""
+        """When a component was due, in ticks of `base`."""
         _, step, offset = self.wiring["members"][name]
         return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
 
     def continues(self, schedule: Schedule) -> bool:
-        """Whether a system of this schedule goes on as if it had never been interrupted: all members, rates and
+        """Whether a system of this schedule goes on as if it had never been interrupted: all components, rates and
         connections are those of the state.
         """
         return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)
@@ -89,7 +89,7 @@ class SystemState:
     # As bytes.
 
     def to_bytes(self) -> bytes:
-        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the members that
+        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the components that
         cannot serialize their states, and why.
         """
         packed, unable = {}, []
@@ -109,7 +109,7 @@ class SystemState:
             "keys": [list(key) for key in self.keys],
             "components": [[name, dict(p.identity)] for name, p in packed.items()],
         }
-        return sealed.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
+        return packing.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
 
     def _packed(self, member: Member, saved: Any) -> Packed:
         """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be
@@ -144,15 +144,15 @@ class SystemState:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> SystemState:
-        """What `write` wrote. Nothing in the file is executed, and nothing believed that was not checked: CosimError
+        """What `write` wrote. Nothing in the file is executed, and everything in it is validated: CosimError
         says in a sentence what is wrong with a file that is damaged, or was made by somebody else. What the FMUs
         remember is for them to judge.
         """
         file = Path(path)
         with safe_files.named(file):
             size = file.stat().st_size
-            if size > sealed.LARGEST + len(MAGIC) + 32:
-                raise CosimError(f"{file} has {size:,} bytes; a state of more than {sealed.LARGEST:,} is not read")
+            if size > packing.LARGEST + len(MAGIC) + 32:
+                raise CosimError(f"{file} has {size:,} bytes; a state of more than {packing.LARGEST:,} is not read")
             data = file.read_bytes()
         return _read(data, str(file))
 
@@ -188,7 +188,7 @@ def difference(state: SystemState, schedule: Schedule) -> str:
         if old.get(target) != new.get(target):
             return f"{target} is connected to {_source(new.get(target))}, in the state to {_source(old.get(target))}"
     if there["groups"] != here["groups"]:
-        return "the groups are others"
+        return "the groups differ"
     missing = sorted({*here["members"]} - {*state.components})
     return f"'{missing[0]}' begins afresh" if missing else ""
 
@@ -203,8 +203,8 @@ def _source(connection: Sequence[Any] | None) -> str:
 
 
 def unpack(member: Member, packed: Packed) -> None:
-    """Continue a member's component from what another instance remembered. Raises CosimError naming the member when
-    they differ.
+    """Restore a component from the state of another instance. Raises CosimError naming the component
+    when they differ.
     """
     component = member.component
     if not isinstance(component, Portable):
@@ -230,7 +230,7 @@ def _doubles(values: Array) -> bytes:
 
 
 def _read(data: bytes, what: str) -> SystemState:
-    about, pieces = sealed.unpack(MAGIC, data, what)
+    about, pieces = packing.unpack(MAGIC, data, what)
 
     def refuse(part: str) -> NoReturn:
         raise CosimError(f"{what} was not written by this program: {part}")
@@ -243,7 +243,7 @@ def _read(data: bytes, what: str) -> SystemState:
         if base.tick <= 0 or abs(base.start) > LONGEST or base.tick > LONGEST:
             refuse("its ticks have no length")
         if type(tick) is not int or not 0 <= tick <= MOST_TICKS:
-            refuse("its time is none")
+            refuse("its time is invalid")
         if ending is not None:
             end, text = ending
             if type(end) is not int or type(text) is not str or not tick <= end <= MOST_TICKS:
@@ -260,7 +260,7 @@ def _read(data: bytes, what: str) -> SystemState:
         components: dict[str, Any] = {}
         for (name, identity), piece in zip(named, pieces[1:], strict=True):
             if name not in known or name in components:
-                refuse("it names members that it does not have")
+                refuse("it names components that it does not have")
             if type(identity) is not dict or not all(_readable(text) for pair in identity.items() for text in pair):
                 refuse(f"it does not say what '{name}' is")
             components[name] = Packed(identity, piece)

@@ -145,7 +145,7 @@ class Layout:
         return check_few if end - begin <= _FEW else check_many
 
     def not_finite(self, members: Sequence[Member], t: float | None = None) -> NotFinite | None:
-        """The first output of `members` that is NaN or infinite, after a step from `t` or after initialization."""
+        """The first output of the components that is NaN or infinite, after a step from `t` or after initialization."""
         for m in members:
             place = self.places[m]
             for variable, value in zip(place.outputs, place.y.tolist(), strict=True):
@@ -319,7 +319,7 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
 
 
 def _ahead(schedule: Schedule, member: Member) -> tuple[Member, ...]:
-    """Members of its Gauss-Seidel group that advance before it."""
+    """Components of its Gauss-Seidel group that advance before it."""
     for group in schedule.groups:
         if group.method == "gauss-seidel" and member in group.members:
             return group.members[: group.members.index(member)]

@@ -1,6 +1,6 @@
-"""Where the members of a system are in a picture: in columns along the signals, from left to right.
+"""Where the components of a system are in a picture: in columns along the signals, from left to right.
 
-x points to the right and y down. Members of one column are ordered by where their neighbours are, so that few lines
+x points to the right and y down. Components of one column are ordered by where their neighbours are, so that few lines
 cross.
 """
 
@@ -24,7 +24,7 @@ _SWEEPS = 8
 
 @dataclass(frozen=True)
 class Box:
-    """A member's place: upper left corner and size."""
+    """A component's place: upper left corner and size."""
 
     x: float
     y: float
@@ -42,7 +42,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """All connections from one member to another."""
+    """All connections from one component to another."""
 
     source: Member
     target: Member
@@ -75,7 +75,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Picture:
-    """Boxes of the members, lines of the bundles, and the size of the whole."""
+    """Boxes of the components, lines of the bundles, and the size of the whole."""
 
     boxes: dict[Member, Box]
     lines: tuple[Line, ...]
@@ -128,7 +128,7 @@ def arrange(schedule: Schedule) -> Picture:
 
 
 def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Member]]:
-    """Members by column: behind all that they take values from, apart from what leads back."""
+    """Components by column: behind all that they take values from, apart from what leads back."""
     order = {m: i for i, m in enumerate(_flow(schedule, all_bundles))}
     forward = [b for b in all_bundles if order[b.source] < order[b.target]]
     column: dict[Member, int] = {}
@@ -151,8 +151,8 @@ def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Mem
 
 
 def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[Member]:
-    """Members along the signals. A discrete one comes after those that are executed before it; a continuous one after
-    the discrete ones that feed it, and after continuous ones that feed it more than it feeds them.
+    """Components along the signals. A discrete one comes after those that are executed before it; a continuous one
+    after the discrete ones that feed it, and after continuous ones that feed it more than it feeds them.
     """
     weight = {(b.source, b.target): len(b.connections) for b in all_bundles}
     continuous = sorted(
@@ -172,7 +172,7 @@ def _feeds(m: Member, all_bundles: Sequence[Bundle]) -> bool:
 
 
 def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]) -> float:
-    """Mean place of a member's neighbours in the column beside it."""
+    """Mean place of a component's neighbours in the column beside it."""
     near = [
         place[o] for b in all_bundles for s, o in ((b.source, b.target), (b.target, b.source)) if s is m and o in place
     ]
@@ -182,7 +182,7 @@ def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]
 def _channels(
     columns: Sequence[Sequence[Member]], column_of: dict[Member, int], all_bundles: Sequence[Bundle]
 ) -> list[float]:
-    """Widths of what is left of each column, and right of the last: room for a line per bundle and for the longest
+    """Widths of what is left of each column, and right of the last: space for a line per bundle and for the longest
     label.
     """
     lanes = [0] * (len(columns) + 1)

@@ -1,4 +1,4 @@
-"""A system as SVG: a box for each member with its rate, a line for each bundle of signals. The same system gives the
+"""A system as SVG: a box for each component with its rate, a line for each bundle of signals. The same system gives the
 same bytes.
 """
 
@@ -15,10 +15,10 @@ from cosim.system.members import Member
 from cosim.system.schedule import Schedule
 from cosim.time import seconds_text
 
-COLOURS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
+COLORS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
 """Kind of a component -> fill, edge and ink."""
 _INK, _LINE = "#222", "#444"
-_HEAD = 34.0  # room for the title
+_HEAD = 34.0  # space for the title
 
 
 def draw(schedule: Schedule, title: str) -> bytes:
@@ -71,7 +71,7 @@ def _lines(body: etree._Element, picture: Picture) -> None:
         tip = etree.SubElement(path, "title")
         tip.text = escape.xml("\n".join(map(str, line.bundle.connections)))
     for line in picture.lines:
-        _text(body, *line.label_at, _label(line), colour=_LINE, anchor="start", halo=True)
+        _text(body, *line.label_at, _label(line), color=_LINE, anchor="start", halo=True)
 
 
 def _label(line: Line) -> str:
@@ -87,7 +87,7 @@ def _path(points: tuple[tuple[float, float], ...]) -> str:
 
 
 def _box(body: etree._Element, member: Member, box: Box) -> None:
-    fill, stroke, ink = COLOURS[member.kind]
+    fill, stroke, ink = COLORS[member.kind]
     rect = etree.SubElement(
         body,
         "rect",
@@ -104,7 +104,7 @@ def _box(body: etree._Element, member: Member, box: Box) -> None:
     _text(body, middle, y + 2, member.name, bold=True, size=14)
     _text(body, middle, y + 20, member.description.name)
     offset = f", from {_duration(member.offset)}" if member.offset else ""
-    _text(body, middle, y + 38, f"{member.kind}, {_duration(member.step)}{offset}", colour=ink)
+    _text(body, middle, y + 38, f"{member.kind}, {_duration(member.step)}{offset}", color=ink)
 
 
 def _duration(value: Fraction) -> str:
@@ -120,13 +120,13 @@ def _text(
     y: float,
     text: str,
     *,
-    colour: str = _INK,
+    color: str = _INK,
     anchor: str = "middle",
     bold: bool = False,
     size: int = 12,
     halo: bool = False,
 ) -> None:
-    element = etree.SubElement(parent, "text", x=_n(x), y=_n(y), fill=colour)
+    element = etree.SubElement(parent, "text", x=_n(x), y=_n(y), fill=color)
     element.set("text-anchor", anchor)
     element.set("font-size", str(size))
     if bold:

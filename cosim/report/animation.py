@@ -69,7 +69,7 @@ class Strut:
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """An arrow from (x, z); ``role`` gives its colour: of the ground on a wheel, or on the body."""
+    """An arrow from (x, z); ``role`` gives its color: of the ground on a wheel, or on the body."""
 
     name: str
     x: npt.ArrayLike
@@ -118,7 +118,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One run. ``outcome`` says in a few words how it ended, ``good`` colours it."""
+    """One run. ``outcome`` says in a few words how it ended, ``good`` colors it."""
 
     title: str
     step: float

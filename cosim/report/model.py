@@ -269,12 +269,12 @@ class Report:
 
     @property
     def published(self) -> list[Claim]:
-        """What the paper says, judged."""
+        """Claims of the paper with their verdicts."""
         return [claim for claim in self.claims if not claim.own]
 
     @property
     def own(self) -> list[Claim]:
-        """Checks of ours, counted apart."""
+        """Additional checks, counted separately."""
         return [claim for claim in self.claims if claim.own]
 
     @property

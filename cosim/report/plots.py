@@ -1,4 +1,4 @@
-"""A `Figure` as a plotly figure. A series name has one colour, dash and marker in the whole report."""
+"""A `Figure` as a plotly figure. A series name has one color, dash and marker in the whole report."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ WIDE_LEGEND, NARROW_LEGEND = 820, 330
 
 
 def dark_colors() -> dict[str, str]:
-    """Each colour of figures, and its tint under a band, and what stands for it on a dark page."""
+    """Each color of figures, and its tint under a band, and what stands for it on a dark page."""
     return {**_ON_DARK, **{_faint(light): _faint(_ON_DARK[light]) for light in COLORS.values()}}
 
 
@@ -75,7 +75,7 @@ class Look:
 class Palette:
     """The look of every series name in some figures.
 
-    Hints come first; the remaining names take the colours that no hint names, in order of appearance. Colour and dash
+    Hints come first; the remaining names take the colors that no hint names, in order of appearance. Color and dash
     differ together, so that curves stay apart on a grey print.
     """
 
@@ -93,9 +93,9 @@ class Palette:
         taken: set[tuple[Color, Dash]] = set()
         for number, (name, (hint, dash)) in enumerate(hints.items()):
             color: Color = next(colors) if hint is None else hint
-            if hint is None and (color, dash) in taken:  # a name that brings its dash is told apart by the colour
+            if hint is None and (color, dash) in taken:  # a name that brings its dash is distinguished by its color
                 color = next((c for c in free if (c, dash) not in taken), color)
-            # where the colours have run out, the dash tells two names apart
+            # where the colors have run out, the dash tells two names apart
             dashes = [d for d in DASHES if (color, d) not in taken] or DASHES
             chosen = dash or dashes[0 if hint else number % len(dashes)]
             taken.add((color, chosen))
@@ -198,7 +198,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
             y += X_LABEL_HEIGHT if any(labelled[i] for i in cells) else 14
     total = y
     legend = _legend_height(figure, NARROW_LEGEND if narrow else WIDE_LEGEND)
-    gap = 0.0 if columns == 1 else 0.11  # room for tick labels such as -10 000 and a label
+    gap = 0.0 if columns == 1 else 0.11  # space for tick labels such as -10 000 and a label
 
     layout: dict[str, Any] = {
         "template": "none",

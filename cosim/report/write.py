@@ -308,7 +308,7 @@ def _json(value: Any) -> str:
 
 
 def _csv(headers: Iterable[str], rows: Iterable[Sequence[Scalar]]) -> str:
-    """Floats read back to the same bits; an empty cell is no value."""
+    """Floats read back to bit-identical values; an empty cell is no value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(headers)

@@ -1,4 +1,4 @@
-"""The scene of a system, from the names that its members' variables have.
+"""The scene of a system, from the names that its components' variables have.
 
 Names are a contract: a plant has `body.z`, and `wheel.z` or `wheel.{c}.z` for its corners; what drives
 `road.{c}.height` is the road; what reads `preview.{c}[i]` looks ahead. So whatever fills the contract is drawn, ours or
@@ -55,7 +55,7 @@ class Looks:
     wheel_height: float
     tire_width: float
     cg_height: float
-    hull: Callable[[Sequence[Axle], float], list[Face]]
+    faces: Callable[[Sequence[Axle], float], list[Face]]
 
 
 def _carrier(axles: Sequence[Axle], _: float) -> list[Face]:
@@ -88,11 +88,11 @@ _TOUCHES = {"bumper.front": "front bumper", "bumper.rear": "rear bumper", "belly
 
 
 def infer_scene(system: Wiring, plant: str | None = None) -> Scene | None:
-    """The scene of a system, or None where no member is a plant.
+    """The scene of a system, or None where no component is a plant.
 
-    `plant`: the name of the member to show, by default the first one that is a plant. Positions are those at rest where
-    inputs do not say otherwise; parameters count as they are set now, except trenches, which follow their parameters.
-    Raises WiringError for a member that there is not.
+    `plant`: the name of the component to show, by default the first one that is a plant. Positions are those at rest
+    where inputs do not say otherwise; parameters count as they are set now, except trenches, which follow their
+    parameters. Raises WiringError for a component that there is not.
     """
     members = [system[plant]] if plant is not None else list(system.members.values())
     for member in members:
@@ -106,7 +106,7 @@ def infer_scene(system: Wiring, plant: str | None = None) -> Scene | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """A member that may be a plant, and what is around it."""
+    """A component that may be a plant, and what is around it."""
 
     system: Wiring
     member: Member
@@ -255,7 +255,7 @@ class _Found:
 
     @cached_property
     def road(self) -> Member | None:
-        """The member whose heights are under the wheels, if these follow from a place along it."""
+        """The component whose heights are under the wheels, if these follow from a place along it."""
         for corner in [f".{c}" for c in self.corners] or [""]:
             connection = self.driven(f"road{corner}.height")
             if connection is not None and "x" in connection.source.description.inputs:
@@ -317,7 +317,7 @@ def _vehicle(found: _Found) -> Scene:
     y = found.output("y") if found.has("y") else Value()
     body = Body(
         "body",
-        _hull(found),
+        _body_faces(found),
         x=distance,
         y=y,
         z=found.output("body.z", offset=found.cg_height),
@@ -354,10 +354,10 @@ def _vehicle(found: _Found) -> Scene:
     )
 
 
-def _hull(found: _Found) -> list[Face]:
+def _body_faces(found: _Found) -> list[Face]:
     """Outlines that a plant has are drawn as they are."""
     if not found.knows("outline.tip_height"):
-        return found.looks.hull(found.axles, found.cg_height)
+        return found.looks.faces(found.axles, found.cg_height)
     names = Outline.__dataclass_fields__
     return shapes.carrier(found.axles, Outline(**{n: found.parameter(f"outline.{n}") for n in names}))
 
@@ -504,7 +504,7 @@ def _points(found: _Found, distance: Value) -> Iterator[Points]:
 
 
 def _preview(system: Wiring, member: Member, corner: str) -> tuple[list[Value], Member | None]:
-    """What drives `preview.{corner}[1...]` of a member, as far as each is another variable than the one before."""
+    """What drives `preview.{corner}[1...]` of a component, as far as each is another variable than the one before."""
     heights: list[Value] = []
     source: Member | None = None
     while True:
@@ -551,7 +551,7 @@ def _predictions(found: _Found, distance: Value) -> Iterator[Points]:
 
 
 def _limits(found: _Found) -> Iterator[Limit]:
-    """What members say of themselves."""
+    """What components say of themselves."""
     for member in found.system.members.values():
         outputs = member.description.outputs
         for output, words in _SAYS.items():

@@ -58,17 +58,17 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
         *(_arch_liner(a, side) for arch in arches for a in _pairs(arch)),
         *_box((tail + 0.1, nose - 0.1), (-inner, inner), (0.92 * radius, belt - 0.2), "dark"),
         _across([(nose, hood), (cowl, belt)], side, "panel"),
-        _across([(nose, hood), (nose, sill + 0.10)], side, "hull"),
+        _across([(nose, hood), (nose, sill + 0.10)], side, "body"),
         _across([(cowl, belt), (tail, belt)], side, "panel"),
-        _across([(tail, belt), (tail, sill + 0.12)], side, "hull"),
+        _across([(tail, belt), (tail, sill + 0.12)], side, "body"),
     ]
     # cabin: sides lean in, glass stands proud of them
     wide, narrow = side - 0.09, side - 0.22
     cabin: Contour = [(cowl, belt), (roof_front, top), (roof_rear, top), (deck, belt)]
     lean = _leaning(belt, wide, top, narrow)
-    faces += [f for s in (-1, 1) for f in [Face([(x, s * lean(z), z) for x, z in cabin], "hull")]]
+    faces += [f for s in (-1, 1) for f in [Face([(x, s * lean(z), z) for x, z in cabin], "body")]]
     faces += [
-        Face([(x, s * lean(z), z) for s, (x, z) in ((1, a), (1, b), (-1, b), (-1, a))], "hull" if k != 1 else "panel")
+        Face([(x, s * lean(z), z) for s, (x, z) in ((1, a), (1, b), (-1, b), (-1, a))], "body" if k != 1 else "panel")
         for k, (a, b) in enumerate(_pairs(cabin))
     ]
     sash, head, pillar = belt + 0.07, top - 0.11, (roof_front + roof_rear) / 2
@@ -258,16 +258,16 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
     lean = _leaning(0.52, wide, roof, narrow)
     upper: Contour = [brow, glacis, top_rear, (rear, 0.52)]
     nose_low: Contour = [(front, outline.tip_height), bow]
-    faces += [_strip(nose_low[0], inner, bow, inner + 0.18, "hull"), _strip(bow, inner + 0.18, brow, wide, "hull")]
-    faces += [Face([(x, s * lean(z), z) for x, z in upper], "hull") for s in (-1, 1)]
-    materials: tuple[Material, ...] = ("panel", "panel", "hull")
+    faces += [_strip(nose_low[0], inner, bow, inner + 0.18, "body"), _strip(bow, inner + 0.18, brow, wide, "body")]
+    faces += [Face([(x, s * lean(z), z) for x, z in upper], "body") for s in (-1, 1)]
+    materials: tuple[Material, ...] = ("panel", "panel", "body")
     faces += [_strip(a, lean(a[1]), b, lean(b[1]), m) for (a, b), m in zip(_pairs(upper), materials, strict=True)]
     skirt = [(first + 0.42, 0.52), (first + 0.30, shelf), (rear + 0.06, shelf), (rear, 0.52)]
-    faces += [Face([(x, s * wide, z) for x, z in skirt], "hull") for s in (-1, 1)]
+    faces += [Face([(x, s * wide, z) for x, z in skirt], "body") for s in (-1, 1)]
     faces += [
         Face(
             [(brow[0], s * wide, brow[1]), (first + 0.30, s * wide, shelf), (bow[0], s * (inner + 0.18), bow[1])],
-            "hull",
+            "body",
         )
         for s in (-1, 1)
     ]
@@ -281,7 +281,7 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
         )
         for s in (-1, 1)
     ]
-    faces += [_strip(stern, inner, (rear, 0.52), inner, "hull"), _strip(lower[-1], inner, stern, inner, "hull")]
+    faces += [_strip(stern, inner, (rear, 0.52), inner, "body"), _strip(lower[-1], inner, stern, inner, "body")]
     faces += [
         Face(
             [
@@ -317,7 +317,7 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
                     "glass",
                 )
             )
-    faces += _box((first - 1.55, first - 0.85), (-0.36, 0.36), (roof, roof + 0.10), "hull")
+    faces += _box((first - 1.55, first - 0.85), (-0.36, 0.36), (roof, roof + 0.10), "body")
     plate = _along(bow, brow)
     faces += [
         Face(
@@ -395,7 +395,7 @@ def _leaning(z1: float, y1: float, z2: float, y2: float) -> Callable[[float], fl
     return lambda z: y1 + (y2 - y1) * (z - z1) / (z2 - z1)
 
 
-def _sides(low: Contour, high: Contour, y: float, material: Material = "hull") -> list[Face]:
+def _sides(low: Contour, high: Contour, y: float, material: Material = "body") -> list[Face]:
     """The sheets at both sides between a lower and an upper contour, upright at y and -y, in columns,
     which are convex."""
     (lx, lz), (hx, hz) = (np.array(sorted(c)).T for c in (low, high))

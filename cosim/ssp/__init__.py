@@ -5,5 +5,5 @@
   nested systems; ``parameters``: the values that its parameter sets and mappings give; ``steps``: how often components
   exchange values;
 - ``names``: namespaces, types of annotations, component types; ``schema``: the standard's own schemas;
-- ``package``: files from outside, believed only as far as they can be checked.
+- ``package``: validation of files from outside.
 """

@@ -24,16 +24,16 @@ class _SspArchive(Archive):
 
 
 class Package:
-    """An SSP file, or the folder of an unpacked one, copied to a folder of its own below `room`.
+    """An SSP file, or the folder of an unpacked one, copied to a folder of its own in `scratch`.
 
     Attributes:
-        title: what it is called in messages.
-        folder: where its files are.
+        title: name in messages.
+        folder: directory of its files.
     """
 
-    def __init__(self, path: Path, room: Path, title: str = ""):
+    def __init__(self, path: Path, scratch: Path, title: str = ""):
         self.title = title or str(path)
-        self.folder = Path(tempfile.mkdtemp(dir=room)).resolve()
+        self.folder = Path(tempfile.mkdtemp(dir=scratch)).resolve()
         try:
             archive = _SspArchive(path, Limits())
             archive.description()  # there is one, and it can be unpacked

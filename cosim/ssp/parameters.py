@@ -18,7 +18,7 @@ _BOOLEAN = {"true": True, "1": True, "false": False, "0": False}
 
 
 @dataclass(frozen=True)
-class Given:
+class BoundValue:
     """A value for a connector or a variable; `depth` of the system whose binding it is."""
 
     value: Value
@@ -96,14 +96,14 @@ class Given:
             raise SspError(f"{one_line(text, 40)!r} is no number") from None
 
 
-def values_of(top: System) -> dict[Place, Given]:
+def values_of(top: System) -> dict[Place, BoundValue]:
     """What is given for each connector of a system and each variable of a component, by place."""
-    found: dict[Place, Given] = {}
+    found: dict[Place, BoundValue] = {}
     _collect(top, (), top, found)
     return found
 
 
-def _collect(e: Element, path: tuple[str, ...], top: System, found: dict[Place, Given]) -> None:
+def _collect(e: Element, path: tuple[str, ...], top: System, found: dict[Place, BoundValue]) -> None:
     """First what is in it, then its own, so that the outermost comes last."""
     if isinstance(e, System):
         for inner in e.elements.values():
@@ -112,7 +112,7 @@ def _collect(e: Element, path: tuple[str, ...], top: System, found: dict[Place, 
         for value in binding:
             place = _place(e, path, value.name)
             if place is not None:
-                found[place] = Given(value, len(path))
+                found[place] = BoundValue(value, len(path))
 
 
 def _place(e: Element, path: tuple[str, ...], name: str) -> Place | None:

@@ -14,7 +14,7 @@ from cosim.description import Variable
 from cosim.errors import CosimError, SspError, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.ssp.package import Package
-from cosim.ssp.parameters import Given, values_of
+from cosim.ssp.parameters import BoundValue, values_of
 from cosim.ssp.signals import Change, Place, Signals, change, trace
 from cosim.ssp.structure import Component, Structure, System, read
 from cosim.ssp.table import IntegerTable
@@ -27,10 +27,10 @@ StepsLike = TimeLike | Mapping[str, TimeLike] | None
 
 
 def read_ssp(
-    wiring: Wiring, path: Path, room: Path, *, variant: str | None, step: StepsLike, strict: bool
+    wiring: Wiring, path: Path, scratch: Path, *, variant: str | None, step: StepsLike, strict: bool
 ) -> Structure:
-    """Fill an empty wiring; see `System.from_ssp`. `room`: a folder for its files."""
-    package = Package(path, room)
+    """Fill an empty wiring; see `System.from_ssp`. `scratch`: a folder for its files."""
+    package = Package(path, scratch)
     structure = read(package, variant)
     return _Reader(wiring, structure, package, step, strict).structure
 
@@ -72,7 +72,7 @@ class _Reader:
     # Components.
 
     def names(self) -> dict[tuple[str, ...], str]:
-        """Names of members: those that our own annotation says, or those of the elements, without blanks."""
+        """Names of components: those that our own annotation says, or those of the elements, without blanks."""
         found: dict[tuple[str, ...], str] = {}
         for path, c in self.components.items():
             last = c.own.get("name") or c.name
@@ -214,7 +214,7 @@ class _Reader:
                         {n: v for n, v in each.items() if n not in c.initial}
                     )  # those are for tools that step first
 
-    def applied(self, path: tuple[str, ...], signals: Signals, given: Mapping[Place, Given]) -> dict[str, Any]:
+    def applied(self, path: tuple[str, ...], signals: Signals, given: Mapping[Place, BoundValue]) -> dict[str, Any]:
         """Values by the names of an FMU's variables: those that are given for it, or for what its connectors take their
         values from.
         """

@@ -2,8 +2,8 @@
 happens to it.
 
 A place is a connector of an element, by the path of systems to it, or an entry of a signal dictionary; of arrays each
-element by itself. At most one connection leads to a place. Which end of a connection gives and which takes is told by
-the kinds of the connectors.
+element by itself. At most one connection leads to a place. The kinds of the connectors say which
+end is the source.
 """
 
 from __future__ import annotations

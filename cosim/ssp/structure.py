@@ -121,7 +121,7 @@ class System(Element):
     connections: list[Connection]
     dictionaries: dict[str, dict[str, Connector]]
     step: Fraction | None = None  # of its components [s]
-    groups: list[tuple[str, str, tuple[str, ...]]] = field(default_factory=list)  # name, method, members
+    groups: list[tuple[str, str, tuple[str, ...]]] = field(default_factory=list)  # name, method, components
 
     def components(self) -> Iterator[tuple[tuple[str, ...], Component]]:
         """All in it, with their paths."""

@@ -52,9 +52,9 @@ def export_ssp(
     initial: Mapping[str, float],
     text: str = "",
 ) -> Path:
-    """Write a system as an SSP; see `System.export_ssp`. `members`: all, in their order; `inputs`: full names of inputs
-    that are the system's; `initial`: what connected inputs show when the system has been initialized, by name. Raises
-    SspError naming what cannot be in it.
+    """Write a system as an SSP; see `System.export_ssp`. All components come in their order; `inputs`: full names of
+    inputs that are the system's; `initial`: what connected inputs show when the system has been initialized, by name.
+    Raises SspError naming what cannot be in it.
     """
     version = version_of(version)
     if path.suffix != ".ssp" or not path.stem:
@@ -65,8 +65,8 @@ def export_ssp(
 
 
 def files_of(schedule: Schedule, version: str) -> dict[Member, FmuFile]:
-    """The file of every member, in the version of FMI that the SSP takes. Raises SspError naming a member that cannot
-    travel.
+    """The file of every component, in the version of FMI that the SSP takes. Raises SspError naming a component that
+    cannot travel.
     """
     found = {}
     for m in schedule.members:
@@ -99,7 +99,7 @@ def _file_of(m: Member, fmu: FmuFile, schedule: Schedule, major: str) -> FmuFile
 
 
 def _require_same(m: Member, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
-    """The other version of a member's FMU has what the system uses."""
+    """The other version of a component's FMU has what the system uses."""
     used = {c.output for c in schedule.connections if c.source is m} | {
         c.input for c in schedule.connections if c.target is m
     }

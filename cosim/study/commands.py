@@ -40,39 +40,39 @@ from cosim.study.fmus import FmuSet
 from cosim.study.pages import report_of
 from cosim.study.runner import Execution, Runner
 
-Fmus = Annotated[Path, typer.Option("--fmus", help="directory of the FMUs (see build-fmus)")]
-Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs to use", min=2, max=3)]
+Fmus = Annotated[Path, typer.Option("--fmus", help="directory that contains the FMUs (see build-fmus)")]
+Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs", min=2, max=3)]
 Vehicles = Annotated[
     list[Path] | None,
     typer.Option(
         "--vehicle",
         metavar="FILE",
-        help=(
-            "vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given"
-        ),
+        help="use the FMUs that `build-fmus --vehicle` built from this vehicle, actuator or sensors file (repeatable)",
     ),
 ]
-Processes = Annotated[int | None, typer.Option("--processes", help="worker processes (default: all cores)", min=1)]
+Processes = Annotated[
+    int | None, typer.Option("--processes", help="number of worker processes (default: all cores)", min=1)
+]
 Dask = Annotated[
     str | None,
     typer.Option(
         "--dask",
         metavar="ADDRESS|local",
         help=(
-            "run on a Dask cluster: the address of its scheduler, tcp://HOST:8786, or local for one that is started"
-            " here"
+            "run on the Dask cluster whose scheduler has this address, such as tcp://HOST:8786; local: start a cluster"
+            " on this machine"
         ),
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="run everything again; runs stored earlier are discarded")]
-Retry = Annotated[bool, typer.Option("--retry-failed", help="run again what failed earlier")]
-Out = Annotated[Path, typer.Option("--out", help="directory for results")]
+Force = Annotated[bool, typer.Option("--force", help="discard stored runs and run everything again")]
+Retry = Annotated[bool, typer.Option("--retry-failed", help="run failed runs again")]
+Out = Annotated[Path, typer.Option("--out", help="write results to this directory")]
 Engines = Annotated[
     str,
     typer.Option(
         "--engine",
         metavar=one_of(get_args(EngineChoice)),
-        help="what executes systems; the numbers are the same, to the last bit",
+        help="choose the engine that executes systems; results are bit-identical",
     ),
 ]
 
@@ -80,15 +80,16 @@ Isolate = Annotated[
     list[str] | None,
     typer.Option(
         "--isolate",
-        metavar="MEMBER",
-        help="a component, or a pattern such as '*', whose FMU runs in a process of its own; several may be given",
+        metavar="COMPONENT",
+        help="run the FMU of this component, or of all that fit a pattern such as '*', in its own process (repeatable)",
     ),
 ]
 Timeout = Annotated[
-    float | None, typer.Option("--step-timeout", metavar="S", help="longest wall time of one call of these FMUs [s]")
+    float | None,
+    typer.Option("--step-timeout", metavar="S", help="limit the wall time of one call of an isolated FMU [s]"),
 ]
 Memory = Annotated[
-    float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")
+    float | None, typer.Option("--memory-limit", metavar="MB", help="limit the memory of an isolated FMU [MB]")
 ]
 
 _FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, FMUS), "fmi": (Version, 3)}
@@ -107,15 +108,17 @@ _MANY: dict[str, tuple[Any, Any]] = {
 }
 _EVERYWHERE = {**_FMUS, **_OUT, **_EXECUTION}
 EVERYWHERE_OF_STUDIES = {**_EVERYWHERE, **_MANY}
-"""Options of whatever makes many runs."""
-Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
+"""Options of the commands that make many runs."""
+Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="write the system as this FMU, NAME.fmu")]
 Package = Annotated[
     Path | None,
-    typer.Option("--ssp", metavar="FILE", help="the SSP to write, NAME.ssp: FMUs and wiring, for tools that read SSP"),
+    typer.Option("--ssp", metavar="FILE", help="write the FMUs and their connections as this SSP, NAME.ssp"),
 ]
 Structure = Annotated[
     str,
-    typer.Option("--ssp-version", metavar="1.0|2.0", help="SSP 1.0 holds FMUs of FMI 2.0, SSP 2.0 those of FMI 3.0"),
+    typer.Option(
+        "--ssp-version", metavar="1.0|2.0", help="choose the SSP version; 1.0 contains FMI 2.0 FMUs, 2.0 FMI 3.0 FMUs"
+    ),
 ]
 Patterns = Annotated[
     list[str] | None,
@@ -123,36 +126,41 @@ Patterns = Annotated[
         "--input",
         metavar="NAME",
         help=(
-            "inputs, as MEMBER.VARIABLE or a pattern (default: of an FMU all that nothing drives, of an SSP none);"
-            " several may be given"
+            "make this variable, COMPONENT.VARIABLE or a pattern, an input of the exported system (default: FMU: all"
+            " unconnected inputs, SSP: none) (repeatable)"
         ),
     ),
 ]
-Outputs = Annotated[list[str] | None, typer.Option("--output", metavar="NAME", help="outputs, likewise (default: all)")]
+Outputs = Annotated[
+    list[str] | None,
+    typer.Option("--output", metavar="NAME", help="make this variable an output (default: all outputs) (repeatable)"),
+]
 Without = Annotated[
     list[str] | None,
     typer.Option(
         "--without",
-        metavar="MEMBER",
-        help="a member that stays outside: what it drove becomes inputs; several may be given",
+        metavar="COMPONENT",
+        help="leave this component out; the inputs that it drove become inputs of the system (repeatable)",
     ),
 ]
 Where = Annotated[
     str,
     typer.Option(
-        "--platform", metavar=one_of(("host", "all", *PLATFORMS)), help="for which systems; several with commas"
+        "--platform",
+        metavar=one_of(("host", "all", *PLATFORMS)),
+        help="build binaries for these platforms, separated by commas",
     ),
 ]
 Web = Annotated[
     Path | None,
-    typer.Option("--web", metavar="FILE", help="the web page to write, NAME.html, in which the system runs live"),
+    typer.Option("--web", metavar="FILE", help="write a web page, NAME.html, in which the system runs live"),
 ]
 Beside = Annotated[
     list[str] | None,
     typer.Option(
         "--beside",
         metavar="OPTION=VALUE,...",
-        help="on the page: one more system beside it, the case with these options changed; several may be given",
+        help="show another system on the page: the same case with these options changed (repeatable)",
     ),
 ]
 _EXPORT: dict[str, tuple[Any, Any]] = {
@@ -166,24 +174,23 @@ _EXPORT: dict[str, tuple[Any, Any]] = {
     "without": (Without, None),
     "platform": (Where, "host"),
 }
-Drawing = Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="the picture to write (default: NAME.svg)")]
-Title = Annotated[str | None, typer.Option("--title", help="its heading; '' for none")]
+Drawing = Annotated[
+    Path | None, typer.Option("--svg", metavar="FILE", help="write the picture to this file (default: NAME.svg)")
+]
+Title = Annotated[str | None, typer.Option("--title", help="set the heading of the picture; '' for none")]
 _PICTURE: dict[str, tuple[Any, Any]] = {"svg": (Drawing, None), "title": (Title, None)}
 RealTime = Annotated[
     float | None,
     typer.Option(
         "--real-time",
         metavar="[FACTOR]",
-        help=(
-            "keep pace with the clock: 1 (which need not be written) is its own, 2 twice as fast; says how well that"
-            " went"
-        ),
+        help=("run in real time, FACTOR times as fast as the clock (1 if left out), and report how well that worked"),
     ),
 ]
 DisplayUnits = Annotated[
     bool,
     typer.Option(
-        "--display-units", help="time histories in the units in which FMUs want them displayed (deg, km/h), not in SI"
+        "--display-units", help="write time histories in the display units of the FMUs (deg, km/h) instead of SI units"
     ),
 ]
 Curves = Annotated[
@@ -191,14 +198,14 @@ Curves = Annotated[
     typer.Option(
         "--plot",
         metavar="NAME",
-        help="draw what is recorded of this name or pattern, car.body.az, in the terminal; several may be given",
+        help="plot this recorded variable, such as car.body.az, or a pattern, in the terminal (repeatable)",
     ),
 ]
 Bars = Annotated[
-    bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, beside those of the baseline")
+    bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, next to those of the baseline")
 ]
 HoldInput = Annotated[
-    bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")
+    bool, typer.Option("--hold-input", help="hold the last values of a signal file that is shorter than the run")
 ]
 
 
@@ -209,14 +216,16 @@ def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
         *(n for n in ("--signals", "--input") if n not in own),
         metavar="FILE",
         help=(
-            "a CSV or Parquet file whose columns, 'time [s]' and 'MEMBER.INPUT [unit]', drive these inputs; several may"
-            " be given"
+            "drive inputs by the columns of a CSV or Parquet file, 'time [s]' and 'COMPONENT.INPUT [unit]' (repeatable)"
         ),
     )
     recording = typer.Option(
         *(n for n in ("--recording", "--output") if n not in own),
         metavar="FILE",
-        help=f"where time histories go, by its ending: {', '.join(FORMATS)} (default: a CSV in --out)",
+        help=(
+            f"write time histories to this file, whose suffix sets the format: {', '.join(FORMATS)} (default: a CSV in"
+            " --out)"
+        ),
     )
     return {
         "signals_": (Annotated[list[Path] | None, signals], None),
@@ -279,7 +288,7 @@ def run_command(experiment: Experiment) -> Any:
     options = field_options(experiment)
     results = _one_run(experiment)
     more = {**own_files(experiment), **_EVERYWHERE, **_PACE, **results}
-    text = "One run: metrics on the screen, time histories as a file."
+    text = "Run one case: print its metrics and write its time histories to a file."
     return command(run, experiment, {**options, **more}, text, _Paced, results=results)
 
 
@@ -290,12 +299,12 @@ def export_command(experiment: Experiment) -> Any:
         case = _case(experiment, given)
         text = f"{experiment.title}: {case.label}" if experiment.title else ""
         if sum(given[target] is not None for target in ("fmu", "ssp", "web")) != 1:
-            raise CosimError("say what to write: --fmu NAME.fmu, --ssp NAME.ssp or --web NAME.html")
+            raise CosimError("give one target: --fmu NAME.fmu, --ssp NAME.ssp or --web NAME.html")
         if given["web"] is not None:
             _export_web(experiment, case, given)
             return
         if given["beside"]:
-            raise CosimError("--beside is of a page: --web NAME.html")
+            raise CosimError("--beside needs a page: add --web NAME.html")
         with Runner(experiment, fmu_set(experiment, given)) as runner:
             system = runner.system(case)
             if given["ssp"] is not None:
@@ -310,16 +319,16 @@ def export_command(experiment: Experiment) -> Any:
                 platforms=given["platform"],
                 text=text,
             )
-        console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows what is in it")
+        console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows its contents")
 
     options = field_options(experiment)
     return command(
         export,
         experiment,
         {**options, **_EXPORT, **own_files(experiment), **_FMUS},
-        "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or"
-        " as a web page in which it runs.",
-        own={"What is written": _EXPORT},
+        "Export the system of one case: as one FMU that contains all components, as an SSP (the FMUs and their"
+        " connections), or as a web page in which it runs.",
+        own={"Export": _EXPORT},
     )
 
 
@@ -340,7 +349,7 @@ def wiring_command(experiment: Experiment) -> Any:
         wiring,
         experiment,
         {**_PICTURE, **options, **own_files(experiment), **_FMUS},
-        "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
+        "Draw the system of one case: its components with their rates, and a line for each bundle of signals.",
         own={"Picture": _PICTURE},
     )
 
@@ -350,7 +359,7 @@ def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> 
 
     for option, name in (("inputs", "--input"), ("outputs", "--output"), ("without", "--without")):
         if given[option]:
-            raise CosimError(f"{name} is of a system as one FMU; a page has all inputs and outputs")
+            raise CosimError(f"{name} applies to --fmu only: a page has all inputs and outputs")
     if given["fmi"] != 3:
         raise CosimError("--web is for FMI 3.0 only: leave --fmi out")
     path = write_web(experiment, fmu_set(experiment, given), given["web"], case, given["beside"] or ())
@@ -360,7 +369,7 @@ def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> 
 def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: float) -> None:
     for option, name in (("outputs", "--output"), ("without", "--without")):
         if given[option]:
-            raise CosimError(f"{name} is of a system as one FMU; in an SSP every member has all its outputs")
+            raise CosimError(f"{name} applies to --fmu only: in an SSP every component has all its outputs")
     path = system.export_ssp(
         given["ssp"], version=given["ssp_version"], inputs=given["inputs"] or (), stop_time=stop_time, text=text
     )

@@ -48,7 +48,7 @@ class DesignError(CaseError):
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter of a sweep: a field of the cases, or ``member.variable`` of the system.
+    """A parameter of a sweep: a field of the cases, or ``component.variable`` of the system.
 
     Attributes:
         name: as people write it.
@@ -267,7 +267,7 @@ class Design:
 
     Attributes:
         axes: parameters that vary.
-        method: see METHODS; "list" for points that were given one by one.
+        method: see METHODS; "list" for points that were listed.
         samples: how many points, or pairs and paths of them.
         seed: of the random numbers.
         listed: points that were given.
@@ -398,7 +398,7 @@ def from_file(path: Path) -> Design:
         damping = [6e3, 12e3]
         [set]                       # options of the cases that do not vary
         duration = 0.5
-        [[cases]]                   # instead of vary: points one by one
+        [[cases]]                   # instead of vary: a list of points
         damping = 6e3
 
     Raises:

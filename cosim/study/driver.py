@@ -64,7 +64,7 @@ def run_study(
     Raises:
         FileNotFoundError: an FMU is missing; nothing was run.
         ExecutorLostError: the executor can do no more; what was finished is stored.
-        OSError: results cannot be written, for want of room for one; what was finished is stored.
+        OSError: results cannot be written, if the disk is full, for instance; what was finished is stored.
         KeyboardInterrupt: by Ctrl-C; what was finished is stored.
     """
     todo = experiment.tasks(**(options or {})) if tasks is None else experiment.placed(tasks)

@@ -14,7 +14,7 @@ from build_fmus.layout import FMUS, fmu_path
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:
-    """What the law in an FMU was designed with, as the FMU tells in ``resources/provenance.json``."""
+    """Design data of the controller in an FMU, from ``resources/provenance.json``."""
     with zipfile.ZipFile(file) as z:
         return dict(json.loads(z.read("resources/provenance.json")))
 

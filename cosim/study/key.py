@@ -1,4 +1,5 @@
-"""What the numbers of a run depend on besides its case; everything here is found, so that nothing can be forgotten.
+"""Everything that determines the result of a run besides its case. The code finds it, so stale results are never
+reused.
 
 FMU files by content, a user's own and those that a case names among them; every module of the project (or of a user's
 folder) that wiring, run and measurement load, with the data files beside it; the versions of the libraries that those

@@ -39,25 +39,28 @@ Vary = Annotated[
         "--vary",
         metavar="NAME=LOW:HIGH",
         help=(
-            "what is tried: an option of the cases, or COMPONENT.PARAMETER of the system, in a range or among texts"
-            " NAME=A,B,C; several may be given"
+            "vary an option of the cases, or COMPONENT.PARAMETER of the system, in a range, or over a list NAME=A,B,C"
+            " (repeatable)"
         ),
     ),
 ]
 Log = Annotated[
     list[str] | None,
-    typer.Option("--log", metavar="NAME", help="of these, one on a logarithmic scale; several may be given"),
+    typer.Option("--log", metavar="NAME", help="vary this parameter on a logarithmic scale (repeatable)"),
 ]
 Minimise = Annotated[
     list[str] | None,
-    typer.Option("--minimise", metavar="METRIC", help="an objective: a metric to be small; several may be given"),
+    typer.Option("--minimise", metavar="METRIC", help="minimize this metric (repeatable)"),
 ]
 Maximise = Annotated[
     list[str] | None,
-    typer.Option("--maximise", metavar="METRIC", help="an objective: a metric to be large; several may be given"),
+    typer.Option("--maximise", metavar="METRIC", help="maximize this metric (repeatable)"),
 ]
 Trials = Annotated[
-    int, typer.Option("--trials", help="how many in all, those of an earlier run of the same command among them", min=1)
+    int,
+    typer.Option(
+        "--trials", help="number of trials in total, including those of earlier runs of the same command", min=1
+    ),
 ]
 Seed = Annotated[int, typer.Option("--random-seed", help="seed of the search", min=0)]
 

@@ -27,17 +27,23 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
         raise SspError(f"no such SSP: {place}")
 
     def wired(
-        file: str = option(place, files=SUFFIX, help="another file", label=lambda f: Path(f).stem),
-        variant: str = option("", help="description of the system, where the file has several"),
-        step: str = option("", help="'1 ms' for components that say nothing, or 'NAME=1 ms, NAME=2 ms'", label=_label),
+        file: str = option(place, files=SUFFIX, help="use another file", label=lambda f: Path(f).stem),
+        variant: str = option("", help="choose the system description if the file has several"),
+        step: str = option(
+            "",
+            help="set the step of components that do not declare one, '1 ms', or of named ones, 'NAME=1 ms, NAME=2 ms'",
+            label=_label,
+        ),
         parameters: str = option(
-            "", name="set", help="values to set, 'car.body.mass=1200, road.amplitude=0.05'", label=_label
+            "", name="set", help="set values, such as 'car.body.mass=1200, road.amplitude=0.05'", label=_label
         ),
         record: str = option(
-            "", help="what is recorded, names and patterns with commas (default: all outputs)", label=lambda _: "some"
+            "",
+            help="record these names and patterns, separated by commas (default: all outputs)",
+            label=lambda _: "some",
         ),
         stop_time: float | None = option(
-            None, unit="s", within=(1e-9, 1e9), help="end of the run, instead of the file's"
+            None, unit="s", within=(1e-9, 1e9), help="override the end of the run of the file"
         ),
     ) -> None: ...
 

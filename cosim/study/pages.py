@@ -100,7 +100,8 @@ def failed_section(results: Results) -> list[Section]:
         return []
     table = Table("failed-runs", "Runs that failed", ["run", "message"], [[k, v] for k, v in failures.items()])
     text = (
-        f"{len(failures)} of {len(results.tasks)} runs failed. What needs them is open; --retry-failed runs them again."
+        f"{len(failures)} of {len(results.tasks)} runs failed. Claims that need them are open; --retry-failed runs them"
+        " again."
     )
     return [Section("Failed runs", [text], tables=[table])]
 
@@ -155,7 +156,7 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
         figure for f in axes if f.type in (int, float) for figure in _figures(f, axes, curves, results, ran, prefix)
     ]
     if drawn:
-        found.append(Section(f"What the metrics{about} depend on", [], figures=drawn))
+        found.append(Section(f"Dependence of the metrics{about}", [], figures=drawn))
     return found
 
 

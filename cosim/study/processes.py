@@ -30,7 +30,7 @@ class WorkerDiedError(RuntimeError):
 
 
 class NoWorkerError(RuntimeError):
-    """A process cannot be started, or ends before it could take a task: no task is to blame."""
+    """A process cannot be started, or ends before it could take a task: the task is not the cause."""
 
 
 @contextmanager
@@ -192,7 +192,9 @@ def _work(theirs: Any, scratch: str, options: Collection[str] | None) -> None:
         try:
             data = pickle.dumps(found)
         except Exception as error:
-            data = pickle.dumps((False, RuntimeError(f"what came out cannot be sent: {error}; it is {found[1]!r}")))
+            data = pickle.dumps(
+                (False, RuntimeError(f"the result cannot be sent to the main process: {error}; it is {found[1]!r}"))
+            )
         theirs.send_bytes(data)
 
 

@@ -398,7 +398,7 @@ class Stored(Sequence[Any]):
             try:
                 text = self._store.text(self._names[i])
             except NotStored:
-                return {"failed": "what was stored of it is damaged; run it again"}
+                return {"failed": "its stored result is damaged; run it again"}
             self._values[i] = json.loads(text), len(text)
             self._size += len(text)
             while self._size > self.CACHE and len(self._values) > 1:

@@ -387,7 +387,7 @@ def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
         try:
             entry = json.loads(kept.text(name(i)))
         except NotStored:
-            entry = {"failed": "what was stored of it is damaged; run it again"}
+            entry = {"failed": "its stored result is damaged; run it again"}
         if "failed" in entry:
             failures[i] = entry["failed"]
             continue

@@ -43,28 +43,30 @@ Vary = Annotated[
         "--vary",
         metavar="NAME=LOW:HIGH",
         help=(
-            "an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a distribution"
-            " NAME=normal(MEAN,DEVIATION); several may be given"
+            "vary an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a"
+            " distribution NAME=normal(MEAN,DEVIATION) (repeatable)"
         ),
     ),
 ]
-_OWN = "or as the design file says"
+_OWN = "or as in the design file"
 Samples = Annotated[
-    int | None, typer.Option("--samples", help=f"points of the design (default: {Design.samples}, {_OWN})", min=1)
+    int | None,
+    typer.Option("--samples", help=f"number of points of the design (default: {Design.samples}, {_OWN})", min=1),
 ]
 Method = Annotated[
     str | None,
     typer.Option(
         "--method",
         metavar=one_of(METHODS),
-        help=f"how they fill the space of the parameters (default: {Design.method}, {_OWN})",
+        help=f"choose the sampling method (default: {Design.method}, {_OWN})",
     ),
 ]
 Seed = Annotated[
     int | None, typer.Option("--random-seed", help=f"seed of the design (default: {Design.seed}, {_OWN})", min=0)
 ]
 File = Annotated[
-    Path | None, typer.Option("--design", metavar="FILE", help="the design as a .toml file, or DESIGN of a .py file")
+    Path | None,
+    typer.Option("--design", metavar="FILE", help="read the design from a .toml file, or from DESIGN in a .py file"),
 ]
 Worst = Annotated[
     str | None,
@@ -72,20 +74,20 @@ Worst = Annotated[
         "--worst",
         metavar="METRIC",
         help=(
-            "whose largest values are the worst; METRIC:min for its smallest (default: the first metric, furthest"
-            " from 0)"
+            "rank the worst runs by the largest values of this metric; METRIC:min: by the smallest (default: the first"
+            " metric, furthest from 0)"
         ),
     ),
 ]
 One = Annotated[
     int | None,
-    typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0),
+    typer.Option("--run", metavar="NUMBER", help="repeat one run of the sweep and save its time histories", min=0),
 ]
 Histories = Annotated[
     bool,
     typer.Option(
         "--histories",
-        help="keep the time histories of every run too, as Parquet files beside the table; workers write them",
+        help="also save the time histories of every run, as Parquet files next to the table",
     ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {MANY} runs")]
@@ -230,15 +232,14 @@ def _design(given: Mapping[str, Any]) -> Design:
     found = from_file(given["design"])
     if changes and found.method == "list":
         raise DesignError(
-            f"{given['design']} gives points one by one: --samples, --method and --random-seed have no meaning"
-            " beside it"
+            f"{given['design']} lists its points (cases): leave out --samples, --method and --random-seed"
         )
     found = dataclasses.replace(found, **changes)
     if given["vary"]:
         more = tuple(axis(text) for text in given["vary"])
         names = {a.name for a in more}
         if found.method == "list":
-            raise DesignError(f"{given['design']} gives points one by one: --vary has no meaning beside it")
+            raise DesignError(f"{given['design']} lists its points (cases): leave out --vary")
         found = dataclasses.replace(found, axes=(*(a for a in found.axes if a.name not in names), *more))
     return found
 

@@ -1,4 +1,4 @@
-"""An experiment whose cases also have parameters of the system, ``member.variable``, that a sweep varies."""
+"""An experiment whose cases also have parameters of the system, ``component.variable``, that a sweep varies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cosim.study.loading import load
 
 KINDS: dict[str, type] = {"real": float, "integer": int, "boolean": bool, "string": str}
 Parameters = tuple[tuple[str, str], ...]
-"""Names of parameters, ``member.variable``, with the type of each, a key of KINDS."""
+"""Names of parameters, ``component.variable``, with the type of each, a key of KINDS."""
 
 
 def attribute(number: int) -> str:
@@ -80,10 +80,10 @@ def _configure(experiment: Experiment, names: Sequence[str], system: Any, point:
 
 
 def set_parameters(system: Any, given: Mapping[str, Any]) -> None:
-    """Set parameters and start values by ``member.variable``.
+    """Set parameters and start values by ``component.variable``.
 
     Raises:
-        WiringError: there is no such member or variable, or the value cannot be.
+        WiringError: there is no such component or variable, or the value cannot be.
     """
     for name, value in given.items():
         member, _, variable = name.partition(".")

@@ -21,7 +21,7 @@ CHARTS = 6  # of a page, of what an experiment records
 
 @dataclass(frozen=True)
 class LiveCase:
-    """One system of a page. ``values``: inputs and parameters, as ``member.variable``, that differ from those of the
+    """One system of a page. ``values``: inputs and parameters, as ``component.variable``, that differ from those of the
     case. Those of the same ``group`` run side by side.
     """
 

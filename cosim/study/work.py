@@ -91,7 +91,7 @@ def work(job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, byte
     since = time.perf_counter()
     try:
         places, missing = _places(job.hashes, contents or {})
-    except OSError as error:  # no room for them here
+    except OSError as error:  # no space for them here
         return Reply(problem=_full(error))
     if missing:
         return Reply(missing=missing)
@@ -121,9 +121,9 @@ def _experiment(job: JobContext) -> Experiment:
 
 
 def _full(error: Exception) -> str:
-    """What ends a study where a worker has no room for its files; no run is to blame."""
+    """What ends a study where a worker has no disk space for its files; the run is not the cause."""
     return (
-        f"a worker on {platform.node()} cannot write ({type(error).__name__}: {error}); make room in"
+        f"a worker on {platform.node()} cannot write ({type(error).__name__}: {error}); free space in"
         f" {tempfile.gettempdir()} and {safe_files.cache_directory()}"
     )
 

@@ -1,1 +1,1 @@
-"""A system before it runs: members, connections, groups, and the order that follows from them."""
+"""A system before it runs: components, connections, groups, and the order that follows from them."""

@@ -1,4 +1,4 @@
-"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first
+"""The components of a system by name, and its variables by `component.variable`: the component's name ends at the first
 dot. Where components of nested systems have dots in theirs, `sub.component.variable`, it ends where there is a
 component of that name: no name continues another.
 """
@@ -15,13 +15,13 @@ from cosim.system.members import Member, article, indices
 
 
 class Members(dict[str, Member]):
-    """Members by name. Looking up one that is not there raises WiringError with the nearest name."""
+    """Components by name. Looking up one that is not there raises WiringError with the nearest name."""
 
     def __missing__(self, name: str) -> NoReturn:
         raise WiringError(f"no component '{name}'{did_you_mean(name, self)}")
 
     def split(self, full: str) -> tuple[Member, str]:
-        """`component.variable` -> the member and the variable's own name. Raises WiringError for an
+        """`component.variable` -> the component and the variable's own name. Raises WiringError for an
         unknown component."""
         component, variable = self.parts(full)
         if component == full:

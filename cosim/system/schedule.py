@@ -14,9 +14,9 @@ from cosim.time import TimeBase, gcd, seconds_text
 
 @dataclass(frozen=True)
 class Schedule:
-    """What runs when. `discrete` in order of execution; `groups` of continuous components, each in declared order,
-    those without a group one by one; `lagging` are connections between discrete components that deliver the value of
-    the sample before, possible only into inputs without direct feed-through."""
+    """The order of execution. `discrete` components in their order; `groups` of continuous components, each in declared
+    order, a component without a group alone; `lagging` are connections between discrete components that deliver the
+    value of the sample before, possible only into inputs without direct feed-through."""
 
     tick: Fraction
     discrete: tuple[Member, ...]

@@ -1,12 +1,12 @@
 """What is wired when two terminals are connected, by the rules of FMI 3.0 (2.4.9.2), and what does not fit.
 
-| rule | members match by | connected |
+| rule | variables match by | connected |
 |---|---|---|
 | `plug` | name | only if both sides have all of them |
 | `bus` | name | those that both sides have |
 | `sequence` | their order | only if both sides have as many |
 
-A plug may be connected to a bus that has all its members. The rule is about one level: terminals within terminals are
+A plug may be connected to a bus that has all its variables. The rule is about one level: terminals within terminals are
 connected by their own rules where both sides have one of that name.
 """
 
@@ -132,7 +132,7 @@ def _may_meet(a: Terminal, b: Terminal) -> bool:
 
 
 def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, TerminalMember]]:
-    """Members that belong together, by the rule."""
+    """Pairs of variables that the rule connects."""
     for terminal in (a, b):
         if terminal.rule not in RULES:
             raise WiringError(
@@ -142,12 +142,12 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
         raise WiringError(f"{at}: their matching rules differ, {a.rule!r} and {b.rule!r}")
     if a.rule == SEQUENCE:
         if len(a.members) != len(b.members):
-            raise WiringError(f"{at}: a sequence of {len(a.members)} members and one of {len(b.members)}")
+            raise WiringError(f"{at}: a sequence of {len(a.members)} variables and one of {len(b.members)}")
         pairs = []
         for i, (one, other) in enumerate(zip(a.members, b.members, strict=True), start=1):
             if len(one.variables) != len(other.variables):
                 raise WiringError(
-                    f"{at}: their members number {i} have {len(one.variables)} and {len(other.variables)} elements"
+                    f"{at}: variables number {i} have {len(one.variables)} and {len(other.variables)} elements"
                 )
             pairs += list(zip(expanded((one,)), expanded((other,)), strict=True))
         return pairs
@@ -156,7 +156,7 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
         missing = [name for name in own if name not in there]
         if rule == PLUG and missing:
             raise WiringError(
-                f"{at}: a plug fits as a whole only, and the {whose} has no member {', '.join(map(repr, missing[:5]))}"
+                f"{at}: a plug needs all its variables, and the {whose} lacks {', '.join(map(repr, missing[:5]))}"
             )
     return [(m, theirs[name]) for name, m in ours.items() if name in theirs]
 
@@ -164,12 +164,12 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
 def _wire(
     first: Place, second: Place, one: TerminalMember, other: TerminalMember, at: str, *, strict: bool
 ) -> Iterator[Wire]:
-    """The connection of two members, from the output to the input. Parameters are not wired."""
+    """The connection of two variables, from the output to the input. Parameters are not wired."""
     (name,), (opposite,) = one.variables, other.variables
     kinds = [p.member.description.variables[v].causality for p, v in ((first, name), (second, opposite))]
     if any("arameter" in kind for kind in kinds):
         return
-    what = f"{at}: member {one.name or other.name or name!r}"
+    what = f"{at}: variable {one.name or other.name or name!r}"
     for m in (one, other):
         if m.kind not in KINDS:
             raise WiringError(
@@ -209,7 +209,7 @@ def _streams(first: Place, second: Place, at: str) -> Iterator[Wire]:
 
 
 def names(terminal: Terminal) -> Iterator[str]:
-    """What patterns are compared with: `terminal.member` of its own members, and their variables."""
+    """Names that patterns are compared with: `terminal.name` in the terminal, and the variables' own names."""
     for m in (*expanded(terminal.members), *(m for s in terminal.streams for m in (s.entering, s.leaving))):
         yield f"{terminal.path}.{m.name}"
         yield from m.variables

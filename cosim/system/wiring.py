@@ -32,7 +32,7 @@ Kind = Literal["discrete", "continuous"]
 
 
 class Wiring:
-    """What a system is made of: `members` by name, `connections` by the name of their target, `groups` by name."""
+    """Components by name, connections by the name of their target, and groups by name."""
 
     def __init__(self) -> None:
         self.members = Members()
@@ -67,8 +67,8 @@ class Wiring:
         The object that ran last is `system["name"].component`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
-        time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
-        (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
+        time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
+        FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
         refuses an FMU that deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
         `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`.
         """
@@ -166,7 +166,7 @@ class Wiring:
         the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
         middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
-        exchange step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
+        communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
         source's, instead of the conversion of units. Raises WiringError naming what does not fit.
         """
         from_member, output = self.members.split(source)
@@ -191,8 +191,8 @@ class Wiring:
         of `target`, unless that input is connected already. Returns the connections; raises WiringError, and connects
         nothing, if there is none or if one does not fit.
 
-        Where an FMU declares terminals, names are also those that its variables have there (`terminal.member`), and two
-        terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
+        Where an FMU declares terminals, names are also those that its variables have there (`terminal.name`), and
+        two terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
         """
         from_member, to_member, fits = self[source], self[target], glob(pattern)
         offered, needed = from_member.description, to_member.description
@@ -237,11 +237,11 @@ class Wiring:
         directions, with the terminals in them; `delay` and `extrapolate` as in `connect`, of every connection made.
         Returns the connections.
 
-        Members match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order in
-        a `sequence`. Flows change their sign where both sides count alike, and what a stream carries out of one side
+        Variables match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order
+        in a `sequence`. Flows change their sign where both sides count alike, and what a stream carries out of one side
         enters the other. Of an FMU without terminals (FMI 2.0), and of a component in Python, names make them:
-        `road.fl.height` is the member `height` of `road.fl`, a bus. Parameters are not wired. Raises WiringError naming
-        terminal and member that do not fit, FmuError for an FMU whose terminals cannot be understood.
+        `road.fl.height` is the variable `height` of `road.fl`, a bus. Parameters are not wired. Raises WiringError
+        naming terminal and variable that do not fit, FmuError for an FMU whose terminals cannot be understood.
         """
         found = list(terminals.wires(terminals.find(self.members, first), terminals.find(self.members, second)))
         if not found:

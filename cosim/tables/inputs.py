@@ -13,10 +13,10 @@ from cosim.tables.table import After, Table
 
 
 def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error") -> list[str]:
-    """Let a file's columns drive the inputs of a system that they name, `member.variable`, in place of what drove them
-    before; the new component is called like the file. Columns between rows are linear, those of Integer and Boolean
-    inputs held. Returns the names of these inputs. Raises TableError for a column that names no input, WiringError for
-    units that do not fit.
+    """Let a file's columns drive the inputs of a system that they name, `component.variable`, in place of what drove
+    them before; the new component is called like the file. Columns between rows are linear, those of Integer and
+    Boolean inputs held. Returns the names of these inputs. Raises TableError for a column that names no input,
+    WiringError for units that do not fit.
     """
     path = Path(path)
     names = [s.name for s in read(path).columns]
@@ -25,7 +25,7 @@ def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error
     for name, target in targets.items():
         if target not in inputs:
             hint = did_you_mean(name, inputs)
-            raise TableError(f"{path}: the column '{name}' names no input of the system, MEMBER.INPUT{hint}")
+            raise TableError(f"{path}: the column '{name}' names no input of the system, COMPONENT.INPUT{hint}")
     interpolation = {n: "linear" if inputs[t].type == "real" else "held" for n, t in targets.items()}
     stem = re.sub(r"[.\s]+", "_", path.stem) or "table"
     own = next(

@@ -60,8 +60,8 @@ class Signals:
 
 @dataclass(frozen=True)
 class _Raw:
-    """Columns as they were found: header, values of any type, unit and type if they are told beside the header. `row`:
-    words for the row of an index. `whole`: numbers without a fraction count as integers (text has no types).
+    """Columns as read: header, values of any type, and unit and type if the file declares them apart from the header.
+    `row`: names the row of an index. `whole`: numbers without a fraction count as integers (text has no types).
     """
 
     name: str

@@ -146,7 +146,7 @@ class Table:
     def forget(self, state: Any) -> None: ...
 
     def identity(self) -> Mapping[str, str]:
-        """Another table, or the same file with other contents, would not continue with the same bits."""
+        """Another table, or the same file with other contents, would not continue with bit-identical values."""
         declared = [
             f"{v.name} [{v.unit_name}] {v.type} {v.name in self._linear}" for v in self.description.variables.values()
         ]

@@ -18,7 +18,7 @@ from typing import Any
 from lxml import etree
 
 from cosim import PythonComponent, System
-from cosim.picture.svg import COLOURS as KINDS
+from cosim.picture.svg import COLORS as KINDS
 
 PERIODS = {"filter": 2, "law": 2, "actuator": 1, "car": 1}
 """Component -> its step [ms], from the top of the picture to its bottom."""
@@ -91,7 +91,7 @@ def _ms(seconds: float) -> Fraction:
 
 LEFT, RIGHT, ROW, HEAD, FOOT, BAR = 96, 24, 58, 66, 44, 14  # px
 PER_MS = 150
-COLOURS = {"same": "#1d5488", "held": "#777777", "ahead": "#b8500c"}
+COLORS = {"same": "#1d5488", "held": "#777777", "ahead": "#b8500c"}
 WORDS = {
     "same": "of the same instant",
     "held": "held since an earlier sample",
@@ -114,7 +114,7 @@ def draw(target: Path) -> None:
     root.set("font-size", "13")
     etree.SubElement(root, "title").text = "Who reads what, and of which time"
     definitions = etree.SubElement(root, "defs")
-    for kind, colour in COLOURS.items():
+    for kind, color in COLORS.items():
         tip = etree.SubElement(
             definitions,
             "marker",
@@ -126,13 +126,13 @@ def draw(target: Path) -> None:
             markerHeight="7",
             orient="auto",
         )
-        etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=colour)
+        etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=color)
     etree.SubElement(root, "rect", width=str(width), height=str(2 * height + 34), rx="10", fill="#ffffff")
     for i, group in enumerate(TITLES):
         _panel(etree.SubElement(root, "g", transform=f"translate(0 {i * height})"), group)
     for i, (kind, words) in enumerate(WORDS.items()):
         x, y = 20 + (0, 165, 375)[i], 2 * height + 12
-        line = etree.SubElement(root, "path", d=f"M{x} {y} h26", stroke=COLOURS[kind])
+        line = etree.SubElement(root, "path", d=f"M{x} {y} h26", stroke=COLORS[kind])
         line.set("stroke-width", "2")
         line.set("marker-end", f"url(#{kind})")
         _text(root, x + 34, y + 4, words)
@@ -163,7 +163,7 @@ def _panel(body: etree._Element, group: bool) -> None:
                 bar = {"x": _x(ms) + 3, "y": _y(name) - BAR / 2, "width": period * PER_MS - 6, "height": BAR, "rx": 5}
                 etree.SubElement(body, "rect", {k: str(v) for k, v in bar.items()}, fill=fill, stroke=edge)
     for read in reads(group=group):
-        path = etree.SubElement(body, "path", d=_arrow(read), stroke=COLOURS[kind_of(read)], fill="none")
+        path = etree.SubElement(body, "path", d=_arrow(read), stroke=COLORS[kind_of(read)], fill="none")
         path.set("stroke-width", "1.8")
         path.set("marker-end", f"url(#{kind_of(read)})")
         etree.SubElement(

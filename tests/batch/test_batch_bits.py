@@ -67,7 +67,7 @@ def check(
         with Batch(
             system, copies, start=start, record=record, record_interval=interval, vectors=kind, threads=threads
         ) as batch:
-            assert " ".join(batch.one_by_one) == alone
+            assert " ".join(batch.scalar) == alone
             batch.advance(stop * 0.37)
             batch.advance(stop)
             recording = batch.recording

@@ -143,7 +143,7 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(
         system.add("plant", path, step="1 ms")
         with Batch(system, 2, threads=1, outputs="plant.body.z", allow_unconnected=True) as batch:
             batch.advance(0.01)
-            assert list(batch.one_by_one) == ["plant"]
+            assert list(batch.scalar) == ["plant"]
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_it_says_what_runs_how(bench: System, follower: dict[int, Path]) -> None
         text = str(batch)
         assert "3 copies" in text
         assert "in lanes:\n     plant (QuarterCarBench)" in text
-        assert "other" in batch.one_by_one
+        assert "other" in batch.scalar
         assert "no FMU of this project" in text
 
 

@@ -77,7 +77,7 @@ def test_a_shorter_file_is_held_on_request(folder: Path) -> None:
         (
             ["--input", "strange.csv"],
             (
-                "strange.csv: the column 'car.rod.height' names no input of the system, MEMBER.INPUT; did you mean"
+                "strange.csv: the column 'car.rod.height' names no input of the system, COMPONENT.INPUT; did you mean"
                 " 'car.road.height'"
             ),
         ),

@@ -288,7 +288,9 @@ def test_commands_are_inputs_of_the_continuous_model(small):
         assert model.input_labels == ["law_force"]
         np.testing.assert_allclose(model.B, [[0], [1 / MASS]])
         np.testing.assert_allclose(system.linearize("mass.body.force").B, model.B)
-        with pytest.raises(WiringError, match=r"law\.force belongs to a sampled member: linearize with discrete=True"):
+        with pytest.raises(
+            WiringError, match=r"law\.force belongs to a discrete component: linearize with discrete=True"
+        ):
             system.linearize(outputs="law.force")
 
 

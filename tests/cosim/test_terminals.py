@@ -117,7 +117,7 @@ def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Termi
             assert shown(system.connect_terminals("a.shaft", "b.flange")) == both
     with pair(a, less) as system:
         with pytest.raises(
-            WiringError, match=r"terminals a\.shaft and b\.flange: a plug fits as a whole only.*no member 'torque'"
+            WiringError, match=r"terminals a\.shaft and b\.flange: a plug needs all its variables.*lacks 'torque'"
         ):
             system.connect_terminals("a.shaft", "b.flange")
         assert not system.connections
@@ -127,7 +127,7 @@ def test_two_outputs_do_not_make_a_plug_but_may_meet_on_a_bus(with_terminals: Te
     plug, bus = (with_terminals(r, terminal("p", r, "u angle", "y torque")) for r in ("plug", "bus"))
     with (
         pair(plug, plug) as system,
-        pytest.raises(WiringError, match=r"member 'angle' is an input on one side and an input on the other"),
+        pytest.raises(WiringError, match=r"variable 'angle' is an input on one side and an input on the other"),
     ):
         system.connect_terminals("a.p", "b.p")
     with pair(bus, bus) as system, pytest.raises(WiringError, match=r"no output of one is an input of the other"):
@@ -143,9 +143,9 @@ def test_a_sequence_matches_by_order_whatever_the_names(with_terminals: Terminal
     with pair(a, b) as system:
         assert shown(system.connect_terminals("a.s", "b.s")) == {"a.y -> b.u (rad to deg)", "a.count -> b.count_in"}
     for other, message in (
-        (c, "a sequence of 2 members and one of 1"),
+        (c, "a sequence of 2 variables and one of 1"),
         (d, "their matching rules differ, 'sequence' and 'bus'"),
-        (e, "their members number 1 have 1 and 3 elements"),
+        (e, "variables number 1 have 1 and 3 elements"),
     ):
         with pair(a, other) as system, pytest.raises(WiringError, match=message):
             system.connect_terminals("a.s", "b.s")
@@ -175,7 +175,7 @@ def test_flows_add_up_to_zero(with_terminals: Terminals) -> None:
     assert reached[0]["b.y"].tolist() == (-reached[1]["b.y"]).tolist()
     with (
         pair(out, signal) as system,
-        pytest.raises(WiringError, match="member 'i' is an outflow on one side and a signal on the other"),
+        pytest.raises(WiringError, match="variable 'i' is an outflow on one side and a signal on the other"),
     ):
         system.connect_terminals("a.pin", "b.pin")
     with pair(out, alike) as system:
@@ -218,7 +218,7 @@ def test_kinds_and_unknown_rules_are_refused(with_terminals: Terminals) -> None:
     for other, message in (
         (b, "their kinds differ, '_tool.electric' and '_tool.fluid'"),
         (c, "the matching rule 'org.example.rule' is not known here; known are plug, bus, sequence"),
-        (d, "member 'x' is of the kind 'org.example.kind', which is not known here"),
+        (d, "variable 'x' is of the kind 'org.example.kind', which is not known here"),
     ):
         with pair(a, other) as system, pytest.raises(WiringError, match=message):
             system.connect_terminals("a.t", "b.t")
@@ -279,7 +279,7 @@ def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(wi
     ("inner", "message"),
     [
         (terminal("t", "bus", "u"), "a TerminalMemberVariable without memberName"),
-        (terminal("t", "bus", "u x", "y x"), "terminal 't' has two members 'x'"),
+        (terminal("t", "bus", "u x", "y x"), "terminal 't' has two variables 'x'"),
         (terminal("t", "bus") * 2, "there is a terminal 't' already"),
         ('<Terminal matchingRule="bus"/>', "a Terminal without name"),
         (terminal("t", "bus", inner=terminal("t", "bus", "lost x")), "there is no variable 'lost'"),

@@ -52,7 +52,7 @@ def test_arrows_go_from_where_a_value_is_of_to_where_it_is_read(drawing: dict[st
             assert to - x == pytest.approx(drawing["PER_MS"] * float(read.time - read.of))
             assert (
                 arrow.get("stroke")
-                == drawing["COLOURS"]["same" if read.of == read.time else "held" if read.of < read.time else "ahead"]
+                == drawing["COLORS"]["same" if read.of == read.time else "held" if read.of < read.time else "ahead"]
             )
 
 

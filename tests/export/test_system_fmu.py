@@ -89,7 +89,7 @@ def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
     assert not validate_fmu(nested)
     assert Fmu(nested, strict=True).verdict == Verdict()
     with zipfile.ZipFile(nested) as archive:
-        assert [m["linked"] for m in json.loads(archive.read("resources/members.json"))] == [True]
+        assert [m["linked"] for m in json.loads(archive.read("resources/components.json"))] == [True]
     with System() as outer:
         outer.add("all", nested, step="10 ms")
         result = outer.run(2, record=[f"all.{which}.{n}" for which in ("one", "two") for n in RECORD])
@@ -197,7 +197,7 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
             expected = [simulation[n] for n in names]
     with zipfile.ZipFile(fmu) as archive:
         held = archive.namelist()
-        assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/members.json"))} == {
+        assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/components.json"))} == {
             "follower": False,
             "follower_2": False,
             "QuarterCarHmmwv": True,
@@ -313,7 +313,7 @@ def test_a_library_that_is_gone_is_named(follower, tmp_path):
     next(folder.glob("resources/follower/binaries/*/*")).unlink()
     with System() as outer:
         outer.add("gone", folder)
-        with pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*member 'a': its library cannot be loaded"):
+        with pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*component 'a': its library cannot be loaded"):
             outer.run(0.1)
 
 

@@ -32,7 +32,7 @@ def test_one_archive_for_all(built_fmus: BuiltFmus, tmp_path: Path, fmi: int) ->
         path = system.export_fmu(tmp_path / "Everywhere.fmu", fmi=fmi, platforms="all")
     with zipfile.ZipFile(path) as z:
         held = {n: z.read(n) for n in z.namelist() if n.startswith("binaries/")}
-        linked = [m["linked"] for m in json.loads(z.read("resources/members.json"))]
+        linked = [m["linked"] for m in json.loads(z.read("resources/components.json"))]
         header = z.read(f"sources/fmi{fmi}Functions.h").decode()
     assert linked == [True, True]
     where = {p: f"binaries/{p.fmi2_name if fmi == 2 else p.name}/Everywhere{p.suffix}" for p in PLATFORMS.values()}

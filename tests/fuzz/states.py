@@ -17,7 +17,7 @@ import numpy as np
 from built import BuiltFmus, build_all
 from random_systems import SampledSaw
 
-from cosim import CosimError, System, SystemState, sealed
+from cosim import CosimError, System, SystemState, packing
 from cosim.master.state import MAGIC
 
 from .forged_states import forged
@@ -44,7 +44,7 @@ def build() -> System:
 def _good() -> tuple[dict[str, Any], list[bytes]]:
     with build() as system, system.initialize(allow_unconnected=True) as simulation:
         simulation.advance(0.0073)
-        return sealed.unpack(MAGIC, simulation.save().to_bytes(), "it")
+        return packing.unpack(MAGIC, simulation.save().to_bytes(), "it")
 
 
 @cache
@@ -53,7 +53,7 @@ def _system() -> System:
 
 
 def make(rng: random.Random) -> bytes:
-    return sealed.pack(MAGIC, *forged(*_good(), rng))
+    return packing.pack(MAGIC, *forged(*_good(), rng))
 
 
 def run(case: bytes, folder: Path) -> None:  # noqa: ARG001

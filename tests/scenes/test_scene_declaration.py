@@ -57,8 +57,8 @@ def test_rest_is_the_offset_unless_given() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Value({"speed": 1.0}), "a value names 'speed'; write member.variable"),
-        (lambda: Value({"car.": 1.0}), "a value names 'car.'; write member.variable"),
+        (lambda: Value({"speed": 1.0}), "a value names 'speed'; write component.variable"),
+        (lambda: Value({"car.": 1.0}), "a value names 'car.'; write component.variable"),
         (lambda: Value({"car.x": float("nan")}), "factor of 'car.x' is nan"),
         (lambda: Value("car.x"), "a value's terms are 'car.x'; give factors"),  # type: ignore[arg-type]
         (lambda: Face([(0, 0, 0), (1, 0, 0)]), "three or more finite points"),

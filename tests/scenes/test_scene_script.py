@@ -170,19 +170,19 @@ def test_exaggeration_counts_from_rest(browser: Browser) -> None:
 # -------------------------------------------------------------------------------------------------- what hides what
 
 
-def hulls() -> Iterator[tuple[str, list[Face]]]:
+def vehicle_bodies() -> Iterator[tuple[str, list[Face]]]:
     yield "off-road", shapes.off_road([Axle(1.98, 0.91, 0.47, 0.32), Axle(-1.32, 0.91, 0.47, 0.32)], 0.85)
     yield "sedan", shapes.sedan([Axle(1.01, 0.76, 0.33, 0.2), Axle(-1.8, 0.755, 0.33, 0.2)], 0.55)
     yield "carrier", shapes.carrier([Axle(x, 1.25, 0.62, 0.4) for x in (2.05, 0.0, -2.05)], Outline())
     yield "rig", shapes.rig_frame(0.5, 3.0) + shapes.rig_mass(0.5)
 
 
-@pytest.mark.parametrize("faces", [pytest.param(f, id=n) for n, f in hulls()])
+@pytest.mark.parametrize("faces", [pytest.param(f, id=n) for n, f in vehicle_bodies()])
 @pytest.mark.parametrize("towards", [(-0.1, -0.99, 0.07), (0.53, -0.79, 0.3), (-0.99, 0.01, 0.13), (0.4, 0.6, 0.69)])
 def test_the_nearest_face_is_drawn_last(
     browser: Browser, faces: list[Face], towards: tuple[float, float, float]
 ) -> None:
-    """Rays through a hull: what was drawn last at a place is the nearest face there, of all faces as they were
+    """Rays through a body: what was drawn last at a place is the nearest face there, of all faces as they were
     declared.
     """
     d = np.array(towards) / np.linalg.norm(towards)
@@ -229,7 +229,7 @@ def _holds(polygon: np.ndarray, place: np.ndarray, margin: float) -> bool:
 
 def test_wheels_are_drawn_between_the_faces(browser: Browser) -> None:
     """A wheel beside the vehicle is in front of its near side, and one on the other side is behind the far side."""
-    faces = [{"points": [[-1, y, 0], [1, y, 0], [1, y, 1], [-1, y, 1]], "material": "hull"} for y in (-0.5, 0.5)]
+    faces = [{"points": [[-1, y, 0], [1, y, 0], [1, y, 1], [-1, y, 1]], "material": "body"} for y in (-0.5, 0.5)]
     order = browser.run(
         f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)), [0, -1,"
         " 0.1], [{at: [0, 0.8, 0], n: 'left'}, {at: [0, -0.8, 0], n: 'right'}, {at: [0, 0, 0], n: 'middle'}],"
@@ -275,7 +275,7 @@ def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> 
             hidden_by = [
                 i
                 for i, one in enumerate(drawn)
-                if not isinstance(one, str) and one[0] == "hull" and _is_tail(one[1], centre)
+                if not isinstance(one, str) and one[0] == "body" and _is_tail(one[1], centre)
             ]
             assert hidden_by
             assert drawn.index(wheel) < min(hidden_by)
@@ -556,9 +556,9 @@ def test_forces_in_words(browser: Browser, newtons: float, text: str) -> None:
 def test_every_colour_has_a_light_and_a_dark_one(browser: Browser) -> None:
     assert set(browser.run("SceneView.COLORS")) == COLORS.keys()
     browser.see(scene(), STILL)
-    assert browser.run("view.color.hull") == COLORS["hull"].split()[0]
+    assert browser.run("view.color.body") == COLORS["body"].split()[0]
     browser.engine.eval("scheme = 'dark'; view.restyle()")
-    assert browser.run("view.color.hull") == COLORS["hull"].split()[1]
+    assert browser.run("view.color.body") == COLORS["body"].split()[1]
     browser.engine.eval("scheme = 'light'")
 
 

@@ -105,10 +105,10 @@ def test_the_commands(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: A
         (("run", "Bench.ssp", "--set", "plant.mass=1"), "has no variable 'mass'"),
         (("run", "Bench.ssp", "--set", "plant.solver.step"), "'plant.solver.step' is not NAME=VALUE"),
         (("run", "Bench.ssp", "--variant", "Other"), "no variant 'Other'"),
-        (("export", "bench"), "say what to write"),
+        (("export", "bench"), "give one target"),
         (
             ("export", "bench", "--ssp", "B.ssp", "--without", "road", "--fmus", str(FMUS)),
-            "--without is of a system as one FMU",
+            "--without applies to --fmu only",
         ),
         (("export", "bench", "--ssp", "B.ssp", "--ssp-version", "3", "--fmus", str(FMUS)), "no version of SSP '3'"),
     ):

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
 from same import ENGINES, assert_same
 
-from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState, plain, sealed
+from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState, packing, plain
 from cosim.master.state import MAGIC
 
 pytestmark = pytest.mark.filterwarnings(
@@ -390,10 +390,10 @@ def test_every_flipped_byte_and_every_cut_is_refused(good):
             SystemState.from_bytes(good[:i])
 
 
-def resealed(good: bytes, change) -> bytes:
+def repacked(good: bytes, change) -> bytes:
     """With something else in it, under a right digest."""
-    about, pieces = sealed.unpack(MAGIC, good, "it")
-    return sealed.pack(MAGIC, *change(about, pieces))
+    about, pieces = packing.unpack(MAGIC, good, "it")
+    return packing.pack(MAGIC, *change(about, pieces))
 
 
 def value_of(new):
@@ -458,7 +458,7 @@ FORGED = [
 @pytest.mark.parametrize("change", FORGED, ids=range(len(FORGED)))
 def test_forged_states_are_refused_in_a_sentence(good, change):
     with pytest.raises(CosimError, match=r"this state was not written by this program: .") as caught:
-        SystemState.from_bytes(resealed(good, change))
+        SystemState.from_bytes(repacked(good, change))
     assert "\n" not in str(caught.value)
 
 
@@ -481,7 +481,7 @@ USED = [
 
 @pytest.mark.parametrize(("change", "said"), USED, ids=range(len(USED)))
 def test_what_shows_only_when_it_is_used_is_refused_then(good, follower, change, said):
-    state = SystemState.from_bytes(resealed(good, change))
+    state = SystemState.from_bytes(repacked(good, change))
     with System() as system:
         system.add("plant", follower[3], step="1 ms", start={"u": 1.0})
         system.add("law", SampledSaw(), step="2 ms")
@@ -496,7 +496,7 @@ def test_sizes_are_compared_before_they_are_believed(good):
     for length in (2**63, 2**64 - 1, len(good), 2**27):
         body = struct.pack("<Q", length) + good[len(MAGIC) + 40 :]
         with pytest.raises(CosimError, match="its parts do not fit together"):
-            SystemState.from_bytes(MAGIC + sealed.hashlib.sha256(body).digest() + body)
+            SystemState.from_bytes(MAGIC + packing.hashlib.sha256(body).digest() + body)
 
 
 # ------------------------------------------------------------------------------------------------------------- users

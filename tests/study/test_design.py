@@ -169,7 +169,9 @@ def test_options_of_the_command_count_beside_a_file(tmp_path: Path) -> None:
     found = _design(given)
     assert (found.method, found.samples, found.seed) == ("sobol", 8, 3)
     file.write_text("[[cases]]\na = 10\n")
-    with pytest.raises(DesignError, match="points one by one: --samples, --method and --random-seed have no meaning"):
+    with pytest.raises(
+        DesignError, match="lists its points \\(cases\\): leave out --samples, --method and --random-seed"
+    ):
         _design(given)
 
 

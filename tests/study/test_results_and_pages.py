@@ -290,7 +290,7 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
     page = report_of(experiment(claims=claims), results(), fmus)
     assert (page.experiment, page.title, page.lead) == ("ride", "Rides", "6 runs over speed, road.")
     assert [c.ours for c in page.claims] == ["6"]
-    assert [s.title for s in page.sections] == ["Runs", "What the metrics depend on", "Failed runs"]
+    assert [s.title for s in page.sections] == ["Runs", "Dependence of the metrics", "Failed runs"]
     table = page.tables[0]
     assert (table.id, table.title) == ("runs", "All runs")
     assert list(table.columns) == ["speed [km/h]", "road", "peak heave [mm]", "steps"]

@@ -229,7 +229,7 @@ def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_r
 ) -> None:
     sweep = made(experiment, "mass.rate=1,2,3", method="grid")
     (tmp_path / "histories").write_text("a file where the folder belongs: as good as a full disk")
-    with pytest.raises(OSError, match=r"histories.*: the recording of a run cannot be kept .*; make room"):
+    with pytest.raises(OSError, match=r"histories.*: the recording of a run cannot be kept .*; free space"):
         run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
     (tmp_path / "histories").unlink()
     table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
@@ -250,7 +250,7 @@ def test_a_full_disk_of_a_worker_ends_the_sweep_and_is_no_fault_of_the_run(tmp_p
     sweep = prepare(
         load(str(tmp_path / "full.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 850, 2)),), "grid")
     )
-    with pytest.raises(OSError, match=r"a worker on \S+ cannot write \(.*\); make room in "):
+    with pytest.raises(OSError, match=r"a worker on \S+ cannot write \(.*\); free space in "):
         run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
     (tmp_path / "room").touch()
     seen: list[int] = []

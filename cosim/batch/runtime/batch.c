@@ -149,7 +149,7 @@ static void list_due(Group *g) {
         }
 }
 
-/* Discrete members and the sample, then continuous members. */
+/* Discrete components and the sample, then continuous components. */
 static void rest_of_instant(Group *g, double t, int64_t tick) {
     run_members(g, 0, g->n_due_discrete, t, tick);
     if (g->w->due[g->b->n_clocks - 1]) record(g, tick);

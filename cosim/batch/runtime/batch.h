@@ -7,7 +7,7 @@
 
 typedef unsigned (*BatchStep)(void *memory, double t, double h, unsigned of);
 
-/* A member; what is not said here is as in EngineMember. */
+/* A component; what is not said here is as in EngineMember. */
 typedef struct {
     int32_t clock, check_before;
     double step;
@@ -20,7 +20,7 @@ typedef struct {
     const EngineLine *lines;
     size_t n_lines;
     uint32_t first, n_outputs;
-    BatchStep run;           /* of lanes; NULL: copies run one by one */
+    BatchStep run;           /* of lanes; NULL: scalar code */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
@@ -28,7 +28,7 @@ typedef struct {
     const double *least, *most; /* limits of inputs that are no signals */
     int32_t checked;         /* inputs may be not finite, or beyond limits */
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
-    int32_t number;          /* of the member in there */
+    int32_t number;          /* of the component in there */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
 } BatchMember;

@@ -1,6 +1,6 @@
 /* Vectors of LANES numbers, and what the translated functions of components (lanes.py) are written with: the functions
- * of equations.h and fmu_math.h in each lane, with the same bits. LANES and LANES_TARGET (0 for what every processor
- * has, 2 for AVX2, 512 for AVX-512) come from the file that includes this first. */
+ * of equations.h and fmu_math.h in each lane, with bit-identical values. LANES and LANES_TARGET (0 for what every
+ * processor has, 2 for AVX2, 512 for AVX-512) come from the file that includes this first. */
 #ifndef LANES_H
 #define LANES_H
 

@@ -1,7 +1,7 @@
-/* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its members and the engine.
+/* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its components and the engine.
  *
  * The order of everything is that of the Python master (cosim/master): initialization, one instant after the other,
- * arrival at the end of a step. What changes lies in one block without pointers, and in the members. */
+ * arrival at the end of a step. What changes lies in one block without pointers, and in the components. */
 
 #include <float.h>
 #include <stdio.h>
@@ -22,25 +22,25 @@
 
 static const Plan *const P = &plan;
 
-/* Everything that changes, but for what is in the members. */
+/* Everything that changes, but for what is in the components. */
 typedef struct {
     int64_t tick, stop_tick; /* stop_tick: INT64_MAX without a stop time */
     int64_t a, b, d;         /* time = (tick * a + b) / d */
     double start;
     int32_t mode;
     int32_t settled;         /* while initializing: outputs follow from inputs and parameters */
-    int32_t ended;           /* a member has asked for the end */
+    int32_t ended;           /* a component has asked for the end */
     int32_t reserved;
-    double v[];              /* values, inputs of members, buffers of calls */
+    double v[];              /* values, inputs of components, buffers of calls */
 } State;
 
 typedef struct {
     uint32_t magic, version;
-    uint64_t model, length, members; /* of the system, the state block and all members' states, in bytes */
+    uint64_t model, length, members; /* of the system, the state block and all components' states, in bytes */
     uint64_t checksum; /* once serialized; until then the address of this header, so that no bytes pass for a state */
 } Header;
 
-/* A saved state: header, state block, the members' states. */
+/* A saved state: header, state block, the components' states. */
 typedef struct {
     Header header;
     void *members[];
@@ -56,7 +56,7 @@ struct FmuInstance {
     EngineTransfer *transfers;
     bool *flags;
     double *last;
-    int32_t logging;                /* the member that logs */
+    int32_t logging;                /* the component that logs */
 };
 
 static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
@@ -137,7 +137,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     return self;
 }
 
-/* Of what a member says, errors and warnings are passed on. */
+/* Of what a component says, errors and warnings are passed on. */
 static void from_member(void *context, int status, const char *message) {
     const Source *source = context;
     if (status == (int)fmi3OK) return;
@@ -145,14 +145,14 @@ static void from_member(void *context, int status, const char *message) {
                    P->members[source->member].name, message);
 }
 
-/* What a member's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
- * system goes on, unless the member is lost. */
+/* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
+ * system goes on, unless the component is lost. */
 static FmuStatus member_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
     if (self->members[i].dead) self->state->mode = MODE_ERROR;
     const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
-    return fmu_fail(
-        self, FMU_ERROR, "member '%s': %s returned %s at time %.9g s", P->members[i].name, what, name, fmu_time(self));
+    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->members[i].name, what, name,
+        fmu_time(self));
 }
 
 /* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */
@@ -210,10 +210,10 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
             m->library = P->open(path, p->folder, p->identifier, p->version, functions, reason, sizeof reason);
-            if (!m->library) return fmu_fail(self, FMU_ERROR, "member '%s': %s", p->name, reason);
+            if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
         if (!member_instantiate(m, p->name, p->token, own))
-            return fmu_fail(self, FMU_ERROR, "member '%s' cannot be instantiated", p->name);
+            return fmu_fail(self, FMU_ERROR, "component '%s' cannot be instantiated", p->name);
         const FmuStatus status = set_starts(self, i);
         if (status != FMU_OK) return status;
     }
@@ -238,7 +238,8 @@ FmuStatus fmu_reset(FmuInstance *self) {
     for (int32_t i = 0; i < P->n_members; i++) {
         if (self->members[i].dead) {
             self->state->mode = MODE_ERROR;
-            return fmu_fail(self, FMU_ERROR, "member '%s' has failed for good: free this instance", P->members[i].name);
+            return fmu_fail(
+                self, FMU_ERROR, "component '%s' has failed permanently: free this instance", P->members[i].name);
         }
         const uint32_t status = member_reset(&self->members[i]);
         if (status > fmi3Warning) return member_failed(self, i, "Reset", status);
@@ -304,7 +305,7 @@ static int64_t ticks_in(FmuInstance *self, const char *what, double duration, do
     const double tick = (double)P->a / (double)P->d, ticks = duration / tick, whole = nearest(ticks);
     if (fabs(ticks - whole) <= WITHIN + slack / tick && whole >= 0.0 && whole < (double)EXACT) return (int64_t)whole;
     (void)fmu_fail(self, FMU_ERROR,
-        "%s %.17g s is no whole number of ticks of %.9g s, the common divisor of its members' steps", what, duration,
+        "%s %.17g s is no whole number of ticks of %.9g s, the common divisor of its components' steps", what, duration,
         tick);
     return -1;
 }
@@ -328,7 +329,7 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 
 /* ------------------------------------------------------------------ initialization */
 
-/* Calls and buffers of a member for the engine, as far as they do not change. */
+/* Calls and buffers of a component for the engine, as far as they do not change. */
 static void bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
@@ -387,7 +388,7 @@ static void bind(FmuInstance *self) {
     }
 }
 
-/* A call of member i that the engine has made has failed. */
+/* A call of component i that the engine has made has failed. */
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     const int32_t call = self->engine.call;
     if (self->engine.status == fmi3Fatal) self->members[i].dead = true;
@@ -534,7 +535,7 @@ static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *valu
         return FMU_OK;
     }
     Member *m = &self->members[v->member];
-    if (m->dead) return fmu_fail(self, FMU_ERROR, "member '%s' has failed for good", P->members[v->member].name);
+    if (m->dead) return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->members[v->member].name);
     const uint32_t status = member_get(m, v->kind, v->reference, value, 1);
     return status > fmi3Warning ? member_failed(self, v->member, "getting a value", status) : FMU_OK;
 }
@@ -570,7 +571,7 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const P
             fmu_mode_name(self->state->mode));
     if (!isfinite(value))
         return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
-    const bool is_signal = v->role == FMU_INPUT && v->type == FMU_FLOAT64; /* clipped by its member */
+    const bool is_signal = v->role == FMU_INPUT && v->type == FMU_FLOAT64; /* clipped by its component */
     if (!is_signal && !(value >= v->min && value <= v->max))
         return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value,
             v->name, v->min, v->max);
@@ -594,7 +595,7 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
         status = v ? check_settable(self, function, v, read(values, i)) : FMU_ERROR;
     }
     if (status != FMU_OK) return status;
-    const bool can_read = self->state->mode != MODE_INSTANTIATED; /* before that a member tells no values */
+    const bool can_read = self->state->mode != MODE_INSTANTIATED; /* before that a component tells no values */
     size_t done = 0;
     for (; done < n_refs; done++) {
         const PlanVariable *v = &P->variables[refs[done]];
@@ -638,7 +639,7 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                                     : self->engine.status == fmi2Discard && member_asked_to_end(&self->members[i]));
     if (asked) {
         self->state->ended = 1;
-        (void)fmu_fail(self, FMU_DISCARD, "member '%s' asks to end the simulation at time %.9g s", P->members[i].name,
+        (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->members[i].name,
             fmu_time(self));
         return FMU_DISCARD;
     }
@@ -738,7 +739,8 @@ static uint64_t identity(void) { return fmu_hash(fmu_model.token, strlen(fmu_mod
 static FmuStatus check_can_save(FmuInstance *self, const char *function) {
     return P->can_save
                ? FMU_OK
-               : fmu_fail(self, FMU_ERROR, "%s: not all members of %s can save their state", function, fmu_model.name);
+               : fmu_fail(
+                     self, FMU_ERROR, "%s: not all components of %s can save their state", function, fmu_model.name);
 }
 
 /* Of a state in memory or, when `bytes`, of a serialized one. */
@@ -779,7 +781,7 @@ static const char *wrong_in(const State *s) {
         return "its start time";
     if (mode == MODE_STEP)
         for (uint32_t k = 0; k < P->n_values + P->n_u; k++)
-            if (!isfinite(s->v[k])) return k < P->n_values ? P->owners[k] : "an input of a member";
+            if (!isfinite(s->v[k])) return k < P->n_values ? P->owners[k] : "an input of a component";
     return NULL;
 }
 
@@ -791,7 +793,7 @@ static void forget_members(FmuInstance *self, Saved *saved) {
 static FmuStatus check_alive(FmuInstance *self, const char *function) {
     for (int32_t i = 0; i < P->n_members; i++)
         if (self->members[i].dead)
-            return fmu_fail(self, FMU_ERROR, "%s: member '%s' has failed for good", function, P->members[i].name);
+            return fmu_fail(self, FMU_ERROR, "%s: component '%s' has failed permanently", function, P->members[i].name);
     return FMU_OK;
 }
 
@@ -832,7 +834,7 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
         const uint32_t said = member_restore(&self->members[i], saved->members[i]);
         if (said > fmi3Warning)
-            status = member_failed(self, i, "SetFMUState", said); /* members before it have been restored */
+            status = member_failed(self, i, "SetFMUState", said); /* components before it have been restored */
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
@@ -851,7 +853,7 @@ FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snap
     return FMU_OK;
 }
 
-/* Bytes: header, state block, and for each member the number of its bytes and these. */
+/* Bytes: header, state block, and for each component the number of its bytes and these. */
 FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const void *snapshot, size_t *size) {
     FmuStatus status = check_header(self, function, snapshot);
     if (status == FMU_OK) status = check_alive(self, function);

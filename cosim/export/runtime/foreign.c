@@ -1,9 +1,9 @@
-/* Libraries of FMUs of others, which travel in the resources of the system's FMU. */
+/* Libraries of third-party FMUs, which travel in the resources of the system's FMU. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <string.h>
 
-#include "member.h"
+#include "component.h"
 
 #if defined(_WIN32)
 #include <windows.h>

@@ -3,7 +3,7 @@
 #define SYSTEM_H
 
 #include "fmu_model.h"
-#include "member.h"
+#include "component.h"
 
 /* One call that moves all connected variables of one type. */
 typedef struct {
@@ -31,7 +31,7 @@ typedef struct {
     const char *resources;           /* its own, below those of the system */
     const char *folder, *identifier; /* of others: where its binaries are, below the resources; NULL: linked */
     int version;
-    const void *functions;           /* of linked members: Functions2 or Functions3 */
+    const void *functions;           /* of linked components: Functions2 or Functions3 */
     int32_t clock;
     double step;
     bool check_before;
@@ -76,12 +76,12 @@ typedef struct {
     int64_t a, d;                    /* the tick is a / d seconds */
     uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
     uint32_t n_shown;
-    const char *const *owners;       /* of each value: "member.variable" */
+    const char *const *owners;       /* of each value: "component.variable" */
     const PlanVariable *variables;
     int32_t n_variables;
     bool can_save;
     void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
-        char *reason, size_t n_reason); /* FMUs of others; NULL: there are none */
+        char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
 } Plan;
 

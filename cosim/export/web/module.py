@@ -1,4 +1,4 @@
-"""Systems as one WebAssembly module: plans, engine, members and the functions that a page calls,
+"""Systems as one WebAssembly module: plans, engine, components and the functions that a page calls,
 compiled by ziglang."""
 
 from __future__ import annotations
@@ -50,11 +50,12 @@ class Module:
 
 
 def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> Module:
-    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of members that
+    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of components that
     can also be instantiated by themselves.
 
     Raises:
-        CosimError: a member without sources, or one that is to be asked alone and is of another FMI than the systems.
+        CosimError: a component without sources, or one that is to be asked alone and is of another FMI than the
+            systems.
         CompileError: no ziglang, or sources that do not compile.
     """
     parts = tuple(dict.fromkeys(alone))

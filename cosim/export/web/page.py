@@ -1,4 +1,4 @@
-"""A web page that runs systems: their module, what the page is told of their variables, and its controls, scenes and
+"""A web page that runs systems: their module, the descriptions of their variables, and its controls, scenes and
 charts.
 
 The page is one file, which works without a server and without a network. Its numbers are those of the system's FMU,
@@ -53,7 +53,7 @@ class Control:
 
     Attributes:
         label: for people.
-        names: ``member.variable`` of inputs and parameters; systems that do not have them are passed over.
+        names: ``component.variable`` of inputs and parameters; systems that do not have them are passed over.
         minimum, maximum: of the slider, in SI units; by default those of the variable.
         choices: texts and values to choose from, instead of a slider.
         keys: keys (as browsers name them) that lower and raise it.
@@ -122,17 +122,17 @@ class PageSystem:
 
 @dataclass(frozen=True)
 class WebPage:
-    """What is around the systems.
+    """Contents of the page around the systems.
 
     Attributes:
         title: heading.
         text: a sentence or two below it.
-        controls: those that people see at once; all others are below them, member by member.
-        plots: outputs of the charts at first.
-        measures: what is told of the whole run.
-        finish: when a run is over; None: never.
-        pace: times the clock at first, one of :data:`PACES`.
-        group_label: what the groups of systems are, such as "course".
+        controls: those shown at the top; all others follow, component by component.
+        plots: outputs that the charts show first.
+        measures: metrics of the whole run.
+        finish: condition that ends a run; None: never.
+        pace: initial real-time factor, one of :data:`PACES`.
+        group_label: name of the choice of groups, such as "course".
         interval: time between the samples that are measured [s]; a number of ticks of all systems.
     """
 
@@ -151,7 +151,7 @@ def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -
     """Write the page.
 
     Raises:
-        CosimError: no systems, more than four side by side, one with a member that is no FMU or has no sources, an
+        CosimError: no systems, more than four side by side, one with a component that is no FMU or has no sources, an
             interval that is no number of ticks.
         WiringError: a control, plot or value that names nothing.
         CompileError: no ziglang.

@@ -20,7 +20,7 @@ from build_fmus.checks import number, unknown, whole_number
 
 Side = Literal["left", "right"]
 Sides = Literal["left", "right", "both"]
-Material = Literal["hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet"]
+Material = Literal["body", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet"]
 ArrowRole = Literal["ground", "actuator", "body"]
 PointsRole = Literal["preview", "sensed", "predicted"]
 TraceRole = Literal["ground", "wheel", "body"]
@@ -33,7 +33,7 @@ _FLAT = 1e-3  # m, how far a point of a face may lie from its plane
 class Value:
     """A number that moves: `offset` plus a sum of variables, each times its factor.
 
-    Variables are those of the exported system, `member.variable`; parameters too. `rest` is the value at rest, from
+    Variables are those of the exported system, `component.variable`; parameters too. `rest` is the value at rest, from
     which a page counts where it exaggerates motion: `offset` unless given.
     """
 
@@ -48,7 +48,7 @@ class Value:
         for name, factor in given:
             member, _, variable = name.partition(".") if isinstance(name, str) else ("", "", "")
             if not member or not variable:
-                raise ValueError(f"a value names {name!r}; write member.variable")
+                raise ValueError(f"a value names {name!r}; write component.variable")
             number(f"value: factor of '{name}'", factor)
         _assign(self, "terms", {name: float(factor) for name, factor in given if factor})
         _assign(self, "offset", float(number("value: offset", self.offset)))
@@ -102,7 +102,7 @@ class Face:
     """A flat, convex polygon (x, y, z) [m] in the frame of its body; either side may be seen."""
 
     points: Sequence[tuple[float, float, float]]
-    material: Material = "hull"
+    material: Material = "body"
 
     def __post_init__(self) -> None:
         _assign(self, "points", _polygon(self.points))
@@ -181,7 +181,7 @@ class Strut:
 @dataclass(frozen=True)
 class Arrow:
     """A force (fx, fy, fz) [N] drawn from a point: `at` in the frame of the body `on`, from the centre of the wheel
-    `on`, or from the road's origin where `on` is None. `role` gives its colour and its words: of the ground on a tire,
+    `on`, or from the road's origin where `on` is None. `role` gives its color and its words: of the ground on a tire,
     of an actuator, of something on the body.
     """
 
@@ -204,9 +204,9 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Ground:
-    """The road under the wheels of one side, at `y`. Its height at a place x is what `output` of `member` says when its
-    `input` is x - `ahead`: the page asks for it with the probe that it gives to the scene, and of what nobody asked
-    before nothing is known.
+    """The road under the wheels of one side, at `y`. Its height at a place x is the value of `output` when `input` is
+    x - `ahead`: the page queries it with the probe that it passes to the scene. A height that was never queried is
+    unknown.
     """
 
     side: Side

@@ -4,9 +4,9 @@
 
 #include <stdint.h>
 
-#include "member.h"
+#include "component.h"
 
-/* What an instance can be made of: the system, and those of its members that the page asks by themselves. */
+/* What an instance can be made of: the system, and those of its components that the page asks by themselves. */
 typedef struct {
     const Functions3 *functions;
     const char *token;

@@ -1,8 +1,8 @@
 /* The FMI functions of an FMU that runs in another process: each hands its arguments over and waits for the answer.
  *
  * Their instance is the Link. Inputs that are set between steps wait for the step and travel with it, and the outputs
- * that were fetched after the last steps come back with it: one step is one exchange. Nothing that comes from the
- * worker is believed: sizes are compared with the areas, and it is never waited for longer than the limit. No heap
+ * that were fetched after the last steps come back with it: one step is one exchange. Everything that comes from the
+ * worker is validated: sizes are compared with the areas, and it is never waited for longer than the limit. No heap
  * after link_open. */
 #include "shared.h"
 
@@ -101,7 +101,7 @@ static bool dead(const Link *l) {
 
 static int64_t deadline_of(const Link *l) { return l->timeout_ns ? now_ns() + l->timeout_ns : 0; }
 
-/* Wait until there is something to read (POLLIN), or room to write (POLLOUT). 0, or why not. */
+/* Wait until there is something to read (POLLIN), or space to write (POLLOUT). 0, or why not. */
 static int wait_for(Link *l, short what, int64_t deadline) {
     for (;;) {
         int64_t left = LOOK_NS;
@@ -170,8 +170,8 @@ static int answered(Link *l, uint32_t before) {
 static int by_socket(Link *l) {
     const int64_t deadline = deadline_of(l);
     const Region *r = &l->region;
-    int end = write_all(l, r->ask, APART + r->ask->used, deadline);
-    if (!end) end = read_all(l, r->answer, APART, deadline);
+    int end = write_all(l, r->ask, HEADER + r->ask->used, deadline);
+    if (!end) end = read_all(l, r->answer, HEADER, deadline);
     if (end) return end;
     const Answer a = *r->answer;
     if (a.log_used > LINK_LOG || a.reply_used > r->area || a.results_used > r->area) return LINK_LIED;

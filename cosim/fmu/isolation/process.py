@@ -206,7 +206,7 @@ class IsolatedLibrary:
         if self._link == ffi.NULL:
             self._finalizer()
             raise NoIsolation("cannot isolate an FMU: there is no memory left")
-        # Whoever holds this may still call, and is told that it is lost; so the link lives as long.
+        # Holders may still call and get the error that the process is lost; so the link lives as long.
         weakref.finalize(self, _forget, ffi, client, self._link, buffer, region)
         result = client.link_load(
             self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version)

@@ -39,10 +39,10 @@ typedef struct {
     uint32_t status;
     uint32_t failed; /* what is being done: 0 the call itself, k > 0 the k-th of the records that are set before it,
                         LINK_FETCHING + k the k-th fetch after a step */
-    uint64_t value;             /* what is answered, apart from the areas */
+    uint64_t value;             /* the reply, without the areas */
     double last;
     uint32_t log_used, reply_used, results_used; /* bytes of the areas */
-    uint32_t log_lost;          /* messages for which there was no room */
+    uint32_t log_lost;          /* messages dropped because the buffer was full */
     bool flags[4];              /* event, (not used), terminate, early */
     uint8_t environment;        /* what it changed: environment.h */
     uint8_t no_memory;          /* the limit is reached */
@@ -56,7 +56,7 @@ typedef struct {
     size_t area;                /* bytes of request, results and reply */
 } Region;
 
-enum { LINE = 64, APART = 256, PAGE = 4096 };
+enum { LINE = 64, HEADER = 256, PAGE = 4096 };
 #define ALIGNED(n) (((size_t)(n) + 7) & ~(size_t)7)
 
 static inline bool region_of(Region *r, void *memory, size_t size) {
@@ -64,11 +64,11 @@ static inline bool region_of(Region *r, void *memory, size_t size) {
     const size_t third = (size - LINK_LOG) / 3 / PAGE * PAGE;
     r->ask = memory;
     r->answer = (void *)((char *)memory + third);
-    r->request = (char *)r->ask + APART;
-    r->results = (char *)r->answer + APART;
+    r->request = (char *)r->ask + HEADER;
+    r->results = (char *)r->answer + HEADER;
     r->log = (char *)memory + 2 * third; /* not at the end: an FMU may write there while it is read */
     r->reply = r->log + LINK_LOG;
-    r->area = third - APART;
+    r->area = third - HEADER;
     return sizeof(Ask) <= LINE && sizeof(Answer) <= LINE;
 }
 
@@ -104,7 +104,7 @@ static inline bool spin(const _Atomic uint32_t *number, uint32_t old, int64_t ns
     return false;
 }
 
-/* One byte for whoever waits at the other end; false: it is gone. When there is no room, enough bytes are there. */
+/* One byte for whoever waits at the other end; false: it is gone. A full pipe needs no further byte. */
 static inline bool ring(int fd) {
     return send(fd, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0 || errno == EAGAIN || errno == EINTR;
 }

@@ -515,9 +515,9 @@ static void serve_memory(int64_t spin_ns) {
 static void serve_socket(void) {
     const Answer *a = region.answer;
     while (
-        read_all(region.ask, APART) && region.ask->used <= region.area && read_all(region.request, region.ask->used)) {
+        read_all(region.ask, HEADER) && region.ask->used <= region.area && read_all(region.request, region.ask->used)) {
         work();
-        if (!write_all(a, APART + a->results_used) || !write_all(region.reply, a->reply_used) ||
+        if (!write_all(a, HEADER + a->results_used) || !write_all(region.reply, a->reply_used) ||
             !write_all(region.log, a->log_used))
             return;
     }

@@ -9,8 +9,8 @@
       soilEdge: "#7a6647",
       sky: "#fbfcfd",
       mark: "rgba(26,35,48,.28)",
-      hull: "#7f9a72",
-      hullEdge: "#3c5233",
+      outline: "#7f9a72",
+      outlineEdge: "#3c5233",
       tire: "#2b2f36",
       rim: "#c9ced6",
       spoke: "#8a929e",
@@ -28,8 +28,8 @@
       soilEdge: "#a8906a",
       sky: "#161c25",
       mark: "rgba(228,232,238,.35)",
-      hull: "#5f7a55",
-      hullEdge: "#b3cda6",
+      outline: "#5f7a55",
+      outlineEdge: "#b3cda6",
       tire: "#0b0d10",
       rim: "#8a929e",
       spoke: "#4a515c",
@@ -203,9 +203,9 @@
         pen[i ? "lineTo" : "moveTo"](px(x), py(z));
       });
       pen.closePath();
-      pen.fillStyle = paint.hull;
+      pen.fillStyle = paint.outline;
       pen.fill();
-      pen.strokeStyle = paint.hullEdge;
+      pen.strokeStyle = paint.outlineEdge;
       pen.lineWidth = 2;
       pen.stroke();
     }

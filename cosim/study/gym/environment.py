@@ -119,7 +119,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         render_mode: None, or "plotly": :meth:`render` gives a plotly figure of the episode so far (needs the extra
             [reports]).
 
-    The same actions after the same ``reset(seed=...)`` give the same bits. ``reset`` uses loaded FMUs and their
+    The same actions after the same ``reset(seed=...)`` give bit-identical values. ``reset`` uses loaded FMUs and their
     instances again. A system of its own is needed for each of two environments.
 
     Raises:
@@ -350,8 +350,8 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         )
 
     def restore(self, state: EnvState) -> Array:
-        """Go back to a saved state, or to that of another environment; returns the observation there. What follows has
-        the bits of what followed the ``save``.
+        """Go back to a saved state, or to that of another environment; returns the observation there. The following
+        steps are bit-identical to those after the ``save``.
         """
         simulation = self._simulation
         owner = state.system.owner

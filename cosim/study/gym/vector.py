@@ -23,15 +23,15 @@ Flags = npt.NDArray[np.bool_]
 
 
 class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
-    """``count`` environments made by one function, in this process, one after the other: the bits of each are those of
-    a single one.
+    """``count`` environments made by one function, in this process, one after the other: each is bit-identical to a
+    single one.
 
     An environment whose episode has ended begins the next one at the following step, with reward 0 (gymnasium's
-    NEXT_STEP). Seeds of ``reset`` are ``seed``, ``seed + 1``, ... or given one by one. ``envs`` are the environments.
+    NEXT_STEP). Seeds of ``reset`` are ``seed``, ``seed + 1``, ... or a list of seeds. ``envs`` are the environments.
     For processes: ``gymnasium.vector.AsyncVectorEnv([make] * count)``.
 
     Raises:
-        CosimError: an environment whose spaces are others.
+        CosimError: an environment with different spaces.
         ActionError: actions of another shape than (count, n).
     """
 
@@ -107,7 +107,7 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
 
     def restore(self, states: Sequence[EnvState]) -> Array:
         """Go back to saved states, one for each; the observations (count, n) there. An episode that had ended there
-        begins anew with the next step.
+        begins from scratch with the next step.
         """
         if len(states) != self.num_envs:
             raise CosimError(f"{len(states)} states for {self.num_envs} environments")

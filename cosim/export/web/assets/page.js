@@ -1,6 +1,6 @@
 /* The page: systems run in step with the clock, controls set their variables, scenes and charts show them. */
 
-const COLOURS = 4; // --line-0 to --line-3 of the style sheet
+const COLORS = 4; // --line-0 to --line-3 of the style sheet
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const SQUARED = ["rms", "mean square"];
 const SECONDS = 10; // in a chart, where runs have no length of their own
@@ -8,8 +8,8 @@ const PORTION = 100; // steps, between two looks whether a run is over
 const BUDGET = 0.7; // of the time that passes, for computing
 const LONGEST = 0.1; // s of it that count: a page that was out of sight does not catch up
 const FIRST = 20; // steps, before their cost is known
-const SMOOTH = 1; // s, over which the pace is told
-const TOLD = 100; // ms, between two looks of a running system at its numbers, which nobody can follow faster
+const SMOOTH = 1; // s, window of the displayed pace
+const TOLD = 100; // ms between two updates of the displayed numbers of a running system
 // frames, of what need not be drawn in each: in turn, so that no frame is long
 const EVERY = { chart: 3, hidden: 6, hiddenChart: 18 };
 
@@ -285,10 +285,10 @@ class Page {
     $("controls").closest("section").hidden = !data.controls.length;
   }
 
-  /** Reads the colours of lines again. */
+  /** Reads the colors of lines again. */
   restyle() {
     const style = getComputedStyle(document.documentElement);
-    this.colours = Array.from({ length: COLOURS }, (_, i) => style.getPropertyValue(`--line-${i}`));
+    this.colors = Array.from({ length: COLORS }, (_, i) => style.getPropertyValue(`--line-${i}`));
     for (const chart of this.charts) chart.restyle();
   }
 
@@ -317,7 +317,7 @@ class Page {
       const figure = document.getElementById("scene").content.firstElementChild.cloneNode(true);
       const [title, canvas] = [figure.querySelector("figcaption b"), figure.querySelector("canvas")];
       title.textContent = variant.title;
-      title.style.setProperty("--swatch", `var(--line-${variant.number % COLOURS})`);
+      title.style.setProperty("--swatch", `var(--line-${variant.number % COLORS})`);
       variant.figure = figure;
       variant.status = figure.querySelector(".status");
       room.append(figure);
@@ -497,7 +497,7 @@ class Page {
     };
   }
 
-  /** A control for each parameter and input, member by member. */
+  /** A control for each parameter and input, component by component. */
   parameters() {
     const room = this.$("parameters");
     room.replaceChildren();
@@ -704,7 +704,7 @@ class Page {
       history: v.history,
       ahead: v.system.ahead,
       dash: DASHES[i % DASHES.length],
-      colour: this.colours[i % COLOURS],
+      color: this.colors[i % COLORS],
     }));
     this.charts.forEach((chart, i) => {
       if (due(chart.canvas, i, EVERY.chart, EVERY.hiddenChart)) chart.draw(lines, this.seconds);
@@ -761,7 +761,7 @@ class Page {
     for (const v of this.variants) {
       const old = v.outdated,
         text = v.failure
-          ? `Stopped: ${v.failure}`
+          ? `Run stopped: ${v.failure}`
           : v.instance.ended
             ? "The system has ended the run."
             : old.length

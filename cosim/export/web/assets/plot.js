@@ -12,14 +12,14 @@ class StripChart {
     this.restyle();
   }
 
-  /** Reads the colours again, after the page has changed its scheme. */
+  /** Reads the colors again, after the page has changed its scheme. */
   restyle() {
     const style = getComputedStyle(this.canvas);
     [this.ink, this.rule] = ["--muted", "--rule"].map((name) => style.getPropertyValue(name));
   }
 
   /**
-   * @param {{history: History, colour: string, dash: number[], ahead: object}[]} lines  ahead: what is planned, by
+   * @param {{history: History, color: string, dash: number[], ahead: object}[]} lines  ahead: what is planned, by
    *   signal
    * @param {number} seconds  how much is shown
    */
@@ -84,7 +84,7 @@ class StripChart {
     c.rect(left, top - 3, right - left, bottom - top + 6);
     c.clip();
     series.forEach((s, i) => {
-      c.strokeStyle = lines[i].colour;
+      c.strokeStyle = lines[i].color;
       c.setLineDash(lines[i].dash);
       c.beginPath();
       for (let k = 0; k < s.values.length; k++) c.lineTo(px(s.times[k]), py(s.values[k] * factor + offset));

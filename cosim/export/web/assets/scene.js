@@ -1,5 +1,5 @@
 // Draws a live scene, as cosim/export/web/scene.py describes it: orthographic views of bodies, wheels, struts, forces
-// and road. x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colours are CSS custom
+// and road. x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colors are CSS custom
 // properties (scene.css).
 class SceneView {
   static VIEWS = {
@@ -19,7 +19,7 @@ class SceneView {
     "ink",
     "muted",
     "halo",
-    "hull",
+    "body",
     "panel",
     "glass",
     "dark",
@@ -132,7 +132,7 @@ class SceneView {
     for (const cells of Object.values(this.cells)) for (const k of cells.keys()) if (k > x) cells.delete(k);
   }
 
-  // Reads the colours again, after the page has changed its scheme.
+  // Reads the colors again, after the page has changed its scheme.
   restyle() {
     const style = getComputedStyle(this.canvas);
     this.color = {};
@@ -508,7 +508,7 @@ class SceneView {
     return found;
   }
 
-  // A colour, darker or lighter.
+  // A color, darker or lighter.
   static mixed(color, factor) {
     const parts = /^#(..)(..)(..)$/.exec(color);
     if (!parts) return color;
@@ -963,7 +963,7 @@ class SceneView {
       { pen } = this,
       light = SceneView.turned(m, SceneView.LIGHT),
       towards = SceneView.turned(m, this.towards);
-    let style = null; // faces of one colour that follow each other are one path
+    let style = null; // faces of one color that follow each other are one path
     const flush = () => {
       if (!style) return;
       pen.fillStyle = pen.strokeStyle = style;
@@ -1134,7 +1134,7 @@ class SceneView {
     if (data.wheels.length > 1) pen.clip("evenodd");
     for (const strut of seen) {
       if (Math.abs(this.towards[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.towards[1] < 0)
-        continue; // behind the hull
+        continue; // behind the body
       const w = this.wheels[strut.wheel],
         from = SceneView.placed(this.poses[strut.body], strut.at);
       this.drawStrut(from, [w.x + strut.to[0], w.y + strut.to[1], w.z + strut.to[2]], w.wheel.radius);
@@ -1343,7 +1343,7 @@ class SceneView {
     pen.fillText(words, x, y);
   }
 
-  // Legend: colours with their words, and forces as long as they are drawn, where they are upright.
+  // Legend: colors with their words, and forces as long as they are drawn, where they are upright.
   legend() {
     const { data } = this,
       roles = new Set(data.arrows.map((a) => a.role)),

@@ -44,7 +44,7 @@ def unpack(magic: bytes, data: bytes, what: str) -> tuple[dict[str, Any], list[b
         raise CosimError(f"{what} has {len(data):,} bytes; at most {LARGEST:,} are read")
     body = memoryview(data)[start:]
     if hashlib.sha256(body).digest() != data[len(magic) : start]:
-        raise CosimError(f"{what} is damaged or incomplete: its SHA-256 is another; copy or save it again")
+        raise CosimError(f"{what} is damaged or incomplete: SHA-256 mismatch; copy or save it again")
     forged = CosimError(f"{what} was not written by this program: its parts do not fit together")
     try:
         (length,) = _LENGTH.unpack_from(body)

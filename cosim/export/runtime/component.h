@@ -1,6 +1,6 @@
-/* A member of a system behind its FMI functions, whichever version, linked or loaded. */
-#ifndef MEMBER_H
-#define MEMBER_H
+/* A component of a system behind its FMI functions, whichever version, linked or loaded. */
+#ifndef COMPONENT_H
+#define COMPONENT_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -48,7 +48,7 @@ typedef enum {
 typedef struct { FMI2_CALLS(POINTER2) FMI2_STATE_CALLS(POINTER2) } Functions2;
 typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
 
-/* Tables of linked members: the names have their prefixes where these are used. */
+/* Tables of linked components: the names have their prefixes where these are used. */
 #define NAMED2(name) .name = fmi2##name,
 #define NAMED3(name) .name = fmi3##name,
 #define DECLARATION2(name) fmi2##name##TYPE fmi2##name;

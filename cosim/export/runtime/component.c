@@ -1,5 +1,5 @@
-/* Calls into the members of a system: see member.h. */
-#include "member.h"
+/* Calls into the components of a system: see component.h. */
+#include "component.h"
 
 #include <stdarg.h>
 #include <stdio.h>
