@@ -13,8 +13,8 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from . import trial
+from .groups import GROUPS, ROOT, Group
 from .mutations import Mutant, mutants, mutated, sample
-from .rooms import ROOMS, ROOT, Room
 
 ACCEPTED = Path(__file__).parent / "accepted.txt"
 STORE = ROOT / ".cache" / "mutants"
@@ -33,20 +33,20 @@ def accepted() -> dict[str, str]:
     return found
 
 
-def of_room(room: Room, root: Path = ROOT) -> list[Mutant]:
-    """All mistakes in the files of a room, as they are in the tree ``root``."""
-    found = [m for f in room.files(root) for m in mutants(f, (root / f).read_text(encoding="utf-8"))]
-    return [m for m in found if m.kind not in room.leave]
+def of_group(group: Group, root: Path = ROOT) -> list[Mutant]:
+    """All mistakes in the files of a group, as they are in the tree ``root``."""
+    found = [m for f in group.files(root) for m in mutants(f, (root / f).read_text(encoding="utf-8"))]
+    return [m for m in found if m.kind not in group.leave]
 
 
 def main() -> int:
     """The command; 1 when a mistake was not noticed that is not among the accepted ones."""
     arguments = _arguments()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended; what was tried is kept"))  # so that the copy is removed
-    rooms = [r for r in ROOMS if not arguments.room or r.name in arguments.room]
+    groups = [r for r in GROUPS if not arguments.group or r.name in arguments.group]
 
-    def choose(root: Path) -> dict[Room, list[Mutant]]:
-        return {r: [m for m in sample(of_room(r, root), arguments.most) if arguments.only in m.id] for r in rooms}
+    def choose(root: Path) -> dict[Group, list[Mutant]]:
+        return {r: [m for m in sample(of_group(r, root), arguments.most) if arguments.only in m.id] for r in groups}
 
     if arguments.list:
         for m in (m for found in choose(ROOT).values() for m in found):
@@ -57,26 +57,26 @@ def main() -> int:
         trees = [stack.enter_context(trial.copied_tree(ROOT))]  # what is written to the project from now on is not seen
         trees += [stack.enter_context(trial.copied_tree(trees[0])) for _ in range(arguments.processes - 1)]
         chosen = choose(trees[0])
-        for room, found in chosen.items():
-            for m in _unnoticed(room, found, trees):
+        for group, found in chosen.items():
+            for m in _unnoticed(group, found, trees):
                 count += 1
                 if m.id not in known:
                     new += 1
-                    print(m.id, flush=True)  # at once: a room takes minutes
+                    print(m.id, flush=True)  # at once: a group takes minutes
     total = sum(map(len, chosen.values()))
     print(f"{total} mistakes, {total - count} noticed, {count - new} accepted, {new} not noticed")
     return 1 if new else 0
 
 
-def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[Mutant]:
-    """Mistakes of a room that its tests pass with; as many are tried at a time as there are copies of the project."""
+def _unnoticed(group: Group, found: list[Mutant], trees: list[Path]) -> Iterator[Mutant]:
+    """Mistakes of a group that its tests pass with; as many are tried at a time as there are copies of the project."""
     first_tree = trees[0]  # no mistake is in it yet
-    tests, slower = room.test_files(first_tree), room.slower_files(first_tree)
+    tests, slower = group.test_files(first_tree), group.slower_files(first_tree)
     if not tests:
-        sys.exit(f"room {room.name} has no tests: {', '.join(room.tests)}")
+        sys.exit(f"group {group.name} has no tests: {', '.join(group.tests)}")
     files = sorted(
         {
-            *trial.imported(first_tree, [*tests, *slower, *room.files(first_tree)]),
+            *trial.imported(first_tree, [*tests, *slower, *group.files(first_tree)]),
             *(first_tree / "tests").rglob("conftest.py"),
         }
     )
@@ -86,7 +86,7 @@ def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[M
     if todo:
         usual = trial.baseline(first_tree, tests)
         if not usual.passed:
-            sys.exit(f"room {room.name}: its tests fail as they are, without any mistake")
+            sys.exit(f"group {group.name}: its tests fail as they are, without any mistake")
         trial.copy_bytecode(first_tree, trees[1:])
         limit = trial.LIMIT[0] + trial.LIMIT[1] * usual.seconds
         STORE.mkdir(parents=True, exist_ok=True)
@@ -110,7 +110,7 @@ def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[M
                 for i, done in enumerate(as_completed(tries), start=1):
                     done.result()
                     if sys.stderr.isatty():
-                        print(f"\r{room.name}: {i} of {len(todo)} ", end="", file=sys.stderr, flush=True)
+                        print(f"\r{group.name}: {i} of {len(todo)} ", end="", file=sys.stderr, flush=True)
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
@@ -122,7 +122,10 @@ def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[M
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser("python -m tests.mutants", description=__doc__)
     parser.add_argument(
-        "--room", action="append", choices=[r.name for r in ROOMS], help="of this room alone; several may be given"
+        "--group",
+        action="append",
+        choices=[r.name for r in GROUPS],
+        help="mutate only this group of files (repeatable)",
     )
     parser.add_argument("--only", default="", metavar="TEXT", help="mistakes whose name has this text")
     parser.add_argument("--most", type=int, default=3, metavar="N", help="of each kind in each file (default: 3)")

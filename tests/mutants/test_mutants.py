@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from mutants import __main__ as command
+from mutants.groups import GROUPS, ROOT, Group
 from mutants.mutations import Mutant, mutants, mutated, sample
-from mutants.rooms import ROOMS, ROOT, Room
 
 SOURCE = '''
 """Three kinds of numbers."""
@@ -119,11 +119,11 @@ def test_the_sample_is_the_same_whatever_else_is_written() -> None:
 
 def test_rooms_have_files_tests_and_nothing_accepted_that_cannot_be_made() -> None:
     known = set()
-    for room in ROOMS:
-        assert room.files(), room.name
-        assert room.test_files(), room.name
-        assert len(room.slower_files()) >= len(room.slower), room.name
-        known |= {m.id for m in command.of_room(room)}
+    for group in GROUPS:
+        assert group.files(), group.name
+        assert group.test_files(), group.name
+        assert len(group.slower_files()) >= len(group.slower), group.name
+        known |= {m.id for m in command.of_group(group)}
     for name, reason in command.accepted().items():
         assert name in known, f"accepted.txt: there is no such mistake any more: {name}"
         assert len(reason) > 10, f"accepted.txt: no reason below {name}"
@@ -146,8 +146,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(command, "ROOT", tmp_path)
     monkeypatch.setattr(command, "STORE", tmp_path / "store")
     monkeypatch.setattr(command, "ACCEPTED", tmp_path / "accepted.txt")
-    monkeypatch.setattr("mutants.rooms.ROOT", tmp_path)
-    monkeypatch.setattr(command, "ROOMS", (Room("plus", ("cosim/plus.py",), ("tests/test_plus.py",)),))
+    monkeypatch.setattr("mutants.groups.ROOT", tmp_path)
+    monkeypatch.setattr(command, "GROUPS", (Group("plus", ("cosim/plus.py",), ("tests/test_plus.py",)),))
     monkeypatch.setattr("sys.argv", ["mutants"])
     (tmp_path / "accepted.txt").write_text("# none\n")
     return tmp_path
@@ -179,8 +179,8 @@ def test_what_is_written_to_the_project_meanwhile_is_not_seen(
 ) -> None:
     """Else a mistake would be looked for in a function that is gone, or tried beside other code than it
     was made for."""
-    rooms = tuple(Room(name, ("cosim/plus.py",), ("tests/test_plus.py",)) for name in ("first", "second"))
-    monkeypatch.setattr(command, "ROOMS", rooms)
+    groups = tuple(Group(name, ("cosim/plus.py",), ("tests/test_plus.py",)) for name in ("first", "second"))
+    monkeypatch.setattr(command, "GROUPS", groups)
     copied_tree, imported = command.trial.copied_tree, command.trial.imported
 
     def change(*arguments: Any) -> list[Path]:
@@ -193,7 +193,7 @@ def test_what_is_written_to_the_project_meanwhile_is_not_seen(
     assert command.main() == 1
     assert capsys.readouterr().out.splitlines()[-1] == "6 mistakes, 2 noticed, 0 accepted, 4 not noticed"
     with copied_tree(project) as tree:  # and another command sees it
-        assert [m.where for m in command.of_room(rooms[0], tree)] == ["minus"]
+        assert [m.where for m in command.of_group(groups[0], tree)] == ["minus"]
 
 
 def test_what_a_tree_imports_is_that_of_the_tree() -> None:
@@ -227,7 +227,7 @@ def test_bytecode_is_that_of_the_project_and_never_of_a_mistake(project: Path) -
 
 def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:
     (project / "tests" / "test_plus.py").write_text(TEST.replace("3", "4"))
-    with pytest.raises(SystemExit, match="room plus: its tests fail as they are, without any mistake"):
+    with pytest.raises(SystemExit, match="group plus: its tests fail as they are, without any mistake"):
         command.main()
 
 
@@ -238,8 +238,8 @@ def test_slower_tests_are_tried_on_what_the_others_did_not_notice(
         "from cosim.plus import plus, unseen\n\n\ndef test_all():\n    assert plus(1, 2) == 3\n    assert unseen(3)"
         " == 6\n"
     )
-    room = Room("plus", ("cosim/plus.py",), ("tests/test_plus.py",), slower=("tests/test_slow.py",))
-    monkeypatch.setattr(command, "ROOMS", (room,))
+    group = Group("plus", ("cosim/plus.py",), ("tests/test_plus.py",), slower=("tests/test_slow.py",))
+    monkeypatch.setattr(command, "GROUPS", (group,))
     assert command.main() == 0
     assert "3 mistakes, 3 noticed, 0 accepted, 0 not noticed" in capsys.readouterr().out
 

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
-class Room:
+class Group:
     """Files and their tests, as patterns from the project's folder.
 
     ``leave``: kinds of mistakes that are not made in them. ``slower``: tests that are tried on what the others did not
@@ -39,16 +39,16 @@ def _found(patterns: tuple[str, ...], root: Path) -> list[str]:
     return sorted({p.relative_to(root).as_posix() for pattern in patterns for p in root.glob(pattern)})
 
 
-def _experiment(name: str, *tests: str) -> Room:
-    return Room(name, (f"cosim/experiments/{name}/[!e]*.py",), tests or (f"tests/experiments/test_{name}_numbers.py",))
+def _experiment(name: str, *tests: str) -> Group:
+    return Group(name, (f"cosim/experiments/{name}/[!e]*.py",), tests or (f"tests/experiments/test_{name}_numbers.py",))
 
 
-ROOMS = (
+GROUPS = (
     _experiment("gpc", "tests/experiments/test_gpc_numbers.py", "tests/experiments/test_gpc_verdicts.py"),
     _experiment("trench"),
     _experiment("bench"),
-    Room("environment", ("cosim/experiments/*/environment.py",), ("tests/learning/test_re[gw]*.py",)),
-    Room(
+    Group("environment", ("cosim/experiments/*/environment.py",), ("tests/learning/test_re[gw]*.py",)),
+    Group(
         "hmmwv",
         ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"),
         ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"),
@@ -56,31 +56,31 @@ ROOMS = (
     ),
     _experiment("preview_lq"),
     _experiment("three_axle"),
-    Room(
+    Group(
         "ride",
         tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report", "web")),
         ("tests/experiments/test_ride_numbers.py",),
         slower=("tests/experiments/test_ride_wiring.py",),
     ),
-    Room(
+    Group(
         "metrics",
         ("cosim/experiments/metrics/*.py", "cosim/signals.py"),
         ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py"),
     ),
-    Room(
+    Group(
         "study",
         tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")),
         ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py"),
     ),
-    Room(
+    Group(
         "sweep",
         ("cosim/study/sweep_report.py", "cosim/study/design.py"),
         ("tests/study/test_sweep_pages.py", "tests/study/test_design.py"),
     ),
-    Room("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
-    Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
-    Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
-    Room("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
-    Room("observer", ("fmu_sources/controllers/mpc/observer.py",), ("tests/control/mpc/test_mpc.py",)),
-    Room("estimators", ("fmu_sources/estimators/*.py",), ("tests/estimators/*.py",)),
+    Group("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
+    Group("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
+    Group("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
+    Group("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
+    Group("observer", ("fmu_sources/controllers/mpc/observer.py",), ("tests/control/mpc/test_mpc.py",)),
+    Group("estimators", ("fmu_sources/estimators/*.py",), ("tests/estimators/*.py",)),
 )
