@@ -220,8 +220,8 @@ INLINE int look_at_reached(Engine *e) {
     return ENGINE_AT_END;
 }
 
-/* A few values are copied by scalar stores: what was stored as doubles a moment ago and is loaded in larger pieces has to
- * wait until it has left the processor's store buffer. */
+/* A few values are copied by scalar stores: what was stored as doubles a moment ago and is loaded in larger pieces has
+ * to wait until it has left the processor's store buffer. */
 INLINE void copy(double *values, const EngineCopy *c) {
     if (c->n > 32) memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the two never overlap */
     else

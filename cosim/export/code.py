@@ -45,8 +45,8 @@ _BYTES = 8  # of one value in a buffer, whatever its type
 
 
 def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool = False) -> Schedule:
-    """The schedule of what is exported: without some components, and without the connections to and from them. `page`: it
-    becomes a web page, which leaves nothing out; else an FMU.
+    """The schedule of the exported system, without the components in `without` and their connections. `page`: export
+    a web page, which leaves nothing out; otherwise an FMU.
     """
     left_out = {wiring.members[name] for name in without}
     members = [m for m in wiring.members.values() if m not in left_out]

@@ -1,8 +1,8 @@
 """Published statements, and how runs of ours judge them.
 
-A claim is judged on two things: whether what it says holds (the order of two laws, the sign of a change), and, where
-the paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim, and a
-fourth where the runs do not decide. Checks of ours, which no paper states, are kept and counted apart.
+A claim is judged on two things: whether what it says holds (the order of two controllers, the sign of a change), and,
+where the paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim,
+and a fourth where the runs do not decide. Additional checks, which no paper states, are counted separately.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Verdict = Literal[
     "reproduced", "trend reproduced, magnitude differs", "not reproduced", "open", "holds", "does not hold"
 ]
 OUTCOMES: tuple[Verdict, ...] = ("reproduced", "trend reproduced, magnitude differs", "open", "not reproduced")
-"""Verdicts on published claims, from the best to the worst; the two others are those on checks of ours."""
+"""Verdicts on published claims, from the best to the worst; the two others belong to additional checks."""
 
 _SHARE = 0.10  # of a single published figure: how far ours may lie from it
 _LEVEL = 0.05  # of the sign test: chance of so many seeds on one side if both sides were equally likely
@@ -209,7 +209,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Counts:
-    """How often each verdict occurs, published claims and checks of ours apart."""
+    """How often each verdict occurs, published claims and additional checks separately."""
 
     verdicts: dict[Verdict, int]
     checks_held: int
