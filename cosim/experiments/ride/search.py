@@ -2,9 +2,10 @@
 
 A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has
 a run below the limit and one above it, and narrows that down: where it expects the limit by a straight line on
-logarithmic scales, or in the middle when that has not halved the interval. It ends where the interval is narrow, or a
-run is at the limit, to :data:`TOLERANCE`. Runs are made once: the second limit of a search begins with those of the
-first, and they are stored under their cases.
+logarithmic scales, or in the middle when that has not halved the interval. A run that is near the limit is answered by
+one on the other side of it, so that most intervals are narrow at once. It ends where the interval is :data:`TOLERANCE`
+wide: how near a value is to the limit says nothing of the speed where the value hardly rises. Runs are made once: the
+second limit of a search begins with those of the first, and they are stored under their cases.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from cosim.study.experiment import Row
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 WITHIN = (3.0, 120.0)  # km/h
-TOLERANCE = 0.02  # of the speed, and of the limit where a run comes that close to it
+TOLERANCE = 0.02  # of the speed: the width of the interval between a run below the limit and one above
+NEAR = 0.02  # of the limit, within which a value is answered by a run on the other side
 LONGEST = 1.5  # ratio of the longest step towards a limit
 EXPONENT = 2.5  # with which absorbed power is taken to rise with speed, until two runs tell
 STEEP = (1.0, 8.0)  # range of plausible exponents
@@ -70,10 +72,15 @@ def crossing(
     if not seen:
         ask(_rounded(min(max(guess, low), high)))
     wide, least = math.inf, TOLERANCE
+    answered = False
     while True:
-        at_limit = [v for v, found in seen.items() if abs(found / limit - 1) <= TOLERANCE]
-        if at_limit:
-            return min(at_limit, key=far), "found"
+        near = [v for v, found in seen.items() if abs(found / limit - 1) <= NEAR]
+        if near and not answered:
+            answered = True
+            closest = min(near, key=far)
+            beyond = _rounded(closest * (1 + 0.9 * TOLERANCE) ** (1 if seen[closest] < limit else -1))
+            if low <= beyond <= high and beyond not in seen:
+                ask(beyond)
         speeds = sorted(seen)
         rises = [(a, b) for a, b in pairwise(speeds) if seen[a] < limit <= seen[b]]
         if rises:
