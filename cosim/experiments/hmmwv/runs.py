@@ -17,6 +17,7 @@ from cosim.experiments.hmmwv.wiring import (
     EXCHANGE,
     FIRST_BUMP,
     LITRES_PER_MINUTE,
+    SIGNAL_POINTS,
     SPEED_KMH,
     SPEEDS,
     add_actuators,
@@ -27,6 +28,7 @@ from cosim.experiments.hmmwv.wiring import (
     published,
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.peaks import peak_index
 from cosim.signals import peak, rms
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
@@ -527,15 +529,14 @@ SIGNALS = {
     "smoothed": "tracking_fl.force.smoothed",
     "saturated": "tracking_fl.valve.saturated",
 }
-SIGNAL_STEP = {"track": 2, "bump": 2, "off-road": 4}  # samples of 1 ms between points
 
 
 def signals(run: Run) -> Row:
-    """Signals of a run for figures by name, thinned and rounded: :data:`SIGNALS` [SI units] and the absorbed power of
-    the last second [W].
+    """Signals of a run for figures by name, thinned so that peaks stay, and rounded: :data:`SIGNALS` [SI units] and the
+    absorbed power of the last second [W].
     """
     r = run.recording
     shown = {name: r[column] for name, column in SIGNALS.items() if column in r}
     shown["power_window"] = absorbed_power_window(r["car.body.az"], RATE)
-    every = SIGNAL_STEP[run.case.road]
-    return {name: [float(f"{x:.6g}") for x in signal[::every]] for name, signal in shown.items()}
+    kept = peak_index([v for name, v in shown.items() if name != "x"], SIGNAL_POINTS)
+    return {name: [float(f"{x:.6g}") for x in signal[kept]] for name, signal in shown.items()}

@@ -15,6 +15,7 @@ SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs
 CONTROL_PERIOD = SAMPLE_TIME  # s, of the controllers that ask for forces
 EXCHANGE = Fraction(1, 2000)  # s, of car and actuators
 LITRES_PER_MINUTE = 60000.0  # per m3/s
+SIGNAL_POINTS = 6000  # at most, of each signal that is kept for figures
 FIRST_BUMP = START  # m along the road
 BUMPS = {"track": {i + 1: h for i, h in TRACK.items()}, "bump": {1: 0.076}}  # m by place, places 1 m apart
 

@@ -11,8 +11,16 @@ import numpy as np
 
 from cosim import PythonComponent, System
 from cosim.component import Array
-from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD, EXCHANGE, LITRES_PER_MINUTE, connect_corner, published
+from cosim.experiments.hmmwv.wiring import (
+    CONTROL_PERIOD,
+    EXCHANGE,
+    LITRES_PER_MINUTE,
+    SIGNAL_POINTS,
+    connect_corner,
+    published,
+)
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.peaks import peak_index
 from cosim.signals import peak, rms
 from cosim.study.case import CaseError, fields, option
 from cosim.study.experiment import Metric, Row, Run
@@ -250,10 +258,12 @@ def measure_filter(t: np.ndarray, y: np.ndarray) -> Row:
 
 
 def signals(run: Run) -> Row:
-    """Desired force after smoothing, and force, over time [s, N]: every 4 ms, rounded; of the filter
-    every millisecond."""
+    """Desired force after smoothing, and force, over time [s, N], thinned so that peaks stay, and
+    rounded; of the filter every sample.
+    """
     r = run.recording
     if run.case.signal == FILTER:
         return {"time": r.time.tolist(), "smoothed": r["tracking.force.smoothed"].tolist()}
     shown = {"time": r.time, "smoothed": r["tracking.force.smoothed"], "force": r["actuator.force"]}
-    return {name: [float(f"{x:.6g}") for x in signal[::4]] for name, signal in shown.items()}
+    kept = peak_index([shown["smoothed"], shown["force"]], SIGNAL_POINTS)
+    return {name: [float(f"{x:.6g}") for x in signal[kept]] for name, signal in shown.items()}
