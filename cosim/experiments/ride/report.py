@@ -299,8 +299,9 @@ def _over_roughness(study: Results, compared: Mapping[str, Sequence[Fast]]) -> F
     """Speed over roughness of the systems that are compared, those without control dashed."""
     curves = []
     for car, found in compared.items():
-        panel = _over_courses(study, car)
-        for _, system in found if panel else ():
+        if (panel := _over_courses(study, car)) is None:
+            continue
+        for _, system in found:
             curve = next(s for s in panel.series if s.name == name(system))
             look = {"color": _CAR_COLORS[car], "dash": "dash" if system[1] == "passive" else "solid"}
             curves.append(replace(curve, name=f"{CAR_NAMES[car]}, {curve.name}", **look))
