@@ -16,7 +16,7 @@ from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, on,
 from cosim.experiments.ride.runs import CARS, LIMIT_G, METRICS, NUMBER, OBSTACLE
 from cosim.experiments.ride.search import LIMITS, TOLERANCE, WITHIN, SpeedLimit
 from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
-from cosim.report.model import Scalar
+from cosim.report.model import Color, Dash, Scalar
 from cosim.study import FmuSet, Results, make_lead, parameters, provenance, sections
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 from fmu_sources.roads.rms_course import COURSES
@@ -292,7 +292,7 @@ def _over_courses(study: Results, car: str) -> Panel | None:
 
 
 _ROUGHNESS = "detrended rms of the course [mm]", "speed of 6 W [km/h]"
-_CAR_COLORS = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion"), strict=True))
+_CAR_COLORS: dict[str, Color] = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion"), strict=True))
 
 
 def _over_roughness(study: Results, compared: Mapping[str, Sequence[Fast]]) -> Figure | None:
@@ -303,8 +303,9 @@ def _over_roughness(study: Results, compared: Mapping[str, Sequence[Fast]]) -> F
             continue
         for _, system in found:
             curve = next(s for s in panel.series if s.name == name(system))
-            look = {"color": _CAR_COLORS[car], "dash": "dash" if system[1] == "passive" else "solid"}
-            curves.append(replace(curve, name=f"{CAR_NAMES[car]}, {curve.name}", **look))
+            dash: Dash = "dash" if system[1] == "passive" else "solid"
+            label = f"{CAR_NAMES[car]}, {curve.name}"
+            curves.append(replace(curve, name=label, color=_CAR_COLORS[car], dash=dash))
     if not curves:
         return None
     caption = (
