@@ -41,7 +41,7 @@ _IGNORED = shutil.ignore_patterns("__pycache__", "*.py[co]", ".*_cache")
 
 
 def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:  # noqa: ARG001
-    """The wheel of setuptools, packed anew with one name at its top."""
+    """The wheel of setuptools, repacked with one name at its top."""
     target = Path(wheel_directory).resolve()
     with _copy():
         name = build_meta.build_wheel(".", config_settings)

@@ -42,7 +42,7 @@ class UserAbort(Exception):  # noqa: N818
 
 
 class OneOf(str):
-    """What stands behind an option in its help: the names that it takes, read from tables only when help is asked for.
+    """What stands behind an option in its help: the names that it takes, read from tables only when help is requested.
 
     ``table`` is ``module:NAME`` (importing an experiment takes seconds); ``more`` stands for what else is taken.
     """

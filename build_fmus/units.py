@@ -171,18 +171,18 @@ def derivative(of: Unit) -> str | None:
     return next(same, None)
 
 
-def convert(value: float, given: str, wanted: str) -> float:
-    """``value`` in the unit ``given``, expressed in ``wanted``, a unit of variables.
+def convert(value: float, given: str, to: str) -> float:
+    """``value`` in the unit ``given``, converted to the unit ``to``, a unit of variables.
 
     Raises:
         KeyError: the units do not measure the same thing, or ``given`` is unknown; the message says what is accepted.
     """
-    exponents = unit(wanted).exponents
+    exponents = unit(to).exponents
     accepted = [u.name for u in KNOWN.values() if u.exponents == exponents]
     if given not in accepted:
-        accepted.sort(key=wanted.__ne__)
+        accepted.sort(key=to.__ne__)
         hint = did_you_mean(given, accepted)
-        raise KeyError(f"unit {given!r} where {wanted!r} is expected (accepted: {', '.join(accepted)}){hint}")
+        raise KeyError(f"unit {given!r} where {to!r} is expected (accepted: {', '.join(accepted)}){hint}")
     if given in UNITS:
         return value
     d = _displayed(given)

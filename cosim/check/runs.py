@@ -292,7 +292,7 @@ def memory(bench: Bench) -> Found:
     if _resident() is None:
         raise NotApplicable("the memory of a process cannot be read on this system")
     # Some tools load and keep things with the first instances, and the system gives a process its pages when it
-    # pleases; what counts is that it goes on, whenever it is asked.
+    # pleases; what counts is that it continues, whenever it is asked.
     rate = 0.0
     for _ in range(3):
         found = _growth(bench)

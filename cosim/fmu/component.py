@@ -207,7 +207,7 @@ class FmuComponent:
             self._dropped.clear()
 
     def _warn_of_crash(self, function: str) -> None:
-        """Warn where an isolated FMU was lost when nothing more was wanted of it."""
+        """Warn where an isolated FMU crashed after its last call."""
         lost = self._library.lost()
         if lost:
             said = str(IsolationCrashed(self.name, f"fmi{self.fmu.major}{function}", lost, self._recent_log()))

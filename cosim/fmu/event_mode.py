@@ -2,7 +2,7 @@
 and 4.2).
 
 A communication step from t to t + h holds the ticks in [t, t + h): at each the FMU is in event mode, its clocks are
-set, the inputs of these clocks are set, their outputs are read, discrete states are updated, and `fmi3DoStep` goes on
+set, the inputs of these clocks are set, their outputs are read, discrete states are updated, and `fmi3DoStep` continues
 to the next tick or to the end. Inputs that are discrete without a clock are set in event mode at t. What a clock
 computes shows until it ticks again.
 
@@ -35,7 +35,7 @@ from cosim.fmu.transfers import Arrangement, arrangements
 from cosim.signals import Array
 from cosim.time import rational, seconds_text
 
-ITERATIONS = 1000  # of an event, and ticks at one instant; beyond it goes on for ever
+ITERATIONS = 1000  # of an event, and ticks at one instant; beyond does not converge
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier
 PERIODIC = ("constant", "fixed", "tunable")
 

@@ -80,7 +80,7 @@ def find_states(
         raise CosimError("its FMU is of another origin: which part of its saved state are states is not known")
     begin = parameters + inputs
     rest = len(_doubles(data)) - begin
-    places = np.zeros(outputs, dtype=int)  # of each output in the rest, in binary: one bit is asked for at a time
+    places = np.zeros(outputs, dtype=int)  # of each output in the rest, in binary: one bit is requested at a time
     for bit in range(rest.bit_length()):
         places += np.asarray(shown(_marked(data, begin, bit)), dtype=float).astype(bool).astype(int) << bit
     places -= 1

@@ -438,7 +438,7 @@ class Simulation:
                     except CosimError as error:
                         if isinstance(error, CallFailed) and error.status not in ("Discard", "Error"):
                             raise
-                        serialized[m.name] = error  # told when it is asked for
+                        serialized[m.name] = error  # reported when it is requested
 
         self.guarded(save)
         e = self._exchange

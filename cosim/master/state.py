@@ -1,4 +1,4 @@
-"""Saved states: of a simulation that goes on, and on their way to another process or another day.
+"""Saved states: of a simulation that continues, and on their way to another process or another day.
 
 A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`,
 pickle) it holds what they serialized, the exchanged values by name, the exact time, and what tells systems apart:
@@ -81,7 +81,7 @@ class SystemState:
         return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
 
     def continues(self, schedule: Schedule) -> bool:
-        """Whether a system of this schedule goes on as if it had never been interrupted: all components, rates and
+        """Whether a system of this schedule continues as if it had never been interrupted: all components, rates and
         connections are those of the state.
         """
         return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)

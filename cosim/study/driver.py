@@ -52,7 +52,7 @@ def run_study(
         store: folder of finished runs.
         tasks: other tasks (or cases) than those of the experiment's plan.
         options: of the plan.
-        executor: where tasks run, or a function that gives a context with one, which is asked for another when it
+        executor: where tasks run, or a function that gives a context with one, which makes another when it
             breaks; None: processes on this machine. Its workers have this project and the user's file; FMUs go there by
             themselves.
         processes: how many, on this machine; None: one per core.

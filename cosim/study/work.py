@@ -2,7 +2,7 @@
 the store.
 
 Experiment, FMUs and systems stay with a worker from one chunk to the next: a system is wired once and reset for each
-run. An FMU that is not there, or not the same, is asked for by the hash of its content (:attr:`Reply.missing`); it
+run. An FMU that is not there, or not the same, is requested by the hash of its content (:attr:`Reply.missing`); it
 comes with the chunk that is then given again, and stays in the cache of that machine.
 """
 

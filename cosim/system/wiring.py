@@ -442,7 +442,7 @@ def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
         warnings.warn(
             f"component '{name}' ({about.name}): its step of {seconds_text(step)} is no multiple of"
             f" {seconds_text(about.internal_step)}, the fixed internal step of its FMU (fixedInternalStepSize), which"
-            " may refuse it or reach other times than it is asked for",
+            " may refuse it or reach other times than requested",
             FmuWarning,
             stacklevel=3,
         )

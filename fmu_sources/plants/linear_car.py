@@ -7,7 +7,7 @@ the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P
     q'  = P A x                      (inputs do not move positions at once: P B = 0)
     q'' = P A A x + P A B u = N [q; q'] + P A B u
 
-where N exists as soon as nothing but q and q' decides how the ride goes on. It does for a car that stands, with tires
+where N exists as soon as nothing but q and q' determines the ride. It does for a car that stands, with tires
 that press on the road and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. The
 notes of the component list the simplifications, among them dampers whose rates differ by direction and have no
 derivative at rest.
@@ -83,7 +83,7 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
         outputs: of the car, to be had of the linear one too.
 
     Raises:
-        ValueError: something else than the ride decides how it goes on, or one of the outputs.
+        ValueError: something else than the ride determines the motion, or one of the outputs.
     """
     standing, rolling = (at_rest(car, values, v) for v in (0.0, 1.0))
     P, A = positions_of(standing), standing.A
@@ -279,7 +279,7 @@ _NOTES = (
     (
         "It stands for small motions of that car with two differences. A damper whose rates differ by direction has no"
         " derivative at rest: both rates are their mean here, by which it takes the same energy from a motion that is"
-        " the same up and down. Tires press on the road only: without drive and side forces the ride goes on by itself,"
+        " the same up and down. Tires press on the road only: without drive and side forces the ride is free,"
         " at any speed, and the body rolls about where its masses and springs let it. Side forces of tires that toe in,"
         " and that change their track as they travel, stiffen and damp the real car somewhat; see the page of that car."
     ),

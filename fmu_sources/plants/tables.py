@@ -21,7 +21,7 @@ def check_increasing(c: Component, row: Any, name: str) -> None:
 def linear_table(at: Any, row: Any, values: Any, *, beyond: bool) -> Any:
     """The function through ``values`` at increasing ``row``, linear in between.
 
-    Before the first point it is constant; after the last one it goes on along the last line if ``beyond``, else it is
+    Before the first point it is constant; after the last one it continues along the last line if ``beyond``, else it is
     constant.
     """
     total = values[0]

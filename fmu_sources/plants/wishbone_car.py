@@ -450,7 +450,7 @@ def _move(k: Corner, q: Any) -> None:
     from the CG, ``lean`` of the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of
     the ``spindle``, lengths of spring and damper.
 
-    Beyond the knots everything goes on along its tangent.
+    Beyond the knots everything continues along its tangent.
     """
     axle = k.geometry
     t = (q - axle.first) / axle.step
@@ -749,7 +749,7 @@ _NOTES = (
         "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the"
         " lengths of springs and dampers are cubic B-splines over it, twice continuously differentiable, whose"
         " coefficients are parameters (suspension.*.kinematics.*). They are computed from the hardpoints of the vehicle"
-        " file when the FMU is built. Beyond the knots everything goes on along its tangent."
+        " file when the FMU is built. Beyond the knots everything continues along its tangent."
     ),
     (
         "Springs, stops and tires are tables that are linear in between (suspension.*.spring.*, suspension.stop.*,"

@@ -32,7 +32,7 @@ def speed_command(name: str = "SpeedCommand") -> Component:
     target = c.input(
         "target.speed",
         "m/s",
-        "speed that is asked for; its first value is the start speed",
+        "requested speed; its first value is the start speed",
         start=50.0 / 3.6,
         min=0.0,
         max=MAX_SPEED,

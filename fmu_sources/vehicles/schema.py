@@ -667,7 +667,7 @@ class _TableTire(_Table):
     radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
     deflection: Numbers = numbers(
         "m",
-        "deflection of the tire on a flat road, increasing from 0; the force is linear between and goes on so beyond",
+        "deflection of the tire on a flat road, increasing from 0; the force is linear between and continues so beyond",
         min=0.0,
         max=3.0,
         increasing=True,

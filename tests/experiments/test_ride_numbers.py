@@ -300,7 +300,7 @@ def test_a_search_for_an_obstacle_has_one_seed_and_passes_failed_runs() -> None:
 
 def test_every_car_under_every_law_that_fits_it() -> None:
     assert len(systems()) == len(set(systems())) == 29
-    assert {s[:2] for s in systems()} == {(c, law) for c, car in CARS.items() for law in car.laws}
+    assert {s[:2] for s in systems()} == {(c, law) for c, car in CARS.items() for law in car.controllers}
     assert [s for s in systems("hmmwv") if s[1] in ("passive", "mpc")] == [
         ("hmmwv", "passive", "hydraulic"),
         ("hmmwv", "mpc", "hydraulic"),
@@ -337,7 +337,7 @@ def speed_of(search: SpeedLimit, metric: str, seed: int) -> float | None:
     base = (
         10.0
         + 3 * order
-        + list(CARS[c.car].laws).index(c.controller) * 0.5
+        + list(CARS[c.car].controllers).index(c.controller) * 0.5
         + (0.2 if c.actuators == "hydraulic" else 0.0)
     )
     if (c.car, c.controller) == ("sedan", "comfort-preview"):
@@ -699,7 +699,7 @@ LIVE = {
 @pytest.mark.parametrize("car", CARS)
 def test_systems_of_the_live_page(car: str) -> None:
     """A car under its laws, on every course of the project."""
-    law = "comfort-preview" if car == "sedan" else list(CARS[car].laws)[-1]  # of the laws that are shown
+    law = "comfort-preview" if car == "sedan" else list(CARS[car].controllers)[-1]  # of the laws that are shown
     shown = live(Case(car, law, speed_kmh=30.0))
     assert [(c.title, c.group) for c in shown.cases] == [(t, g) for g in GROUPS for t in LIVE[car]]
     assert [c.case.course for c in shown.cases] == [c for c in ("1in", "2in", "4in", "half-round") for _ in LIVE[car]]

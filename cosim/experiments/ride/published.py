@@ -71,7 +71,7 @@ def systems(car: str | None = None) -> list[System]:
     found = []
     for name, made in CARS.items():
         if car in (None, name):
-            for law in made.laws:
+            for law in made.controllers:
                 for actuators in ACTUATORS if name == "hmmwv" else ("ideal",):
                     try:
                         found.append(_at((name, law, actuators), "1in"))

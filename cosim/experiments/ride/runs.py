@@ -34,7 +34,7 @@ from fmu_sources.vehicles import load_vehicle
 RATE = 1000.0  # Hz, of all metrics
 AHEAD = 1.0  # m of level road between the front wheels and the course at the start
 BEFORE = 3.0  # m before an obstacle, where its metrics begin
-BEHIND = (1.0, 1.0)  # s and m by which a run goes on when the last axle has left the obstacle
+BEHIND = (1.0, 1.0)  # s and m by which a run continues when the last axle has left the obstacle
 OBSTACLE = "half-round"
 NUMBER = {**{n: i for i, n in enumerate(COURSES)}, OBSTACLE: HALF_ROUND}
 
@@ -46,7 +46,7 @@ class Car:
     Attributes:
         vehicle: name of its vehicle file.
         corners: of its wheels.
-        laws: control laws that fit it -> fields of a case of the other experiment.
+        controllers: control laws that fit it -> fields of a case of the other experiment.
         fmus: names of the FMUs that this needs besides car and road.
         plant: name of the car's FMU.
         road: name of its courses.
@@ -61,7 +61,7 @@ class Car:
 
     vehicle: str
     corners: tuple[str, ...]
-    laws: dict[str, dict[str, Any]]
+    controllers: dict[str, dict[str, Any]]
     plant: str
     road: str
     instead: str
@@ -170,7 +170,7 @@ CARS = {
     ),
 }
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
-LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.laws))
+LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.controllers))
 ROADS = tuple(car.road for car in CARS.values())
 FMUS = tuple(
     dict.fromkeys(
@@ -229,7 +229,7 @@ class Case(BaseCase):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice(f"controller of the {self.car}", self.controller, CARS[self.car].laws)
+        check_choice(f"controller of the {self.car}", self.controller, CARS[self.car].controllers)
         if self.controller == "passive" and self.car == "hmmwv" and self.actuators == "ideal":
             raise CaseError(
                 "the passive hmmwv has its hydraulic actuators with the pump off: give"
@@ -245,7 +245,7 @@ class Case(BaseCase):
     def other(self) -> Any:
         """The case of the experiment that this car is from."""
         more = {"actuators": self.actuators} if self.car == "hmmwv" else {}
-        return CARS[self.car].case(**CARS[self.car].laws[self.controller], **more)
+        return CARS[self.car].case(**CARS[self.car].controllers[self.controller], **more)
 
 
 def passive(case: Case) -> Case:

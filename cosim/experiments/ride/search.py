@@ -2,7 +2,7 @@
 
 A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has
 a run below the limit and one above it, and narrows that down: where it expects the limit by a straight line on
-logarithmic scales, or in the middle when that has not halved the interval. A run that is near the limit is answered by
+logarithmic scales, or in the middle when that has not halved the interval. A run that is near the limit is followed by
 one on the other side of it, so that most intervals are narrow at once. It ends where the interval is :data:`TOLERANCE`
 wide: how near a value is to the limit says nothing of the speed where the value hardly rises. Runs are made once: the
 second limit of a search begins with those of the first, and they are stored under their cases.
@@ -24,7 +24,7 @@ from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 WITHIN = (3.0, 120.0)  # km/h
 TOLERANCE = 0.02  # of the speed: the width of the interval between a run below the limit and one above
-NEAR = 0.02  # of the limit, within which a value is answered by a run on the other side
+NEAR = 0.02  # of the limit, within which a run is followed by one on the other side
 LONGEST = 1.5  # ratio of the longest step towards a limit
 EXPONENT = 2.5  # with which absorbed power is taken to rise with speed, until two runs tell
 STEEP = (1.0, 8.0)  # range of plausible exponents

@@ -26,7 +26,7 @@ def live(case: Case) -> Live:
     names. Actuators, profile and height are those of the case.
     """
     car = CARS[case.car]
-    laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.laws), case.controller)))
+    laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.controllers), case.controller)))
     courses = (
         {n: f"{n.removesuffix('in')} in rms" for n in COURSES} | {OBSTACLE: OBSTACLE}
         if case.course in NUMBER

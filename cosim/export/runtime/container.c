@@ -146,7 +146,7 @@ static void from_member(void *context, int status, const char *message) {
 }
 
 /* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
- * system goes on, unless the component is lost. */
+ * system continues, unless the component is lost. */
 static FmuStatus member_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
     if (self->members[i].dead) self->state->mode = MODE_ERROR;
     const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};

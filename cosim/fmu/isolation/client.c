@@ -53,7 +53,7 @@ static int generation;
 
 void link_forked(void) { generation++; }
 
-/* Nothing more is wanted of it. */
+/* No further call follows. */
 void link_release(Link *l) {
     if (!l->end) l->end = LINK_RELEASED;
 }
