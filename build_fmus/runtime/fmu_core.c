@@ -703,8 +703,8 @@ static FmuStatus advance_discrete(FmuInstance *self, const char *function, doubl
         return fmu_fail(
             self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
     if ((end - first) / Ts > MAX_STEPS_PER_CALL)
-        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g missed samples, too many for one call", function, end,
-            (end - first) / Ts);
+        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g missed samples, too many for one call",
+            function, end, (end - first) / Ts);
     /* With event mode these are the samples that no tick of the clock has taken: an importer need not tick it. */
     while (next_sample(s) < end) {
         const FmuStatus status = take_sample(self);
@@ -722,8 +722,8 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
         return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.12g, but the instance is at %.12g", function,
             time, s->time);
     if (!(time + 0.5 * step > time))
-        return fmu_fail(
-            self, FMU_ERROR, "%s: communicationStepSize %g s is below the time resolution at %g s", function, step, time);
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s is below the time resolution at %g s",
+            function, step, time);
     if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
         return fmu_fail(
             self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
