@@ -1,4 +1,4 @@
-"""``python -m cosim`` is the command ``cosim``."""
+"""`python -m cosim` is the command `cosim`."""
 
 from suspension_fmus import cosim_command
 

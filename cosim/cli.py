@@ -1,5 +1,6 @@
-"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify control laws, inspect
-FMUs, build them.
+"""Command line `suspension-fmus`, in short `cosim`.
+
+It runs experiments and studies, identifies control laws, inspects FMUs and builds them.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ NAMES = sorted(EXPERIMENTS)
 
 
 class Experiments(Commands):
-    """A group with one command per experiment, made when it is called: ours by name, a user's by the
-    file that has it."""
+    """A group with one command per experiment, created when called: our experiments by name, a user's by its file."""
 
     make: Any
     what = "experiment"
@@ -176,7 +176,7 @@ def list_experiments() -> None:
 
 
 def _options(command: Any) -> str:
-    """The options of a command in a line: ``--road sine|curb  --speed KM/H  --hold``."""
+    """The options of a command in a line: `--road sine|curb  --speed KM/H  --hold`."""
     terminal.list_choices(command)
     shown = []
     for option in command.params:
@@ -249,7 +249,7 @@ def build(context: typer.Context) -> None:
 
 
 def main(program: str = "cosim") -> None:
-    """Entry point; ``program`` is what it was called as."""
+    """Entry point; `program` is what it was called as."""
     from cosim.errors import CosimError
 
     failures = (CosimError, ValueError, LookupError, OSError, RuntimeError)

@@ -26,8 +26,10 @@ Action = Callable[[], None]
 
 @dataclass(frozen=True)
 class Transfer:
-    """An FMI call, bound to its arguments, that moves variables of one type. `data[element[i]]` belongs to `place[i]`
-    of the master's buffer; None: `data` is a part of that buffer. `call` and `references` are addresses.
+    """An FMI call, bound to its arguments, that moves variables of one type.
+
+    `data[element[i]]` belongs to `place[i]` of the master's buffer; None: `data` is a part of that buffer. `call` and
+    `references` are addresses.
     """
 
     function: str
@@ -41,8 +43,9 @@ class Transfer:
 
 @dataclass(frozen=True)
 class FmiCalls:
-    """The ports of an FMU as addresses, for callers that are written in C, and what turns a failure of one of these
-    calls into the exception that the ports raise.
+    """Ports of an FMU as addresses, for callers that are written in C.
+
+    It also turns a failure of one of these calls into the exception that the ports raise.
     """
 
     version: int  # 2, 3
@@ -61,8 +64,10 @@ class FmiCalls:
 
 @dataclass(frozen=True)
 class Ports:
-    """The three calls of one communication step, bound to the master's buffers, and `run`, the three in a row. Each
-    raises CallFailed. `fmi`: the same three as FMI calls, where they are nothing else."""
+    """The three calls of one communication step, bound to the master's buffers, and `run`, the three in a row.
+
+    Each raises CallFailed. `fmi`: the same three as FMI calls, if they are nothing else.
+    """
 
     set_inputs: Action
     step: Callable[[float, float], None]  # (time at its begin [s], length [s])
@@ -83,8 +88,11 @@ class Ports:
 
 
 class Component(Protocol):
-    """One instance in a system. Order of calls: `instantiate`, `set`, `enter_initialization`, `bind`, (ports),
-    `exit_initialization`, (ports, save, restore, set, get), `terminate`; `instantiate` again resets; `close` ends."""
+    """One instance in a system.
+
+    Order of calls: `instantiate`, `set`, `enter_initialization`, `bind`, (ports), `exit_initialization`, (ports, save,
+    restore, set, get), `terminate`; `instantiate` again resets; `close` ends.
+    """
 
     description: Description
 
@@ -333,8 +341,9 @@ class PythonComponent:
         self._take(own)
 
     def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
-        """The inputs on which initial outputs depend directly, measured on a copy during initialization. Raises
-        CosimError where an attribute cannot be copied.
+        """Inputs on which initial outputs depend directly, measured on a copy during initialization.
+
+        Raises CosimError if an attribute cannot be copied.
         """
         shared = {id(v): v for v in self.description.variables.values()}  # by which a component knows its values
         try:
@@ -344,8 +353,10 @@ class PythonComponent:
         return by_perturbation(other, inputs, outputs, other.exit_initialization)
 
     def sampled_states(self) -> dict[str, float]:
-        """What it remembers between samples, element by element: attributes that are floats or arrays of floats,
-        parameters excepted. Raises CosimError for attributes of which that is not known.
+        """States that the component keeps between samples, element by element.
+
+        These are attributes that are floats or arrays of floats, except parameters. Raises CosimError for attributes of
+        another or unknown kind.
         """
         return {
             f"{name}[{i}]" if isinstance(value, np.ndarray) else name: float(element)

@@ -56,8 +56,7 @@ def drawn(title: str, time: npt.ArrayLike, values: npt.ArrayLike, width: int, *,
 
 
 def bars(shares: Mapping[str, float], width: int, *, plain: bool = False) -> str:
-    """Shares of a whole as bars, one line each with its name and per cent, in `width` columns; a mark stands where the
-    whole is.
+    """Shares of a whole as bars, one line each with its name and per cent, in `width` columns; a mark shows the whole.
 
     Raises:
         ValueError: there are none, or one is negative or not finite.

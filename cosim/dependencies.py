@@ -16,9 +16,10 @@ _ROUNDING = 1e-9  # changes of an output that are smaller, relative to its value
 def by_perturbation(
     component: Any, inputs: Sequence[Variable], outputs: Sequence[Variable], compute: Callable[[], None] = lambda: None
 ) -> Dependencies:
-    """Change one input after the other, and back; `compute` makes the component compute its outputs, unless it does so
-    by itself. An output depends on an input if it changes by clearly more than it misses its value when the input is
-    back.
+    """Find direct dependencies by perturbation: change each input in turn, and change it back.
+
+    An output depends on an input if it changes by clearly more than the error that remains after the input is back.
+    `compute` makes the component compute its outputs, unless it does so by itself.
     """
 
     def shown() -> list[float]:

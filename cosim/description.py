@@ -77,8 +77,10 @@ class Variable:
 
 @dataclass(frozen=True)
 class Clock:
-    """A clock of an FMI 3.0 FMU. `kind` is its intervalVariability; `interval` and `shift` [s] as far as
-    modelDescription.xml says them; `fractions`: the FMU tells them exactly.
+    """A clock of an FMI 3.0 FMU.
+
+    `kind` is its intervalVariability; `interval` and `shift` [s] are given if modelDescription.xml has them;
+    `fractions`: the FMU returns them as exact fractions.
     """
 
     name: str
@@ -92,10 +94,11 @@ class Clock:
 
 @dataclass
 class Description:
-    """A component's variables and capabilities. `dependencies` maps an output to the names of the variables
-    it depends on directly; an output that is missing there depends on all inputs. `aliases` maps further names of
-    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are. Clocks are neither among the
-    inputs nor among the outputs: nobody connects them.
+    """A component's variables and capabilities.
+
+    `dependencies` maps an output to the names of the variables it depends on directly; an output that is missing there
+    depends on all inputs. `aliases` maps further names of variables and arrays (FMI 3.0) to their names; they are
+    accepted wherever names are. Clocks are neither among the inputs nor among the outputs: they cannot be connected.
     """
 
     name: str

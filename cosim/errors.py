@@ -39,8 +39,9 @@ class LoopError(WiringError):
 
 
 class AlgebraicLoopWarning(UserWarning):
-    """There may be an algebraic loop, which the master does not solve: not all components in it declare their direct
-    dependencies.
+    """There may be an algebraic loop, which the master does not solve.
+
+    Not all components in it declare their direct dependencies.
     """
 
 
@@ -49,9 +50,7 @@ class UnconnectedInputsWarning(UserWarning):
 
 
 class FmuWarning(UserWarning):
-    """An FMU deviates from the standard, or says what contradicts itself: it can be run, but may not do what is
-    expected.
-    """
+    """An FMU deviates from the standard, or contradicts itself; it can be run, but results may be wrong."""
 
 
 class SspWarning(UserWarning):

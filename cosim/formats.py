@@ -44,8 +44,9 @@ class FormatError(CosimError, ValueError):
 
 
 class Recorded(Protocol):
-    """What is written: `time` (samples,) [s], `data` (samples, variables), `names`, `units` and `types` by name
-    ("integer", "boolean"; doubles are not listed).
+    """Recorded data: `time` (samples,) [s], `data` (samples, variables), `names`, `units` and `types` by name.
+
+    `types` are "integer" and "boolean"; doubles are not listed.
     """
 
     time: Array
@@ -68,8 +69,10 @@ class Content:
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: its name, and what writes and reads it. `extra`: whether it needs more than what is always
-    installed; `apart`: whether its library is no match for damaged files, so that it reads in a process of its own.
+    """A file format: its name, and the functions that write and read it.
+
+    `extra`: whether it needs an optional extra; `apart`: whether its library does not withstand damaged files, so that
+    it reads in a process of its own.
     """
 
     name: str
@@ -114,8 +117,9 @@ def write(path: str | os.PathLike[str], recorded: Recorded) -> Path:
 
 
 def read(path: str | os.PathLike[str]) -> Content:
-    """Read what `write` wrote. Raises FormatError naming the file (a CSV's line too) that cannot be read, and as
-    `format_of` does.
+    """Read a file that `write` wrote.
+
+    Raises FormatError naming the file (for CSV also the line) that cannot be read, and as `format_of` does.
     """
     path = Path(path)
     form = format_of(path)
@@ -181,9 +185,7 @@ def _gathered(time: Any, found: Sequence[tuple[str, Any, str]], kinds: Mapping[s
 
 
 def write_csv(file: IO[bytes], recorded: Recorded) -> None:
-    """`time [s]` and every column with a header `name [unit]`; floats are bit-identical when they are
-    read back.
-    """
+    """Write `time [s]` and every column with a header `name [unit]`; floats are bit-identical when read back."""
     units = [recorded.units.get(name, "") for name in recorded.names]
     header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(recorded.names, units, strict=True))]
     with _as_text(file) as text:

@@ -23,8 +23,9 @@ _POINTS = 4000  # of a curve; more cannot be told apart on a screen
 
 
 def to_pandas(recorded: Recorded) -> pd.DataFrame:
-    """One row per sample over the time [s], one column per variable, integers and Booleans as such; `attrs["units"]` by
-    name.
+    """One row per sample over the time [s], one column per variable; integers and Booleans keep their types.
+
+    `attrs["units"]` are the units by name.
     """
     with extras.needed("data", "a recording in pandas"):
         import pandas as pd
@@ -37,9 +38,10 @@ def to_pandas(recorded: Recorded) -> pd.DataFrame:
 
 
 def to_xarray(recorded: Recorded) -> xr.Dataset:
-    """One variable per name over the time [s], with its unit as the attribute `units`. An array of which all elements
-    were recorded is one variable, `gain.y` for `gain.y[1,1]` and so on, with dimensions `gain.y_1`, `gain.y_2` that
-    count from 1. `attrs["names"]`: names of the columns in order.
+    """One variable per name over the time [s], with its unit as the attribute `units`.
+
+    An array of which all elements were recorded is one variable, `gain.y` for `gain.y[1,1]` and so on, with dimensions
+    `gain.y_1`, `gain.y_2` that count from 1. `attrs["names"]`: names of the columns in order.
     """
     with extras.needed("data", "a recording in xarray"):
         import xarray as xr
@@ -83,9 +85,7 @@ def figure(recorded: Recorded, names: Sequence[str], title: str = "") -> go.Figu
 
 
 def page(recorded: Recorded, about: str) -> str:
-    """What it holds as a table, for notebooks: of each variable its unit, and its first, smallest, largest and last
-    value.
-    """
+    """The recording as a table, for notebooks: unit, first, smallest, largest and last value of each variable."""
     head = E.TR(*(E.TH(text) for text in ("variable", "unit", "first", "smallest", "largest", "last")))
     rows = [
         E.TR(E.TD(escape.xml(n)), E.TD(escape.xml(recorded.units.get(n, ""))), *map(E.TD, _figures(v)))

@@ -24,8 +24,10 @@ CANCELLERS: list[Callable[[bool], None]] = []  # called with True after a second
 
 
 class HeldInterrupt:
-    """Inside the block the first Ctrl-C only sets `pending`; a second one interrupts at once, and ends the process if
-    that does not help. Does nothing outside the main thread, or where the program has a handler of its own.
+    """Inside the block the first Ctrl-C only sets `pending`.
+
+    A second one interrupts at once, and ends the process if that does not help. Does nothing outside the main thread,
+    or if the program has a handler of its own.
     """
 
     def __init__(self) -> None:
@@ -54,8 +56,9 @@ class HeldInterrupt:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """As `HeldInterrupt`, for what cannot stop in between: KeyboardInterrupt follows when it is done. Within a
-    `HeldInterrupt` the outer one decides.
+    """Delay KeyboardInterrupt until the block is done, for code that cannot stop in between.
+
+    Otherwise as `HeldInterrupt`. Within a `HeldInterrupt` the outer one decides.
     """
     with HeldInterrupt() as interrupt:
         yield

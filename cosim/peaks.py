@@ -12,17 +12,18 @@ from cosim.signals import Array
 
 
 def keep_peaks(x: npt.ArrayLike, y: npt.ArrayLike, points: int = 2000) -> tuple[Array, Array]:
-    """At most ``points`` samples of a curve, the lowest and the highest of every stretch among them, in their order.
+    """At most `points` samples of a curve, the lowest and the highest of every stretch among them, in their order.
 
     A curve that is thinned to every n-th sample loses impacts that fall in between; this one shows the extremes of its
     table.
 
     Args:
-        x, y: samples (n,); a ``y`` that is not a number is a gap and counts as no extreme.
-        points: most samples of the result, at least 4.
+        x: abscissae (n,).
+        y: samples (n,); one that is not a number is a gap and counts as no extreme.
+        points: maximum number of samples of the result, at least 4.
 
     Raises:
-        ValueError: ``x`` and ``y`` differ in length, or there are too few points.
+        ValueError: `x` and `y` differ in length, or there are too few points.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.shape != y.shape or x.ndim != 1:
@@ -41,7 +42,7 @@ def peak_index(signals: Sequence[npt.ArrayLike], points: int = 2000) -> npt.NDAr
         points: most samples of the result, at least 2 more than twice the number of signals.
 
     Returns:
-        Indices of the samples, rising, the first and the last among them; all if there are at most ``points``.
+        Indices of the samples, rising, the first and the last among them; all if there are at most `points`.
 
     Raises:
         ValueError: the signals differ in length, or there are too few points.

@@ -47,8 +47,10 @@ class NotPlain(ValueError):  # noqa: N818
 
 
 def encode(values: Mapping[str, Any]) -> bytes:
-    """Named values as ASCII text. Raises NotPlain naming the one that is of another kind, or that shares memory with
-    another: a copy would have two where there was one.
+    """Encode named values as ASCII text.
+
+    Raises NotPlain naming a value of an unsupported type, or one that shares memory with another: a copy would have two
+    arrays in place of one.
     """
     shared = sharing(values)
     if shared:
@@ -92,8 +94,9 @@ def sharing(values: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def copied(values: Mapping[str, Any], onto: Sequence[tuple[Any, Any]] = ()) -> dict[str, Any]:
-    """A deep copy in which arrays that share memory still do. `onto`: arrays that own memory, and those that take their
-    places.
+    """A deep copy in which arrays that share memory still do.
+
+    `onto`: pairs of an array that owns memory and its replacement.
     """
     memo: dict[int, Any] = {id(old): new for old, new in onto}
     arrays = {id(a): a for value in values.values() for a in _arrays(value, 0)}

@@ -1,5 +1,4 @@
-"""Files that libraries in C read (HDF5, MF4), read in a process of their own: a damaged one hangs some, or ends the
-process with a signal.
+"""Reads files of C libraries (HDF5, MF4) in a process of its own, since damaged files may hang or crash a reader.
 
 The process has a limit of processor time and of memory, and ends with its parent. It leaves arrays as `.npy` and the
 rest as JSON, which hold no code.

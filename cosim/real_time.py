@@ -20,9 +20,10 @@ NAP = 0.02  # s; the longest sleep, after which an interrupt is looked for
 
 @dataclass
 class RealTime:
-    """How a run kept pace: of `instants`, `overruns` were due before all that came before them was done. `lateness`:
-    how many began how late, counted between `EDGES` (the first up to 10 us, the last beyond 0.1 s); `worst` [s] is the
-    latest. `factor`: simulated time over the clock's.
+    """Real-time statistics of a run: of `instants`, `overruns` were due before the work before them was done.
+
+    `lateness`: number of instants by lateness, counted between `EDGES` (the first up to 10 us, the last beyond 0.1 s);
+    `worst` [s] is the latest. `factor`: simulated time over wall time.
     """
 
     factor: float

@@ -73,23 +73,23 @@ class Recording:
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`).
+
         `read` restores bit-identical values, names, units, order and types; a CSV has no types. Makes the folder; an
-        older file is replaced when the new one is whole. Raises FormatError (a ValueError) for other endings,
+        older file is replaced when the new one is complete. Raises FormatError (a ValueError) for other endings,
         MissingExtraError without the extra [data], OSError naming the path.
         """
         return formats.write(path, self)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Recording:
-        """Read what `write` wrote. Raises FormatError (a ValueError) naming the file that cannot be read, of a CSV also
-        the line.
+        """Read a file that `write` wrote.
+
+        Raises FormatError (a ValueError) naming the file that cannot be read, for CSV also the line.
         """
         return cls._of(formats.read(path))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as CSV, whatever the file's ending: `time [s]` and every column with a header `name [unit]`; see
-        `write`.
-        """
+        """Write it as CSV with any file ending: `time [s]` and columns with a header `name [unit]`; see `write`."""
         with safe_files.opened(path, "wb") as file:
             formats.write_csv(file, self)
         return Path(path)
@@ -106,26 +106,31 @@ class Recording:
     # In other libraries.
 
     def to_pandas(self) -> pd.DataFrame:
-        """A DataFrame over the time [s]; integers and Booleans have columns of their type, `attrs["units"]` has the
-        units by name. Raises MissingExtraError without the extra [data].
+        """A DataFrame over the time [s]; integers and Booleans have columns of their type.
+
+        `attrs["units"]` has the units by name. Raises MissingExtraError without the extra [data].
         """
         return frames.to_pandas(self)
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset over the time [s], with units as attributes; arrays that were recorded whole are one variable each.
-        Raises MissingExtraError without the extra [data]."""
+
+        Raises MissingExtraError without the extra [data].
+        """
         return frames.to_xarray(self)
 
     def plot(self, *names: str, title: str = "") -> go.Figure:
-        """A plotly figure of these names and patterns (`*`, `?`; none: everything), one diagram for each unit. Shown by
-        a notebook, or by `.show()`. Raises KeyError for a name that was not recorded, MissingExtraError without the
-        extra [reports].
+        """A plotly figure of these names and patterns (`*`, `?`; none: everything), one diagram for each unit.
+
+        A notebook shows it; elsewhere call `.show()`. Raises KeyError for a name that was not recorded,
+        MissingExtraError without the extra [reports].
         """
         return frames.figure(self, self.select(*names), title)
 
     def select(self, *names: str) -> list[str]:
-        """Recorded names that fit these names and patterns (`*`, `?`), all without any. Raises KeyError for one that
-        fits none.
+        """Recorded names that match these names and patterns (`*`, `?`); without any, all names.
+
+        Raises KeyError for one that matches none.
         """
         chosen: dict[str, None] = {}
         for name in names or ("*",):
@@ -137,10 +142,11 @@ class Recording:
         return list(chosen)
 
     def in_units(self, units: Mapping[str, str] | None = None) -> Recording:
-        """A copy in other units: those in which FMUs want their variables displayed (rad in deg, m/s in km/h), or, by
-        name or pattern, those that are given, `{"car.body.pitch*": "deg"}`. Numbers and units change together, so files
-        and frames say what they hold. Raises KeyError for names that were not recorded, units that are not known or
-        measure something else.
+        """A copy in other units, by default the display units of the FMUs (rad in deg, m/s in km/h).
+
+        Other units are given by name or pattern, `{"car.body.pitch*": "deg"}`. Numbers and units change together, so
+        files and frames have matching units. Raises KeyError for names that were not recorded, units that are not known
+        or measure something else.
         """
         changes = self.display
         if units is not None:

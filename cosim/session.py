@@ -69,8 +69,9 @@ class System(Wiring):
         step: TimeLike | Mapping[str, TimeLike] | None = None,
         strict: bool = False,
     ) -> System:
-        """The system of an SSP 1.0 or 2.0 file, of any tool, or of the folder of an unpacked one. One that `export_ssp`
-        has written gives the same numbers, bit for bit.
+        """The system of an SSP 1.0 or 2.0 file, of any tool, or of the folder of an unpacked one.
+
+        An SSP that `export_ssp` has written gives bit-identical results.
 
         Components of nested systems are named `system.component`. `variant`: another description than
         SystemStructure.ssd, by its name or that of its file. `step` [s]: by name or pattern how often components are
@@ -121,15 +122,15 @@ class System(Wiring):
         engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
     ) -> Simulation:
-        """Reset and initialize all components and return the `Simulation` at `start_time` [s], by default 0, or what
-        the system's SSP says.
+        """Reset and initialize all components and return the `Simulation` at `start_time` [s].
+
+        The default is 0, or the start time of the system's SSP.
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
         `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way
         elsewhere, the simulation continues from there with bit-identical values (start_time is not used). Wiring, rates
-        and
-        parameters of components that are not in it may have changed, at a common multiple of all steps: several
+        and parameters of components that are not in it may have changed, at a common multiple of all steps: several
         controllers can be tried from one instant. Outputs that are NaN or infinite end the run with ComponentError
         unless `allow_nan`. `engine`: "compiled", "python", or "auto", which is compiled where that is possible
         (`print(system.schedule())` says which and why); both give bit-identical values. Inputs that nothing drives keep
@@ -189,9 +190,11 @@ class System(Wiring):
         allow_unconnected: bool = False,
         real_time: float | None = None,
     ) -> Recording:
-        """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and
-        return the recording, whose `stopped_by` tells which. The last row is the row that a longer run has at that
-        time: discrete components that are due at the stop time run there.
+        """Initialize, run to `stop_time` [s], and return the recording.
+
+        The run ends earlier at the first of `stop_when`, or where a component requests the end; `stopped_by` of the
+        recording tells which. The last row is the row that a longer run has at that time: discrete components that are
+        due at the stop time run there.
 
         `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older
         name for it); with `display_units` in the units in which FMUs want their variables displayed. A failing
@@ -224,9 +227,11 @@ class System(Wiring):
             return simulation.recording
 
     def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:
-        """How the coupled continuous components, linearized at their initial state, amplify a deviation over one cycle
-        of the schedule; see `cosim.master.stability`. Uses the simulation that is running, or initializes one. Raises
-        CosimError when no component can be linearized."""
+        """Growth of a deviation of the coupled continuous components over one cycle of the schedule.
+
+        They are linearized at their initial state; see `cosim.master.stability`. Uses the simulation that is running,
+        or initializes one. Raises CosimError when no component can be linearized.
+        """
         running = self._simulation
         if running is None or running.finished:
             with self.initialize(record=[], allow_unconnected=allow_unconnected) as simulation:
@@ -342,8 +347,10 @@ class System(Wiring):
         plots: Sequence[str] = (),
         scene: Scene | None = None,
     ) -> Path:
-        """Write the system as a web page, in which it runs live: compiled to WebAssembly, in one file that needs no
-        server, no network and nothing installed. FMUs of this project only, of FMI 3.0.
+        """Write the system as a web page, in which it runs live, compiled to WebAssembly.
+
+        The page is one file that needs no server, no network and nothing installed. FMUs of this project only, of FMI
+        3.0.
 
         `title` and `text` stand above it. `values`: inputs and parameters, `component.variable`, that it starts with.
         `controls`: inputs and parameters that get a slider at once (all of them have a field below). `plots`: outputs
@@ -366,9 +373,10 @@ class System(Wiring):
         stop_time: TimeLike | None = None,
         text: str = "",
     ) -> Path:
-        """Write the system as an SSP, "1.0" or "2.0" (System Structure and Parameterization), which other tools read:
-        its FMUs, how they are connected, their values, rates and places in a picture. `from_ssp` makes the same system
-        of it again.
+        """Write the system as an SSP, "1.0" or "2.0" (System Structure and Parameterization), which other tools read.
+
+        It has the FMUs, their connections, their values, rates and places in a picture. `from_ssp` makes the same
+        system of it again.
 
         SSP 1.0 takes FMUs of FMI 2.0: of one of FMI 3.0 that `build-fmus` has made, its other version. SSP 2.0 takes
         that of FMI 3.0 where there is one. `inputs`: names and patterns of inputs that nothing drives, which become
@@ -398,16 +406,19 @@ class System(Wiring):
         )
 
     def draw(self, title: str = "") -> bytes:
-        """The system as a picture, SVG: its components with their rates, a line for each bundle of signals. The same
-        system gives the same bytes.
+        """The system as a picture, SVG: its components with their rates, a line for each bundle of signals.
+
+        The same system gives the same bytes.
         """
         from cosim.picture.svg import draw
 
         return draw(self.schedule(), title)
 
     def reset(self) -> None:
-        """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets
-        its parameters again."""
+        """End the simulation that is running, if any.
+
+        The next `run` or `initialize` resets every component and sets its parameters again.
+        """
         if self._simulation is not None:
             self._simulation.close()
             self._simulation = None
@@ -437,8 +448,9 @@ class Fmu(FmuFile):
         settle: TimeLike = 0,
         period: TimeLike | None = None,
     ) -> LinearModel:
-        """Its linear model as a `control.StateSpace` with the names of its signals (`body.az` is `body_az`; `names`
-        leads back).
+        """Its linear model as a `control.StateSpace` with the names of its signals.
+
+        `body.az` becomes `body_az`; `names` maps back.
 
         `parameters` and `start` set variables before initialization, as in `System.add`; with `settle` [s] it is
         stepped so long with these inputs before. `inputs` and `outputs`: names and patterns, by default all Real ones.

@@ -1,5 +1,6 @@
-"""Sampled signals as metrics take them: finite, and of the expected shape, with errors that name the signal and the
-sample; and the two figures that every study has of them.
+"""Checks sampled signals for metrics: finite values and shape, with errors that name the signal and the sample.
+
+It also has the two metrics of signals that every study uses, RMS and peak.
 """
 
 from __future__ import annotations

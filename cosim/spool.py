@@ -97,11 +97,10 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
 
 
 def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = None) -> tuple[Path, Recording]:
-    """Recover the results of a crashed run from `NAME.csv.part` (or from the `NAME.csv` next to it), and remove
-    the rows.
+    """Recover the results of a crashed run from `NAME.csv.part` (or the `NAME.csv` next to it), and remove the rows.
 
-    It is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there are no
-    rows of a run, or when `NAME.csv` holds something already, FormatError for an ending that stands for no format.
+    The result is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there
+    are no rows of a run, or when `NAME.csv` is not empty, FormatError for an ending that stands for no format.
     """
     part = Path(path)
     if part.suffix != SUFFIX:

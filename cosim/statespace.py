@@ -22,8 +22,10 @@ NOTHING = "nothing"
 
 @dataclass(frozen=True)
 class Matrices:
-    """A linear model in the names of its FMUs. `units` and `point`: unit and value at the operating point, of the
-    signals that have one. `dt` [s]: period of a sampled model, 0 for a continuous one.
+    """A linear model in the names of its FMUs.
+
+    `units` and `point`: unit and value at the operating point, of the signals that have one. `dt` [s]: period of a
+    sampled model, 0 for a continuous one.
     """
 
     A: Array

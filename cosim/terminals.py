@@ -17,8 +17,9 @@ DEEPEST = 16  # terminals within each other
 
 @dataclass(frozen=True)
 class TerminalMember:
-    """A variable of a terminal, by the name that counts for matching: its own, or those of all elements of an array,
-    row major. `kind`: "signal", "inflow" or "outflow", or what another standard defines.
+    """A variable of a terminal, by the name that counts for matching: its own, or those of all elements of an array.
+
+    Elements are row major. `kind`: "signal", "inflow" or "outflow", or a value that another standard defines.
     """
 
     name: str
@@ -28,9 +29,7 @@ class TerminalMember:
 
 @dataclass(frozen=True)
 class Stream:
-    """A quantity that is carried by the terminal's flow: what leaves with it and what enters with it, by the names that
-    count for matching.
-    """
+    """A quantity that the terminal's flow carries, leaving and entering, by the names that count for matching."""
 
     entering: TerminalMember
     leaving: TerminalMember
@@ -38,9 +37,11 @@ class Stream:
 
 @dataclass(frozen=True)
 class Terminal:
-    """`path`: its name, after those of the terminals that it is in (`road.fl`). `rule` says how variables match:
-    "plug", "bus", "sequence", or what another standard defines; `kind` is of a domain, and may be empty. `declared`:
-    the FMU says so; otherwise its names do.
+    """A terminal of an FMU.
+
+    `path`: its name, after those of the terminals that it is in (`road.fl`). `rule` says how variables match: "plug",
+    "bus", "sequence", or a value that another standard defines; `kind` is of a domain, and may be empty. `declared`:
+    the FMU declares it; otherwise the names of variables do.
     """
 
     path: str
@@ -64,9 +65,10 @@ def by_path(terminals: tuple[Terminal, ...]) -> dict[str, Terminal]:
 
 
 def by_names(about: Description) -> tuple[Terminal, ...]:
-    """The terminals of a component that declares none: inputs and outputs by the structure of their names, each a bus,
-    as the FMUs of this project declare them in FMI 3.0 (FMI 2.0 has no terminals). Names of more than `DEEPEST` parts
-    are left out.
+    """The terminals of a component that declares none: inputs and outputs by the structure of their names, each a bus.
+
+    The FMUs of this project declare the same terminals in FMI 3.0 (FMI 2.0 has no terminals). Names of more than
+    `DEEPEST` parts are left out.
     """
     members: dict[tuple[str, ...], dict[str, TerminalMember]] = {}
     within: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
@@ -88,9 +90,7 @@ def by_names(about: Description) -> tuple[Terminal, ...]:
 
 
 def expanded(members: tuple[TerminalMember, ...]) -> tuple[TerminalMember, ...]:
-    """Arrays as their elements, `fl` as `fl[1]`, `fl[2]`, ..., by which they match those that are
-    declared as scalars.
-    """
+    """Arrays as their elements, `fl` as `fl[1]`, `fl[2]`, ..., which match elements that are declared as scalars."""
     return tuple(
         TerminalMember(
             m.name + variable[len(split_index(variable)[0]) :] if len(m.variables) > 1 else m.name, (variable,), m.kind

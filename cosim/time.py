@@ -34,8 +34,10 @@ _TEXT = re.compile(r"\s*([^\sa-zA-Z]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
 
 
 def rational(value: TimeLike, what: str = "time") -> Fraction:
-    """Exact seconds from an int, a Fraction, a float (1e-3 means 1/1000, 1/60 means 1/60) or a text
-    such as "1/60", "0.001", "10 ms" or "60 Hz". Raises TimeError naming `what` for anything else."""
+    """Exact seconds from an int, a Fraction, a float (1e-3 means 1/1000, 1/60 means 1/60) or a text.
+
+    Texts are "1/60", "0.001", "10 ms" or "60 Hz". Raises TimeError naming `what` for anything else.
+    """
     if isinstance(value, str):
         return _bounded(_from_text(value, what), what)
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction):

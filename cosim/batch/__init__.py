@@ -1,14 +1,14 @@
 """Many copies of one system, stepped together on all cores.
 
-- ``batch``: :class:`Batch`, the interface for users;
-- ``structs``: the plan of all copies for the compiled engine, and the failures;
-- ``source``: the sources that an FMU carries, and why it is not vectorizable;
-- ``statements``: its generated functions, read back;
-- ``lanes``: these functions vectorized over several copies, in C;
-- ``library``: the compiled library, for one kind of processor.
+- `batch`: `Batch`, the interface for users;
+- `structs`: the plan of all copies for the compiled engine, and the failures;
+- `source`: the sources that an FMU carries, and why it is not vectorizable;
+- `statements`: its generated functions, read back;
+- `lanes`: these functions vectorized over several copies, in C;
+- `library`: the compiled library, for one kind of processor.
 
-In ``runtime/`` are the vectors (``lanes.h``), solvers and samples in lanes (``lane_member.h``), and the engine of
-groups (``batch.c``).
+In `runtime/` are the vectors (`lanes.h`), solvers and samples in lanes (`lane_member.h`), and the engine of
+groups (`batch.c`).
 """
 
 from cosim.batch.batch import Batch, BatchRecording, CopyFailedWarning

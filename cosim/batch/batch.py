@@ -44,8 +44,10 @@ class CopyFailedWarning(UserWarning):
 
 @dataclass(frozen=True)
 class BatchRecording:
-    """What was recorded: `time` [s] (samples,), `data` (copies, samples, variables), `names` and `units` of the
-    variables. After a copy has ended its values are NaN. `recording["car.body.az"]` is one variable, (copies, samples).
+    """Recorded values of a batch. `recording["car.body.az"]` is one variable, of shape (copies, samples).
+
+    `time` [s] has the shape (samples,), `data` (copies, samples, variables); `names` and `units` are those of the
+    variables. Values of a copy are NaN after it has ended.
     """
 
     time: Array
@@ -159,8 +161,9 @@ class Batch:
         self.reset(start)
 
     def _check_memory(self) -> None:
-        """Refuse copies whose values alone are more than this machine can hold, before the system begins to swap for
-        them.
+        """Raise an error when the values of the copies alone need more memory than this machine has.
+
+        The check comes first, before the system starts to swap.
         """
         needed = 8.0 * self.copies * sum(
             source.n_values for source in self._sources.values()
@@ -204,8 +207,9 @@ class Batch:
     # Beginning.
 
     def reset(self, start: Mapping[str, Any] | None = None) -> None:
-        """All copies at the start time, with these parameters and start values (see the class) beside those of the
-        system.
+        """Reset all copies to the start time, with these parameters and start values (see the class).
+
+        Other parameters keep the values of the system.
         """
         given = self._given(start or {})
         self._forget()
@@ -384,8 +388,9 @@ class Batch:
         return self._alive[: self.copies].astype(np.bool_)
 
     def set(self, values: npt.ArrayLike) -> None:
-        """Other values (copies, n) for `inputs`, in the order of `input_names`, effective from the next step on. Raises
-        WiringError for another shape and for numbers that are not finite.
+        """Set `inputs`, values (copies, n) in the order of `input_names`, effective from the next step on.
+
+        Raises WiringError for another shape and for numbers that are not finite.
         """
         given = np.asarray(values, dtype=float)
         if given.shape != (self.copies, len(self._inputs)):
@@ -433,8 +438,9 @@ class Batch:
         array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
 
     def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
-        """Set `inputs` (copies, n) if given, advance by `duration` [s], a multiple of the base tick, and give the
-        outputs (copies, n).
+        """Set `inputs` (copies, n) if given, advance by `duration` [s], and return the outputs (copies, n).
+
+        `duration` is a multiple of the base tick.
         """
         base = self._exchange.base
         end = self._tick + base.count(positive(duration, "duration"))
@@ -444,8 +450,9 @@ class Batch:
         return self.outputs
 
     def advance(self, until: TimeLike) -> None:
-        """All copies to the first base tick at or after `until` [s]. Ctrl-C stops between two instants, at the same one
-        for all copies.
+        """Advance all copies to the first base tick at or after `until` [s].
+
+        Ctrl-C stops between two instants, at the same one for all copies.
         """
         exchange = self._exchange
         end = exchange.base.at_or_after(rational(until, "until"))
@@ -506,8 +513,7 @@ class Batch:
     # Looking at it.
 
     def __getitem__(self, name: str) -> Array:
-        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN of copies
-        that have ended."""
+        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN for ended copies."""
         readable = self._exchange.layout.readable
         full = self.system.members.canonical(name)
         if full not in readable:

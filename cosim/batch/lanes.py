@@ -1,11 +1,9 @@
-"""The functions of a component over several copies at once: its generated statements in C over vectors of numbers
-("lanes").
+"""Functions of a component over several copies at once: its generated C statements over vectors of numbers ("lanes").
 
 Every operation is that of the component's own code, in the same order, so each lane is bit-identical to a copy alone.
-Three
-things are left out: what no needed output or state comes from; what depends on parameters only is computed once
-(`Fixed`); a block under a condition is skipped where the condition holds in no lane. Where it holds in some, the block
-is carried out for all, and the choice that the condition stands for takes its value for these lanes only.
+Three things differ: statements that no needed output or state depends on are left out; values that depend on parameters
+only are computed once (`Fixed`); a block under a condition is skipped where the condition holds in no lane. Where it
+holds in some lanes, the block is executed for all, and its results are taken for these lanes only.
 """
 
 from __future__ import annotations
@@ -74,8 +72,10 @@ _TABLE = re.compile(r"static const (double|int) (\w+)\[\d+\] = \{[^}]*\};\n")
 
 
 class Code(NamedTuple):
-    """C code of a value. `kind`: number (the same in all lanes), lanes, mask (a condition in each lane), index.
-    `fixed`: it depends on parameters and constants only. `simple`: it is no operation.
+    """C code of a value.
+
+    `kind`: number (the same in all lanes), lanes, mask (a condition in each lane), index. `fixed`: it depends on
+    parameters and constants only. `simple`: it contains no operation.
     """
 
     text: str
@@ -186,10 +186,9 @@ class Structs:
 
 
 def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
-    """The functions of a `model.c` without comments over lanes, of which the outputs with these slots are needed; with
-    their names.
+    """Translate the functions of a `model.c` without comments to lanes; return the code and their names.
 
-    Raises NotRead for what is not written as the generator writes it.
+    Only the outputs with these slots are needed. Raises NotRead for code that the generator does not write.
     """
     structs = Structs(code)
     tables = {name: kind for kind, name in _TABLE.findall(code)}
@@ -528,8 +527,9 @@ class _Function:
         return self._operation(write, "lanes", operands, ["lanes"] * len(operands))
 
     def _extreme(self, name: str, parts: Sequence[Expression], operands: Sequence[Code]) -> Code:
-        """Smaller or larger number: one instruction where one of the two is known to be no NaN, and not the zero that
-        would win.
+        """Smaller or larger of two numbers.
+
+        It is one instruction if one of the two is known to be neither NaN nor the zero that would win.
         """
         for i in (0, 1):
             value = _literal(parts[i])

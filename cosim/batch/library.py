@@ -1,5 +1,4 @@
-"""The compiled parts of a batch: for one kind of processor, the engine of groups of copies, and the
-lanes of each FMU."""
+"""Compiled parts of a batch for one kind of processor: the engine for groups of copies, and the lanes of each FMU."""
 
 from __future__ import annotations
 
@@ -35,8 +34,7 @@ unsigned cosim_processor(void);
 
 @dataclass(frozen=True)
 class Target:
-    """Vector instructions: name, how many copies side by side, LANES_TARGET, and the bits that the
-    processor must have."""
+    """Vector instructions: name, copies side by side, LANES_TARGET, and the processor flags that they require."""
 
     name: str
     lanes: int
@@ -48,8 +46,9 @@ TARGETS = {t.name: t for t in (Target("avx512", 8, 512, 2), Target("avx2", 4, 2,
 
 
 def choose_target(name: str = "auto") -> Target:
-    """What to compile for: "auto" is the widest that this processor has. Raises CosimError for what it does not have,
-    or without a compiler.
+    """Choose the vector instructions to compile for; "auto" is the widest that this processor has.
+
+    Raises CosimError for instructions that the processor does not have, and without a compiler.
     """
     found = _processor()
     if name == "auto":
@@ -86,8 +85,10 @@ def batch_library(target: Target) -> Any:
 
 
 def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
-    """Lanes of an FMU, of which outputs with these slots are read. Raises NoLanes, and CosimError
-    without a compiler."""
+    """Lanes of an FMU, of which outputs with these slots are read.
+
+    Raises NoLanes, and CosimError without a compiler.
+    """
     code = source.code(outputs, target.lanes, target.number)
     mathematics = [n for n in source.files if n.startswith("musl/") and n.endswith(".c")]
     files = {n: d for n, d in source.files.items() if n in mathematics or n.endswith(".h")}

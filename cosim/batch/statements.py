@@ -1,7 +1,6 @@
-"""The generated functions of a component, read back from its C code: what `build_fmus.equations` writes, and nothing
-else.
+"""Reads the generated functions of a component back from its C code, as `build_fmus.equations` writes them.
 
-Whatever is not written so is refused (`NotRead`), so that no statement is ever misunderstood.
+Any other code is rejected (`NotRead`), so no statement is ever misunderstood.
 """
 
 from __future__ import annotations
@@ -18,8 +17,10 @@ class NotRead(Exception):  # noqa: N818
 
 
 class Expression(NamedTuple):
-    """`kind`: number, name, field (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or
-    cast; `text`: number, name, operator or function; `parts`: operands.
+    """An expression of the generated C code.
+
+    `kind`: number, name, field (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or cast;
+    `text`: number, name, operator or function; `parts`: operands.
     """
 
     kind: str
@@ -38,8 +39,7 @@ class Expression(NamedTuple):
 
 @dataclass(frozen=True)
 class Declaration:
-    """A number or a condition (`int`) with its value; one that is not constant may get another value
-    under a condition."""
+    """A number or a condition (`int`) with its value; if not constant, it may get another value under a condition."""
 
     name: str
     kind: str

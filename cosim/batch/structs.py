@@ -26,8 +26,7 @@ _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 @dataclass(frozen=True)
 class CopyFailure:
-    """Why a copy has ended: its index, the component that failed, the time [s] at which its step began, and
-    the message."""
+    """A copy that has ended: index, component that failed, time [s] at which its step began, and message."""
 
     copy: int
     member: str

@@ -1,8 +1,8 @@
-"""A piece of work in a process of its own: for FMUs that can be instantiated only once per process (FMI 2.0, 4.3.1; FMI
-3.0, 2.3.1).
+"""Runs a check in a process of its own, for FMUs that can be instantiated only once per process.
 
-The check itself runs in a process that never loads such a library; each instance gets a fork of it, which ends when the
-instance is freed. What a fork answers is trusted as little as the process of the check: both belong to the FMU.
+That is FMI 2.0, 4.3.1, and FMI 3.0, 2.3.1. The process of the check never loads such a library; each instance gets a
+fork of it, which ends when the instance is freed. Answers of a fork are trusted as little as those of the process of
+the check: both run code of the FMU.
 """
 
 from __future__ import annotations

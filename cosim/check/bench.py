@@ -66,8 +66,9 @@ class Bench:
         return self.fmu.instance(self.kind, **options)
 
     def alone(self, work: Callable[[Instance], T], **options: Any) -> T:
-        """What `work` finds with an instance of its own. Where there may be one instance per process, it gets a
-        process.
+        """Call `work` with an instance of its own and return its result.
+
+        If the FMU allows one instance per process, the instance gets a process.
         """
 
         def with_instance() -> T:
@@ -140,8 +141,9 @@ class Bench:
 
     @cached_property
     def error_control(self) -> bool:
-        """Whether the FMU has an integrator with error control: a tighter tolerance changes its results. False of Model
-        Exchange.
+        """Whether the FMU has an integrator with error control: a tighter tolerance changes its results.
+
+        Always false for Model Exchange.
         """
         if self.kind == "me":
             return False
@@ -158,13 +160,17 @@ class Bench:
 def compared(
     bench: Bench, one: Sequence[Values], other: Sequence[Values], what: str, *, restarted: bool = False
 ) -> Finding | None:
-    """What is wrong with two runs that must be the same.
+    """Differences between two runs that must be the same.
 
-    Fixed steps repeat their results to rounding: beyond that it is a warning, and an error from a relative difference
-    of `OTHER`. An integrator with error control that begins from scratch changes its results by some tolerances: only
-    what is beyond them is an error.
+    Fixed steps repeat their results to rounding: a larger difference is a warning, and an error from a relative
+    difference of `OTHER`. An integrator with error control that begins from scratch changes its results by some
+    tolerances: only a larger difference is an error.
 
     Args:
+        bench: the bench of the FMU, which knows its tolerance.
+        one: values of the first run at each communication point.
+        other: those of the second run.
+        what: what was done, as the beginning of the message.
         restarted: it was observed that an integrator begins from scratch; else a run with another tolerance shows
             whether there is one.
     """
@@ -189,8 +195,9 @@ def _only(run: Iterable[Values], floats: bool) -> list[Values]:
 def difference(
     one: Sequence[Values], other: Sequence[Values], tolerance: float = EQUAL, floor: Mapping[Var, float] | None = None
 ) -> str:
-    """Where two runs differ by more than `tolerance` of the largest value (at least `floor`) of a signal, in words;
-    empty: they do not.
+    """First difference of two runs by more than `tolerance` of a signal's largest value (at least `floor`), in words.
+
+    Empty if there is none.
     """
     scales = peaks([*one, *other], floor)
     for k, (a, b) in enumerate(zip(one, other, strict=False)):

@@ -1,8 +1,6 @@
-"""What a shared library says about itself, read from its headers: ELF, PE and Mach-O; and checks of what its folder
-claims.
+"""Reads the headers of a shared library (ELF, PE, Mach-O) and checks them against the name of its folder.
 
-Own readers of what little is needed, so that an FMU can be checked wherever it is received, libraries of other
-platforms included.
+The readers need no library for this format and no matching platform, so an FMU can be checked on any machine.
 """
 
 from __future__ import annotations
@@ -24,8 +22,10 @@ class Unreadable(ValueError):  # noqa: N818 (reads as what happened)
 
 @dataclass
 class Library:
-    """A shared library: `format` (ELF, PE, Mach-O), `machines` ((architecture, bits), several in a universal one),
-    names it exports and needs.
+    """A shared library.
+
+    `format` is ELF, PE or Mach-O; `machines` are pairs (architecture, bits), several in a universal library; the other
+    fields are names that it exports and libraries that it needs.
     """
 
     format: str
@@ -247,9 +247,7 @@ ENDINGS = {"PE": ".dll", "ELF": ".so", "Mach-O": ".dylib"}
 
 
 def claimed(folder: str, version: str) -> tuple[str, str, int] | None:
-    """(format, architecture, bits) that the name of a folder below binaries/ stands for; None: a name of the vendor's
-    own.
-    """
+    """(format, architecture, bits) of the name of a folder below binaries/; None for a vendor's own name."""
     if version == "2" and folder in FOLDERS2:
         return FOLDERS2[folder]
     match = re.fullmatch(r"([a-z0-9]+(?:_64)?)-(windows|linux|darwin)(?:-.*)?", folder)

@@ -139,8 +139,9 @@ class Fmu:
 
 
 class Instance:
-    """An instance, and the state of FMI's state machine that it is in. `messages`: (status, text) of what it has
-    logged.
+    """An instance, and the state of FMI's state machine that it is in.
+
+    `messages`: (status, text) of each message that it has logged.
     """
 
     def __init__(
@@ -274,8 +275,9 @@ class Instance:
         return (given, tolerance if given else 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
 
     def settable_when_instantiated(self, v: Var) -> bool:
-        """FMI 2.0 (2.1.6) lets only variables with `initial` exact or approx be set before initialization mode, and
-        inputs have no `initial`.
+        """Whether a variable may be set before initialization mode.
+
+        FMI 2.0 (2.1.6) allows it only with `initial` exact or approx, and inputs have no `initial`.
         """
         return self.version == "3" or v.causality != "input"
 
@@ -286,8 +288,9 @@ class Instance:
         stop: float | None = None,
         set_after_setup: bool = False,
     ) -> Instance:
-        """To initialization mode, with values set as soon as they may be. FMI 2.0: `set_after_setup`, parameters after
-        fmi2SetupExperiment.
+        """Enter initialization mode; each value is set as soon as it may be.
+
+        FMI 2.0: `set_after_setup` are parameters that are set after fmi2SetupExperiment.
         """
         early = {v: x for v, x in (values or {}).items() if self.settable_when_instantiated(v)}
         late = {v: x for v, x in (values or {}).items() if v not in early}
@@ -486,8 +489,9 @@ class Instance:
         return status
 
     def step(self, step: float) -> None:
-        """Advance: a communication step, or with Model Exchange an explicit Euler step with its events. Raises Refused,
-        Ended.
+        """Advance by a communication step, or with Model Exchange by an explicit Euler step with its events.
+
+        Raises Refused, Ended.
         """
         if self.kind == "me":
             self._euler(step)

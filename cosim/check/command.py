@@ -61,8 +61,9 @@ def check_command(
     ] = None,
     list_: Annotated[bool, typer.Option("--list", help="list the checks and stop")] = False,
 ) -> None:
-    """Check whether an FMU conforms to the FMI standard: its description and its behavior. The exit code is 0 without
-    errors, 1 with errors, 2 when the FMU could not be checked.
+    """Check whether an FMU conforms to the FMI standard: its description and its behavior.
+
+    The exit code is 0 without errors, 1 with errors, 2 when the FMU could not be checked.
     """
     if list_:
         table = Table("check", "requirement", "worst", box=None)

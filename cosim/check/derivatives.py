@@ -294,9 +294,7 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
 
 
 def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector | None:
-    """The derivative of `f` by central differences, or None where it has none that is reliable: at kinks, jumps and
-    limits.
-    """
+    """Derivative of `f` by central differences, or None if it is not reliable there: at kinks, jumps and limits."""
     best: Vector | None = None
     gap_of_best = math.inf
     for relative in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):

@@ -1,6 +1,4 @@
-"""Checks of layered standards (FMI 3.0, 2.6): which ones an FMU declares, and whether their manifests keep to their
-schemas.
-"""
+"""Checks of layered standards (FMI 3.0, 2.6): which ones an FMU declares, and whether their manifests are valid."""
 
 from __future__ import annotations
 
@@ -39,9 +37,7 @@ def manifests(file: File) -> list[str]:
 
 
 def declared(file: File) -> list[str]:
-    """The layered standards that the manifests name, each with its version; the folder stands for a name that is
-    missing.
-    """
+    """Layered standards in the manifests, each with its version; the folder's name replaces a missing name."""
     found = []
     for path in manifests(file):
         root = _root(file, path)
@@ -114,8 +110,7 @@ def _attribute(root: Any, short: str) -> str:
 
 @cache
 def _schema(name: str) -> tuple[Any, dict[str, str]]:
-    """A schema, and the values that it prescribes for attributes of the root element: libxml2 does not
-    compare those."""
+    """A schema, and its prescribed values for attributes of the root element, which libxml2 does not compare."""
     parser = etree.XMLParser(no_network=True)
     parser.resolvers.add(_Carried())
     text = etree.parse(str(_FOLDERS[0] / name), parser)

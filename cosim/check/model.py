@@ -123,7 +123,7 @@ class Interface:
 
     @property
     def internal_step(self) -> float | None:
-        """fixedInternalStepSize of FMI 3.0 [s], as far as it is one; FMI 2.0 has no word for it."""
+        """Value of fixedInternalStepSize of FMI 3.0 [s], if it is one; FMI 2.0 has no such attribute."""
         step = _number(self.says.get("fixedInternalStepSize"))
         return step if step is not None and 0 < step < math.inf else None
 
@@ -287,9 +287,7 @@ def _ticking(variables: Iterable[Var]) -> Iterator[tuple[int, float, float]]:
 
 
 def default_initial(variability: str, causality: str) -> str | None:
-    """What `initial` is where it is not written: "exact", "calculated", "input", "none"; None: the combination is not
-    allowed.
-    """
+    """Default of `initial`: "exact", "calculated", "input" or "none"; None if the combination is not allowed."""
     return next((d for d, pairs in DEFAULT_INITIAL.items() if (variability, causality) in pairs), None)
 
 

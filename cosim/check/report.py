@@ -18,8 +18,10 @@ CLEAN, ERRORS, UNCHECKED = 0, 1, 2  # exit codes
 
 @dataclass(frozen=True)
 class Result:
-    """A check of one interface ("cs", "me"), or of the file (""). `inapplicable` says why it had nothing to look at,
-    or, without `judged`, why nothing can be said here: it took too long, or a library is missing.
+    """Result of a check of one interface ("cs", "me"), or of the file ("").
+
+    `inapplicable` says why the check did not apply, or, without `judged`, why it has no verdict: it took too long, or a
+    library is missing.
     """
 
     check: Check
@@ -70,8 +72,9 @@ class Report:
         return sum(r.verdict == verdict for r in self.results)
 
     def exit_code(self, strict: bool = False) -> int:
-        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but not all could be judged: it could not
-        be run, took too long, or a check failed itself.
+        """Exit code: 0 passed; 1 errors (with `strict` also warnings); 2 no errors, but some checks have no verdict.
+
+        A check has no verdict when it could not be run, took too long, or failed itself.
         """
         if self.findings("error", *(("warning",) if strict else ())):
             return ERRORS

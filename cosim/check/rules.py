@@ -102,8 +102,9 @@ def check(
     kinds: tuple[str, ...] = (),
     worst: Severity = "error",
 ) -> Callable[[Callable[..., Iterator[Any]]], Callable[..., Iterator[Any]]]:
-    """Register the function below as a check: of the FMI versions whose section is given. It yields texts, (line,
-    text), or findings.
+    """Register the decorated function as a check, for the FMI versions whose section is given.
+
+    The function yields texts, (line, text), or findings.
     """
 
     def register(function: Callable[..., Iterator[Any]]) -> Callable[..., Iterator[Any]]:

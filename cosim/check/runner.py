@@ -171,8 +171,9 @@ def check(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Check an FMU. Raises Unchecked where there is nothing that can be checked: no file, no FMU, a version that is not
-    known.
+    """Check an FMU.
+
+    Raises Unchecked if nothing can be checked: no file, no FMU, an unknown version.
     """
     options = options or Options()
     chosen = options.chosen()

@@ -1,5 +1,4 @@
-"""Checks of whole runs: the same again after reset, beside others, in threads, from saved states and
-with other steps."""
+"""Checks of whole runs: repeated after reset, beside other instances, in threads, from saved states, other steps."""
 
 from __future__ import annotations
 
@@ -253,9 +252,7 @@ def _changed(before: tuple[int, bool], after: tuple[int, bool]) -> str:
 
 
 def _growth(bench: Bench) -> float | None:
-    """Bytes by which the process grows with each instance; None where it does not grow from mark to mark, or by next to
-    nothing.
-    """
+    """Growth of the process [bytes] with each instance; None if it is not steady, or negligible."""
     import time as clock
 
     begin, count = clock.perf_counter(), 0

@@ -1,6 +1,4 @@
-"""Checks of the state machine: what is allowed in a state succeeds, what is not returns an error, and nothing of it
-ends the process.
-"""
+"""Checks of the state machine: calls that a state allows succeed, others return an error; none ends the process."""
 
 from __future__ import annotations
 
@@ -122,8 +120,9 @@ READ = ANY[1:]
 
 
 def readable_in_initialization(bench: Bench) -> list[Var]:
-    """What may be read in initialization mode: in FMI 2.0 (3.2.3, 4.2.4) outputs, continuous states and their
-    derivatives.
+    """Variables that may be read in initialization mode.
+
+    In FMI 2.0 (3.2.3, 4.2.4) these are outputs, continuous states and their derivatives.
     """
     m = bench.model
     found = bench.watched()

@@ -1,5 +1,8 @@
-"""The process in which FMUs run while they are checked: one fork for each check, so that none leaves anything to the
-next.
+"""The process in which FMUs run while they are checked; each check runs in its own fork, so none affects the next.
+
+It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py`
+holds the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is
+lost.
 
 It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py`
 holds the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is
@@ -62,8 +65,10 @@ class Job:
 
 @dataclass
 class Answer:
-    """What a check has found; `lost` says how the process ended, if it did; `late`: it was not waited for any longer;
-    `unjudged` why nothing can be said here.
+    """Findings of a check.
+
+    `lost` says how the process ended, if it did; `late`: the time limit was exceeded; `unjudged`: why there is no
+    verdict.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -170,8 +175,9 @@ def _in_child(job: Job, memory: mmap.mmap, output: int) -> None:
 
 
 def _close_but_one(output: int) -> int:
-    """Close every descriptor but the standard ones and this one, which becomes 3: those of this process lead to the
-    judge.
+    """Close every descriptor except the standard ones and this one, which becomes 3.
+
+    The other descriptors of this process lead to the process that judges the answers.
     """
     if output != 3:
         os.dup2(output, 3)
@@ -296,8 +302,9 @@ def receive(stream: BinaryIO, longest: int | None = None) -> bytes | None:
 
 
 def receive_answer(stream: BinaryIO) -> Answer | None:
-    """What a worker answers; None where it has ended, or writes something else. Where FMUs run in the worker itself
-    they can write there.
+    """Receive the answer of a worker; None if the worker has ended, or writes something else.
+
+    Where FMUs run in the worker itself, they can write there.
     """
     data = receive(stream, 2 * _LONGEST)
     with contextlib.suppress(ValueError):

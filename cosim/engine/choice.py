@@ -25,8 +25,9 @@ class Engine:
 
 
 def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> Engine:
-    """What executes a system of these components. Raises CosimError for an unknown choice, and when "compiled" is not
-    possible.
+    """Choose the engine that executes a system of these components.
+
+    Raises CosimError for an unknown choice, and when "compiled" is not possible.
     """
     if choice not in get_args(EngineChoice):
         known = get_args(EngineChoice)

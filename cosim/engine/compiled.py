@@ -1,5 +1,4 @@
-"""An exchange whose instants the compiled engine executes, from the same values and with the same calls
-as in Python."""
+"""An exchange whose instants the compiled engine executes, with the same values and calls as in Python."""
 
 from __future__ import annotations
 
@@ -36,9 +35,7 @@ _TYPES = {
 
 
 class CompiledExchange(Exchange):
-    """As `Exchange`, of which it is one: initialization, saved states and whatever is not the hot loop are the same
-    code.
-    """
+    """An `Exchange` with a compiled hot loop; initialization, saved states and all else are the same code."""
 
     _engine: BoundEngine | None = None
     _by_hand = False  # there are stop conditions that only Python can look at
@@ -160,9 +157,7 @@ class BoundEngine:
         return failure
 
     def fail(self, member: Member, call: int, status: int, t: float) -> None:
-        """Raise what the ports of a component raise when this call of its FMU returns this status, in an instant at `t`
-        [s].
-        """
+        """Raise the exception of a component's ports for an FMU call with this status, in an instant at `t` [s]."""
         calls = self._exchange.ports[member].fmi
         assert calls is not None
         if call:

@@ -1,6 +1,4 @@
-"""The engine as a shared library: compiled once per machine and version of its sources, kept with a hash that is
-checked.
-"""
+"""The engine as a shared library, compiled once per machine and version of its sources, stored with a verified hash."""
 
 from __future__ import annotations
 

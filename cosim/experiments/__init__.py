@@ -1,8 +1,7 @@
-"""The experiments of the five papers, and `ride`, which compares their cars; each is a folder of one shape, whose
-``EXPERIMENT`` says what it is.
+"""The experiments of the five papers, and `ride`, which compares their cars.
 
-``__init__`` (EXPERIMENT), ``runs`` (wiring and measuring), ``published`` (what the paper prints, and the plan of the
-study), ``claims``, ``report``.
+Each is a folder of the same layout, declared by its `EXPERIMENT`: `__init__` (EXPERIMENT), `runs` (wiring and
+measuring), `published` (printed values of the paper, and the plan of the study), `claims`, `report`.
 """
 
 EXPERIMENTS = {

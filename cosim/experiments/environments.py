@@ -4,8 +4,8 @@
     import cosim.experiments.environments
     env = gymnasium.make("suspension/QuarterCar-v0")
 
-or at once ``gymnasium.make("cosim.experiments.environments:suspension/QuarterCar-v0")``. gymnasium does not find them
-by itself: its plugins are imported whenever it is, and importing this project decides whose ``cosim`` a program gets.
+or at once `gymnasium.make("cosim.experiments.environments:suspension/QuarterCar-v0")`. gymnasium does not find them
+by itself: its plugins are imported whenever it is, and importing this project decides whose `cosim` a program gets.
 """
 
 from __future__ import annotations

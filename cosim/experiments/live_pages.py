@@ -1,6 +1,4 @@
-"""The experiments that show themselves as a live web page, and these pages: ``python -m cosim.experiments.live_pages
-FOLDER``.
-"""
+"""Experiments that have a live web page, and these pages: `python -m cosim.experiments.live_pages FOLDER`."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ def shown() -> dict[str, Experiment]:
 
 
 def write_pages(fmus: FmuSet, folder: Path, names: Collection[str] | None = None) -> list[Path]:
-    """``NAME.html`` for each of them. ``names``: the FMUs that there are; pages that need others are left out.
+    """`NAME.html` for each of them. `names`: the FMUs that there are; pages that need others are left out.
 
     Raises:
         FileNotFoundError: an FMU is not there; the message says how to build it.

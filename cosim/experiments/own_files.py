@@ -1,6 +1,4 @@
-"""Files of a user in the experiments: which vehicles each runs with, and the FMUs made of them, checked before any is
-needed.
-"""
+"""Files of a user in the experiments: which vehicles each runs with, and their FMUs, checked before the first run."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ KINDS = {
 
 
 def enumerated(names: Sequence[str]) -> str:
-    """ "a, b and c"."""
+    """An enumeration in words, "a, b and c"."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
@@ -65,11 +63,13 @@ def load_own(experiment: str, file: Path) -> Vehicle:
 
 
 def own_fmus(experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path] | None, case: Any = None) -> FmuSet:
-    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones, and a controller of
-    a user's weights where the case names some (``own_weights``).
+    """The FMUs of an experiment, with those of a user's files in place of published ones.
+
+    A user's vehicle files replace vehicles; a controller of a user's weights is added where the case names some
+    (`own_weights`).
 
     Raises:
-        VehicleError: a file that cannot be used; see :func:`load_own`.
+        VehicleError: a file that cannot be used; see `load_own`.
         WeightsError: a weights file that cannot be used.
         CaseError: two files that make the same FMU, or one without the friction that the case has.
     """

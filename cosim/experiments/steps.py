@@ -34,7 +34,7 @@ HALVED = {"solver step": {"solver_parts": 2}, "communication step": {"exchange_p
 
 
 def halved(case: S) -> dict[str, S]:
-    """The case with each of :data:`HALVED`."""
+    """The case with each of `HALVED`."""
     return {what: replace(case, **finer) for what, finer in HALVED.items()}
 
 

@@ -45,8 +45,9 @@ _BYTES = 8  # of one value in a buffer, whatever its type
 
 
 def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool = False) -> Schedule:
-    """The schedule of the exported system, without the components in `without` and their connections. `page`: export
-    a web page, which leaves nothing out; otherwise an FMU.
+    """The schedule of the exported system, without the components in `without` and their connections.
+
+    `page`: export a web page, which must contain every component; otherwise an FMU.
     """
     left_out = {wiring.members[name] for name in without}
     members = [m for m in wiring.members.values() if m not in left_out]
@@ -127,8 +128,10 @@ class SystemCode:
         return all(m.description.can_save for m in self.schedule.members)
 
     def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
-        """All C files and headers but plan.c, by path below `sources/`. ``platform``: whose compiler tells the names
-        that components have in common; by default this machine's.
+        """All C files and headers except plan.c, by path below `sources/`.
+
+        `platform`: the platform whose compiler determines the names that components have in common; default this
+        machine's.
         """
         linked = [p for p in self.distinct if p.linked]
         files = {p.name: p.read_bytes() for p in _OWN}
@@ -152,7 +155,7 @@ class SystemCode:
         return sorted({"plan.c", *(n for n in files if n.endswith(".c") and ("/" not in n or n.startswith("musl/")))})
 
     def plan_c(self, token: str) -> str:
-        """The plan as constants; ``token`` tells it from other systems'."""
+        """The plan as constants; `token` tells it from other systems'."""
         a, _, d = self.plan.time
         buffers = _Room()
         room_u = _Room()
@@ -273,8 +276,10 @@ def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
 
 
 def start_values(member: Member) -> Iterator[tuple[Variable, Any]]:
-    """What a component is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by
-    their first element). Raises WiringError where a part of an array is given and the FMU does not tell the rest.
+    """Start values of a component, each as a variable and its text or numbers.
+
+    Of an array, the variable is the first element, and the numbers are those of all elements. Raises WiringError if a
+    part of an array is given and the FMU does not tell the other elements.
     """
     variables = member.description.variables
     given = {variables[n]: v for n, v in member.values.items()}

@@ -140,8 +140,9 @@ def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> 
 def _structure(
     structure: etree._Element, fmi: int, facts: Facts, schedule: Schedule, variables: Sequence[Exported]
 ) -> None:
-    """Outputs, with the inputs that act on them within a step: of sampled systems only, all others show what was
-    reached.
+    """Outputs, with the inputs that act on them within a step.
+
+    Only outputs of sampled systems have such inputs; outputs of others show the values that the last step has reached.
     """
     place = {e.name: i for i, e in enumerate(variables, start=1)}  # in FMI 2.0 counted from 1, and time is the first
     through = feedthrough(schedule, variables) if facts.kind == "discrete" else {}
@@ -162,8 +163,9 @@ def _structure(
 
 
 def _annotation(parent: etree._Element, facts: Facts, schedule: Schedule, variables: Sequence[Exported]) -> None:
-    """What FMI has no place for: kind and tick of the system, constants that a source and its target must agree on,
-    sources.
+    """Annotation for data that FMI has no place for.
+
+    It holds kind and tick of the system, constants that a source and its target must agree on, and sources.
     """
     attributes = {"kind": facts.kind, "tick": str(schedule.tick)}
     if facts.kind == "discrete":

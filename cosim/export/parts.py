@@ -81,8 +81,7 @@ class Part:
         return {f"{self.name}/{n.removeprefix(SOURCES)}": d for n, d in self.files.items() if n.startswith(SOURCES)}
 
     def wrappers(self, names: Sequence[str]) -> dict[str, bytes]:
-        """C files that compile its sources under names of its own, the header with these, and its table
-        of functions."""
+        """C files that compile its sources under names of their own, the header with these, and its function table."""
         return wrappers(self.name, self.version, self.c_files, names)
 
     def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
@@ -96,8 +95,10 @@ def prefix_of(name: str) -> str:
 
 
 def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[str]) -> dict[str, bytes]:
-    """C files in which those below the folder ``name`` are compiled under names of their own, the header with these,
-    and the table of the FMI functions that they make. ``names``: what they define for each other.
+    """C files that compile sources below the folder `name` under names of their own, a header, and a function table.
+
+    The header has these names; the table lists the FMI functions of the sources. `names`: symbols that the sources
+    define for each other.
     """
     prefix = prefix_of(name)
     renamed = "".join(f"#undef {n}\n#define {n} {prefix}{n}\n" for n in names)

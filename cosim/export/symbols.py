@@ -11,8 +11,10 @@ from pathlib import Path
 
 
 def defined(path: Path) -> set[str]:
-    """External names that an object file defines, as C code writes them. Raises ValueError for files of
-    another format."""
+    """External names that an object file defines, as C code writes them.
+
+    Raises ValueError for files of another format.
+    """
     data = path.read_bytes()
     try:
         if data[:5] == b"\x7fELF\x02":

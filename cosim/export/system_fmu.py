@@ -36,8 +36,9 @@ def export_fmu(
     platforms: str = "host",
     text: str = "",
 ) -> Path:
-    """Write a system as one FMU; see `System.export_fmu`. Raises CosimError and WiringError for what cannot be in it,
-    CompileError without a compiler.
+    """Write a system as one FMU; see `System.export_fmu`.
+
+    Raises CosimError and WiringError for systems that cannot be exported, CompileError without a compiler.
     """
     path = Path(path)
     name = path.stem
@@ -160,9 +161,7 @@ class _Exporter:
         return parts + licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
 
     def _licences(self, parts: list[licences.Part], content: dict[str, bytes]) -> dict[str, bytes]:
-        """The entry point, and the texts of what the system's own files hold; those of components are in folders of
-        their own.
-        """
+        """License files: the entry point and the texts for the system's own files; components have own folders."""
         texts = licences.texts(self.name, parts)
         folders = sorted(
             {

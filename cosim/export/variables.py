@@ -112,8 +112,10 @@ def _start(member: Member, variable: Variable) -> Any:
 
 
 def units_of(variables: Sequence[Exported]) -> list[Unit]:
-    """Units by their names, that of time first. Raises WiringError when two components mean different units
-    by one name."""
+    """Units by name, that of time first.
+
+    Raises WiringError when two components use one name for different units.
+    """
     found: dict[str, tuple[Unit, str]] = {"s": (units.unit("s"), "time")}
     for e in variables:
         unit = e.variable.unit
@@ -135,8 +137,10 @@ def units_of(variables: Sequence[Exported]) -> list[Unit]:
 
 
 def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, list[str]]:
-    """Inputs that an output depends on within the same step, by name: those of sampled systems, whose outputs count
-    from the sample on. What continuous components reach in a step counts at its end.
+    """Inputs that an output depends on within the same step, by name.
+
+    These are the inputs of sampled systems, whose outputs are valid from the sample on. Outputs of continuous
+    components are valid from the end of a step on.
     """
     inputs = {e.name for e in variables if e.causality == "input"}
     ahead = {c.target_name: c for c in schedule.connections if not c.delay and c not in schedule.lagging}

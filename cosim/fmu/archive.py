@@ -46,8 +46,10 @@ _DAMAGED = (
 
 
 class Archive:
-    """An FMU file, or the folder of an unpacked one. Raises FmuError (`error`) for what is missing or no
-    FMU (`kind`)."""
+    """An FMU file, or the folder of an unpacked one.
+
+    Raises FmuError (`error`) for missing files and for files that are no FMU (`kind`).
+    """
 
     error: ClassVar[type[CosimError]] = FmuError
     kind: ClassVar[str] = "FMU"
@@ -194,8 +196,11 @@ def _check_method(member: zipfile.ZipInfo) -> None:
 
 
 def check_library(path: Path) -> None:
-    """Raise OSError when an ELF library is shorter than its own headers say: loading half a library ends the process
-    with SIGBUS. (The loaders of Windows and macOS check this themselves, as that of Linux checks all else.)"""
+    """Raise OSError when an ELF library is shorter than its own headers say.
+
+    Loading half a library would end the process with SIGBUS. The loaders of Windows and macOS check this themselves;
+    that of Linux checks all else.
+    """
     with path.open("rb") as file:
         head = file.read(64)
         if head[:4] != b"\x7fELF":
@@ -223,8 +228,9 @@ def check_library(path: Path) -> None:
 
 
 def _directory_size(file: IO[bytes]) -> int:
-    """Bytes of an archive's directory as its end says, found as `zipfile` finds it; 0 for what is no archive. It is
-    read whole, and holds 46 bytes and a name for each file.
+    """Size of an archive's directory [bytes] from its end record, found as `zipfile` finds it; 0 if it is no archive.
+
+    The directory is read as a whole, and holds 46 bytes and a name for each file.
     """
     end = file.seek(0, 2)
     file.seek(max(0, end - 2**16 - _END.size - _WIDE_END.size - _LOCATOR))  # a comment may follow

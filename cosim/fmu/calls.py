@@ -114,8 +114,9 @@ ffi3.cdef(_FMI3 + _EVENTS3)
 
 
 def close(ffi: cffi.FFI, library: Any) -> None:
-    """Close a library that `ffi` has opened. cffi itself keeps a list of all that it ever opened, closed ones too,
-    which grows by some ten kilobytes each.
+    """Close a library that `ffi` has opened.
+
+    cffi itself keeps a list of all libraries ever opened, also closed ones, which grows by about ten kilobytes each.
     """
     ffi.dlclose(library)
     opened, caches = getattr(ffi, "_libraries", []), getattr(ffi, "_function_caches", [])
@@ -198,8 +199,9 @@ conventions pass both as if the function were not variadic (Windows passes reals
 
 
 def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str:
-    """An FMI 2 log message, which is a printf format, with its arguments. A message with any other conversion, or with
-    more arguments than are read, is returned as it is.
+    """An FMI 2 log message, which is a printf format, with its arguments.
+
+    A message with any other conversion, or with more arguments than are read, is returned as it is.
     """
     kinds = [m[3] for m in _CONVERSION.finditer(message) if m[3]]
     apart = sys.platform != "win32"  # reals have registers of their own
@@ -238,12 +240,14 @@ def text(ffi: Any, pointer: Any) -> str:
 
 
 def _quiet(*_: Any) -> None:
-    """cffi's onerror handler: nothing may be raised through an FMU's stack."""
+    """The onerror handler of cffi: nothing may be raised through an FMU's stack."""
 
 
 def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: Log, keep: list[Any]) -> Any:
-    """fmi2Instantiate for Co-Simulation. `texts` = instance name, GUID, resource URI; whatever must outlive the
-    instance is put into `keep`."""
+    """Call fmi2Instantiate for Co-Simulation.
+
+    `texts` = instance name, GUID, resource URI; objects that must outlive the instance are put into `keep`.
+    """
     name, token, resources = texts
     ffi = ffi2
 
@@ -264,8 +268,10 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
 def instantiate3(
     library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], *, event_mode: bool = False
 ) -> Any:
-    """fmi3InstantiateCoSimulation without early return and intermediate updates; `texts` = name, token,
-    resource path."""
+    """Call fmi3InstantiateCoSimulation without early return and intermediate updates.
+
+    `texts` = name, token, resource path.
+    """
     name, token, resources = texts
     ffi = ffi3
 

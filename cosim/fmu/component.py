@@ -43,8 +43,10 @@ LARGEST = 2**30  # bytes of a serialized state
 
 @dataclass(frozen=True)
 class _Bound:
-    """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
-    the FMU works on the master's buffer."""
+    """One bound FMI call that moves values.
+
+    `move` does it and checks the status; `call` is the bare call, enough when the FMU works on the master's buffer.
+    """
 
     move: Action
     call: Callable[[], int]
@@ -104,8 +106,9 @@ class FmuComponent:
 
     @property
     def in_event_mode(self) -> bool:
-        """Whether the master activates its clocks in event mode. A discrete FMU of this project that is isolated counts
-        its samples itself.
+        """Whether the master activates its clocks in event mode.
+
+        An isolated discrete FMU of this project counts its samples itself.
         """
         about = self.description
         return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
@@ -193,8 +196,9 @@ class FmuComponent:
             self._warn_of_crash("Terminate")
 
     def close(self) -> None:
-        """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its
-        library if it was the last one.
+        """Free the instance, and close its library if it was the last one.
+
+        An instance that reported Fatal is not freed: none of its functions may be called any more.
         """
         if self._instance is not None:
             if not self._dead:
@@ -304,16 +308,17 @@ class FmuComponent:
         self._keep_values()
 
     def _keep_values(self) -> None:
-        """The values of elements that nobody drives may have changed: they are handed on with those of their arrays
-        that somebody does.
+        """Pass on elements that no connection drives with those of their arrays that one drives.
+
+        Their values may have changed.
         """
         for keep in self._kept:
             keep()
 
     def _present(self, elements: Sequence[Variable]) -> list[Any]:
-        """What the array of these elements holds; of a scalar, and of an array of which all are there, what will be set
-        in any case. Before initialization an FMU tells no values: they are those that were set last, else its start
-        values.
+        """Values of the array of these elements; for a scalar or a complete array, those that are about to be set.
+
+        Before initialization an FMU returns no values: they are those that were set last, else its start values.
         """
         one = elements[0]
         if len(elements) == one.size:
@@ -432,8 +437,11 @@ class FmuComponent:
         return int(self._ffi.cast("uintptr_t", pointer))
 
     def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> _Bound:
-        """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
-        in the master's buffer are passed in place; anything else goes through a buffer of its own."""
+        """One FMI call that moves all variables of one type.
+
+        Doubles that fill their arrays and lie side by side in the master's buffer are passed in place; anything else
+        goes through a buffer of its own.
+        """
         ffi, v3, total = self._ffi, self._v3, how.total
         element, place, c_type = how.element, how.place, self._c_types[how.fmi_type]
         first = int(place[0])
@@ -478,8 +486,10 @@ class FmuComponent:
         return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, call, transfer)
 
     def _do_step(self) -> _DoStep:
-        """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
-        early or asks to end the simulation (FMI 3)."""
+        """The step function as (call, last arguments, ended): `call(t, h, *last arguments)`.
+
+        `ended[0]` is true after a step that stopped early or requests the end of the simulation (FMI 3).
+        """
         call = partial(self._function("DoStep"), self._instance)
         if not self._v3:
             self._step_arguments = [1]
@@ -601,8 +611,9 @@ class FmuComponent:
             self._call("FreeFMUState" if self._v3 else "FreeFMUstate", self._dropped.pop())
 
     def _tell_roll_back(self) -> None:
-        """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep
-        what they cannot take back until it is true: files, hardware, or all progress.
+        """Set noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back.
+
+        Until it is true, FMUs may hold back actions that they cannot undo: files, hardware, or all progress.
         """
         self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
 
@@ -658,8 +669,10 @@ class FmuComponent:
         self._keep_values()
 
     def sampled_states(self) -> dict[str, float]:
-        """What a sampled FMU of this project remembers between samples, element by element: `state[1]`, ... in the
-        order of the declaration. Raises CosimError for other FMUs, and for those with a quadratic program.
+        """States that a sampled FMU of this project keeps between samples, element by element.
+
+        They are `state[1]`, ... in the order of the declaration. Raises CosimError for other FMUs, and for those with a
+        quadratic program.
         """
         data = self.serialize()
         if self._layout is None:
@@ -684,8 +697,10 @@ class FmuComponent:
         self.deserialize(self._layout.write(self.serialize(), x))
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
-        """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
-        derivatives are those of the model structure. Raises CosimError when the FMU does not offer it."""
+        """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives.
+
+        States and derivatives are those of the model structure. Raises CosimError when the FMU does not offer it.
+        """
         states, derivatives = self.description.states, self.description.derivatives
         if not self.description.directional_derivatives:
             raise CosimError("its FMU offers no directional derivatives")
@@ -697,16 +712,19 @@ class FmuComponent:
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:
-        """Raise CosimError where the present state lies on a kink or jump; `slopes`: what `linearize` gave, [[A, B],
-        [C, D]]. Only in FMUs of this project can states be moved.
+        """Raise CosimError if the present state lies on a kink or jump.
+
+        `slopes`: the result of `linearize`, [[A, B], [C, D]]. States can be moved only in FMUs of this project.
         """
         about = self.description
         if slopes.size and about.kind is not None and about.can_serialize:
             refuse_kinks(self, slopes, [*about.derivatives, *outputs], about.states, inputs)
 
     def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
-        """The inputs on which outputs depend directly where they stand during initialization: by directional
-        derivatives, or by changes that a saved state takes back. Raises CosimError when the FMU offers neither.
+        """Inputs on which outputs depend directly at the present values during initialization.
+
+        They are found by directional derivatives, or by changes that a saved state takes back. Raises CosimError when
+        the FMU offers neither.
         """
         about = self.description
         if about.directional_derivatives and all(v.type == "real" for v in (*inputs, *outputs)):
@@ -721,7 +739,7 @@ class FmuComponent:
             self.forget(state)
 
     def derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
-        """d unknowns / d known by the FMU's directional derivatives; arrays are requested as a whole."""
+        """Derivatives d unknowns / d known by the FMU's directional derivatives; arrays are requested as a whole."""
         ffi, groups = self._ffi, by_reference(unknowns)
         sizes = [elements[0].size for elements in groups.values()]
         begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))
@@ -753,7 +771,7 @@ _LEVELS = (logging.DEBUG, logging.WARNING)  # of OK and Warning; what is worse i
 def _logger(name: str, messages: deque[str], problems: deque[str]) -> fmi.Log:
     """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares.
 
-    The logger ``cosim.fmu`` of Python gets all of it, with the component's name.
+    The logger `cosim.fmu` of Python gets all of it, with the component's name.
     """
 
     def log(status: int, category: str, message: str) -> None:

@@ -22,10 +22,10 @@ from cosim.time import seconds_text
 
 
 def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
-    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU; print it with rich. The lines that put it
-    into a system are `wiring`'s, to be printed as they are.
+    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU; print it with rich.
 
-    Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
+    The lines that add it to a system come from `wiring`; print them as they are. Runs nothing of the FMU, so it works
+    for FMUs of other platforms. Raises FmuError.
     """
     fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu, quiet=True)
     about = fmu.description

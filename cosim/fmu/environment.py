@@ -32,10 +32,9 @@ _EXITED = (
 
 @lru_cache
 def restorer() -> Callable[[], int]:
-    """A function that puts the environment back to what it was when this was called first, and returns what had changed
-    (`what_changed`).
+    """A function that restores the environment of the first call and returns the changes (`what_changed`).
 
-    Where nothing can be compiled the C library does it, and then nobody knows what had changed.
+    Without a compiler the C library does it, and the changes are not known.
     """
     ffi = cffi.FFI()
     try:

@@ -1,5 +1,4 @@
-"""An FMI 3.0 Co-Simulation FMU with time-based clocks: when each ticks, and what is done in event mode (FMI 3.0, 2.2.9
-and 4.2).
+"""FMI 3.0 Co-Simulation FMUs with time-based clocks: instants of each clock, and event mode (FMI 3.0, 2.2.9, 4.2).
 
 A communication step from t to t + h holds the ticks in [t, t + h): at each the FMU is in event mode, its clocks are
 set, the inputs of these clocks are set, their outputs are read, discrete states are updated, and `fmi3DoStep` continues
@@ -122,8 +121,9 @@ class EventMode:
         self._later.clear()
 
     def exit_initialization(self) -> None:
-        """Ask for intervals, leave initialization, and event mode that follows it, for step mode. Nothing has ticked
-        yet.
+        """Read intervals, leave initialization mode, and leave the event mode after it for step mode.
+
+        No clock has ticked yet.
         """
         for clock in self.clocks.values():
             self.due[clock.reference] = self._first(clock)
@@ -220,8 +220,9 @@ class EventMode:
             self._y[group.places] = group.buffer
 
     def set(self, values: Mapping[Variable, Any]) -> None:
-        """Parameters and inputs while it runs: in event mode. Inputs of a clock wait for its next tick; what a tunable
-        clock's interval becomes counts from now.
+        """Set parameters and inputs during the simulation, in event mode.
+
+        Inputs of a clock wait for its next tick; a tunable clock's new interval starts now.
         """
         self._later |= {v: x for v, x in values.items() if v.clocks}
         if now := {v: x for v, x in values.items() if not v.clocks}:
@@ -283,9 +284,7 @@ class EventMode:
             self._event(frozenset())
 
     def _events(self, near: float, *, first: bool = False) -> None:
-        """Everything that happens at the present time; `first`: at the beginning of a step, where discrete inputs
-        change.
-        """
+        """Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change."""
         for _ in range(ITERATIONS):
             ticking = frozenset(r for r, due in self.due.items() if due.next <= self.now + near)
             wanted = bool(self.component._flags[0]) or self.next_event <= self.now + near
@@ -316,9 +315,7 @@ class EventMode:
         raise CallFailed(self.component.name, "event mode", 3, f"{why} (at {self.now:.9g} s)")
 
     def _update(self, ticking: frozenset[int]) -> None:
-        """Read what clocks compute, update discrete states until they stay, and ask for intervals that may have
-        changed.
-        """
+        """Read outputs of clocks, update discrete states until they stay, and read intervals that may have changed."""
         flags, when = self.component._ffi.new("bool[5]"), self.component._ffi.new("double*")
         for _ in range(ITERATIONS):
             active = ticking | self._told_now()

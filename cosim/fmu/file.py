@@ -50,8 +50,10 @@ class Library:
     def instantiate(
         self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any], *, event_mode: bool = False
     ) -> Any:
-        """An instance, or NULL. `texts` = name, token, folder of resources as its version of FMI wants it; whatever
-        must outlive the instance is put into `keep`. `event_mode` is for FMI 3.0.
+        """Create an instance, or return NULL.
+
+        `texts` = name, token, folder of resources in the form of its FMI version; objects that must outlive the
+        instance are put into `keep`. `event_mode` is for FMI 3.0.
         """
         if self._version == "3":
             return fmi.instantiate3(self.handle, texts, log, keep, event_mode=event_mode)
@@ -147,8 +149,9 @@ class FmuFile:
             )
 
     def enumeration(self, variable: str) -> tuple[str, dict[str, int]] | None:
-        """Name and items, value by name, of the enumeration that is the type of a variable (of an array: by its name
-        without index); None for what is none, or is not defined.
+        """Name and items (value by name) of the enumeration that is the type of a variable.
+
+        None if the type is another, or is not defined. An array is given by its name without index.
         """
         root = tree(self._archive.description(), str(self.path), self._archive.limits)
         scalar = root.xpath("ModelVariables/*[@name=$name]", name=variable)
@@ -167,8 +170,9 @@ class FmuFile:
 
     @cached_property
     def terminals(self) -> tuple[Terminal, ...]:
-        """The terminals that it declares (FMI 3.0); none where it has no file of them. Raises FmuError for one that
-        cannot be understood.
+        """The terminals that it declares (FMI 3.0); none if it has no file of them.
+
+        Raises FmuError for a malformed file.
         """
         if self.major == "2" or not self._archive.has(terminals.FILE):
             return ()
@@ -211,8 +215,10 @@ class FmuFile:
         )
 
     def library(self) -> Library:
-        """The loaded library, counted up by one user: call its `release()` when done. FMUs that allow one instance per
-        process get a fresh copy at every call."""
+        """The loaded library, with one more user: call its `release()` when done.
+
+        FMUs that allow one instance per process get a fresh copy at every call.
+        """
         library = self._library
         if library is None or not library.open or self.description.only_once:
             self.check_platform()

@@ -47,10 +47,14 @@ def refuse_kinks(
     states: Sequence[Variable],
     inputs: Sequence[Variable],
 ) -> None:
-    """Raise CosimError naming an unknown that has a kink or jump over a state or input where the component stands.
+    """Raise CosimError naming an unknown that has a kink or jump over a state or input at the present values.
 
     Args:
+        component: an instance that can serialize its state, which is restored.
         slopes: directional derivatives, shape (unknowns, states + inputs).
+        unknowns: outputs and derivatives of the states.
+        states: continuous states, in the order of the declaration.
+        inputs: inputs by which the component is linearized.
     """
     about, data, knowns = component.description, component.serialize(), [*states, *inputs]
     layout = StateLayout(len(about.parameters) + len(about.inputs), len(states), recomputed=True)

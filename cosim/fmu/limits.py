@@ -12,10 +12,10 @@ from cosim.errors import FmuError
 
 @dataclass(frozen=True)
 class Limits:
-    """What an FMU may need; beyond it is refused by name. The defaults keep opening any file below 300 MB of memory and
-    5 s.
+    """Limits of an FMU; one that exceeds a limit is rejected with an error that names it.
 
-    Raise what a large FMU needs: `Fmu("large.fmu", limits=Limits(variables=1_000_000))`.
+    The defaults keep opening any file below 300 MB of memory and 5 s. Raise the limit that a large FMU needs:
+    `Fmu("large.fmu", limits=Limits(variables=1_000_000))`.
     """
 
     xml_bytes: int = 24 * 2**20

@@ -1,7 +1,8 @@
-"""Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`. FMI 3 arrays are expanded to their elements
-(`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions wire by the same names.
+"""Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`.
 
-The file is validated: an error names the variable and its line, and sizes are compared with limits first.
+FMI 3 arrays are expanded to their elements (`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions are
+connected by the same names. The file is validated: an error names the variable and its line, and sizes are compared
+with limits first.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Hidden states of this project's sampled FMUs, read from a serialized state and written back into one.
 
 A sampled component shows inputs and outputs; what it remembers between samples is in its saved state only. That of our
-FMUs is plain (``build_fmus/runtime/saved_state.h``, which this module reads): a header with a checksum, times and
+FMUs is plain (`build_fmus/runtime/saved_state.h`, which this module reads): a header with a checksum, times and
 flags, then doubles: parameters, inputs, states, derivatives (unused when sampled), outputs. How many of them are
 parameters and inputs is in the model description, where the outputs lie is asked of the FMU itself, and what is left is
 twice the states.
@@ -72,8 +72,10 @@ class StateLayout:
 def find_states(
     data: bytes, parameters: int, inputs: int, outputs: int, shown: Callable[[bytes], Sequence[float]]
 ) -> StateLayout:
-    """Layout of a serialized state with so many `parameters`, `inputs` and `outputs`; `shown` gives the outputs that
-    the FMU shows in another state. Raises CosimError where it is not laid out as this module knows.
+    """Layout of a serialized state with this number of `parameters`, `inputs` and `outputs`.
+
+    `shown` returns the outputs of the FMU in another state. Raises CosimError if the layout is not one that this module
+    knows.
     """
     header = _ffi.from_buffer("struct FmuSnapshot *", data) if len(data) >= VALUES_AT else None
     if header is None or [header.magic, header.version] != [_FORMAT["SNAPSHOT_MAGIC"], _FORMAT["SNAPSHOT_VERSION"]]:

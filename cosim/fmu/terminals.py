@@ -1,5 +1,6 @@
-"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s. The file is validated; the
-size limits are those of a modelDescription.xml.
+"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s.
+
+The file is validated; the size limits are those of a modelDescription.xml.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 
 
 def read(xml: bytes, where: str, about: Description, limits: Limits) -> tuple[Terminal, ...]:
-    """The terminals that the file declares. Raises FmuError naming file, line and terminal for what cannot be
-    understood.
+    """Read the terminals that the file declares.
+
+    Raises FmuError naming file, line and terminal for a malformed file.
     """
     root = tree(xml, where, limits, FILE)
     return tuple(_Reader(where, about).terminals(root.iterfind("Terminals/Terminal"), ()))

@@ -16,8 +16,9 @@ Index = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Variables of one type in one call: all elements of `arrays` (value reference -> elements that are moved), of
-    which number `element[i]` belongs to `place[i]` of the caller's buffer.
+    """Variables of one type in one call: all elements of `arrays` (value reference -> elements that are moved).
+
+    Of these, number `element[i]` belongs to `place[i]` of the caller's buffer.
     """
 
     fmi_type: str

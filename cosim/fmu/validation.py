@@ -38,8 +38,9 @@ _BASE = {"Enumeration": "Integer"}  # FMI 2.0: types that are set and read by th
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, at a line of modelDescription.xml; `quirk` says why it does no harm, of a quirk of the
-    tool that made it.
+    """An error at a line of modelDescription.xml.
+
+    `quirk`: for a known quirk of a tool, the reason why it does no harm.
     """
 
     line: int
@@ -73,9 +74,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Quirk:
-    """A deviation that a tool is known for: wildcards that its name and the finding fit, why it does no harm, where it
-    is documented.
-    """
+    """A known deviation of a tool: wildcards for tool and finding, why it does no harm, and where it is documented."""
 
     tool: str
     finding: str
@@ -177,9 +176,10 @@ def _schema(root: Any, major: str) -> Iterator[Finding]:
 
 
 def _slices(root: Any) -> Iterator[list[tuple[Any, list[Any]]]]:
-    """The children to leave in each long element, a slice of the description after another: the place of each error is
-    found by counting all that stand before it. Sections are shown side by side, since the schema wants all; of a long
-    section one part at a time.
+    """The children to leave in each long element, a slice of the description after another.
+
+    Slices are needed because the place of each error is found by counting all elements that stand before it. Sections
+    are shown side by side, since the schema requires all; of a long section one part at a time.
     """
     parts = [_parts(section) for section in root]
     for i in range(max(map(len, parts), default=1)):
@@ -347,8 +347,9 @@ def _plain(text: str | None) -> str:
 
 
 def _cycles(about: Description) -> Iterator[list[str]]:
-    """Outputs that depend on themselves, directly or by way of others: one cycle for each way back. A state may: its
-    value is known. An array counts as one.
+    """Outputs that depend on themselves, directly or through others: one cycle for each way back.
+
+    A state may: its value is known. An array counts as one.
     """
     states = {v.declared for v in about.states}
     declared = {name: v.declared for name, v in about.outputs.items() if v.declared not in states}

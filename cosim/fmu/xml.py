@@ -23,8 +23,9 @@ _LIKE_ASCII = re.compile(
 
 
 def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.xml") -> Any:
-    """The root element of modelDescription.xml, or of another file of that `name`; `where` names the archive in errors.
-    Raises FmuError.
+    """The root element of modelDescription.xml, or of another file of that `name`.
+
+    `where` names the archive in errors. Raises FmuError.
     """
     file = f"{where}: {name}"
     limits.check("xml_bytes", len(xml), f"{file} has {len(xml)} bytes")

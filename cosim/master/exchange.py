@@ -141,8 +141,10 @@ class Exchange:
         return Instant(tuple(arrive), (*discrete, *sample, *check), tuple(continuous), recording)
 
     def _steps(self, members: Sequence[Member]) -> list[Timed]:
-        """The steps of components in their order, each followed by a look at its outputs before anybody reads them.
-        Components that advance side by side read nothing of each other: they are looked at together."""
+        """Steps of components in their order, each followed by a check of its outputs before any component reads them.
+
+        Components that advance side by side read nothing from each other, so they are checked together.
+        """
         if self.allow_nan:
             return [self._step(m) for m in members]
         seidel = {m for group in self.schedule.groups if group.method == "gauss-seidel" for m in group.members}
@@ -187,8 +189,10 @@ class Exchange:
         return end if self.ending is None else min(end, self.ending[0])
 
     def sample(self) -> bool:
-        """Run the discrete components that are due at the present tick, and replace the provisional sample by the final
-        one; returns whether continuous components may advance."""
+        """Run the discrete components due at the present tick, and replace the provisional sample by the final one.
+
+        Returns whether continuous components may advance.
+        """
         instant, t = self.timetable.at(self.tick), self.time
         self.recorder.count -= instant.recorded  # the provisional sample
         self.phase = Phase.SAMPLED
@@ -204,8 +208,10 @@ class Exchange:
             self.phase = Phase.NOTHING
 
     def run_instants(self, end: int) -> None:
-        """All instants from the present tick up to but not including `end`, or to where a component asks to end: the
-        hot loop."""
+        """The hot loop: run all instants from the present tick up to but not including `end`.
+
+        It stops earlier if a component requests the end of the simulation.
+        """
         a, b, d = self.base.integers()
         tick = self.tick
         try:
@@ -232,9 +238,10 @@ class Exchange:
         self.phase = Phase.NOTHING
 
     def step_to(self, end: int) -> None:
-        """To the arrival at `end`: `complete`, `run_instants` and `arrive`, for loops that step by hand. Where no value
-        is remembered from before, the present instant is done again from its beginning instead of completed: what has
-        arrived arrives alike.
+        """Advance to the arrival at `end`: `complete`, `run_instants` and `arrive`, for loops that step by hand.
+
+        If there are no previous values, the present instant is repeated from its beginning instead of completed: its
+        arrival gives the same values.
         """
         if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.reached:
             self.recorder.count -= self.clocks[-1].due(self.tick)  # the provisional sample
@@ -246,8 +253,10 @@ class Exchange:
             self.arrive()
 
     def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
-        """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its
-        last `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done.
+        """Handle the request of a component to end the simulation at the present tick.
+
+        Returns whether the instant is done. `rest` is the remaining work of the instant; its last `advances` entries
+        are steps of continuous components. Sets the time of the end.
         """
         step = next(self.base.count(m.step) for m in self.schedule.members if m.name == request.component)
         ending = self.tick + step * request.complete, str(request)

@@ -18,9 +18,10 @@ from cosim.system.renewal import renewed
 
 
 def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemState | None = None) -> None:
-    """All components into initialization mode; inputs and outputs settle; out of it again. Components that are in
-    `state` continue from there, and the others settle to them; a system that is that of the state stands where that
-    stood, to the last bit, also within steps.
+    """Initialize all components: enter initialization mode, iterate inputs and outputs until they settle, and leave.
+
+    Components that are in `state` continue from there, and the others settle to them. If the system is that of the
+    state, it is restored exactly as it was, to the last bit, also within steps.
     """
     members = exchange.schedule.members
     _renew(members)
@@ -124,8 +125,9 @@ def _check_initial_values(exchange: Exchange) -> None:
 
 
 def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
-    """The components that are in a saved state. Where the system is not that of the state, they must be at the end of a
-    step.
+    """Components that are in a saved state.
+
+    If the system is not that of the state, they must be at the end of a step.
     """
     schedule = exchange.schedule
     if not set(state.members.values()) <= set(schedule.members):  # components are never taken out of a system
@@ -157,8 +159,9 @@ def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
 
 
 def _settle(exchange: Exchange, members: Sequence[Member]) -> list[str]:
-    """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding; returns what
-    still does.
+    """Pass outputs to inputs, in order of execution, until nothing changes except for rounding.
+
+    Returns the values that still change.
     """
     gather = {m: exchange.layout.gather(m) for m in members}
     for _ in range(20 + len(members)):

@@ -69,8 +69,10 @@ def name_of(signal: Signal) -> str:
 def choose_inputs(
     members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
 ) -> list[Signal]:
-    """Inputs of a model by name and pattern; all by default. Raises WiringError for what can be none,
-    with the reason."""
+    """Inputs of a model by name and pattern; all by default.
+
+    Raises WiringError with the reason for variables that cannot be inputs.
+    """
     driven = {(c.target, c.input): c for c in schedule.connections}
     commands = {(c.source, c.output): None for c in schedule.connections if c.source.discrete and not c.target.discrete}
     every = [(m, v) for m in schedule.members for v in m.description.inputs.values()]
@@ -168,9 +170,11 @@ def _state_signals(m: Member, count: int) -> list[tuple[str, Variable | None]]:
 
 
 def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> Matrices:
-    """Model of the continuous components of an initialized system. `inputs`: their own inputs that no continuous
-    component drives, or outputs of discrete components; `outputs`: their own. Raises CosimError for components and
-    connections without a linear model, LoopError for a singular algebraic loop.
+    """Model of the continuous components of an initialized system.
+
+    `inputs`: their own inputs that no continuous component drives, or outputs of discrete components; `outputs`: their
+    own. Raises CosimError for components and connections without a linear model, LoopError for a singular algebraic
+    loop.
     """
     members = schedule.continuous
     if not members:
@@ -225,8 +229,9 @@ def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequ
 
 
 def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Array, Array, Array, Array]:
-    """The model with its own outputs fed back to its inputs: u = coupling y + r. Raises LoopError where y does not
-    follow from r.
+    """The model with its own outputs fed back to its inputs: u = coupling y + r.
+
+    Raises LoopError if y does not follow from r.
     """
     if not coupling.any():
         return model.a, model.b, model.c, model.d
@@ -265,8 +270,10 @@ def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
 
 @dataclass
 class _Updates:
-    """What is found of a discrete component while the system runs through a period: a matrix [x; u] -> [x_next; y] per
-    sample, states before and after the period, and which states jump when perturbed.
+    """Linear updates of a discrete component, found while the system runs through a period.
+
+    They are a matrix [x; u] -> [x_next; y] per sample, states before and after the period, and the states that jump
+    when perturbed.
     """
 
     member: Member
@@ -280,8 +287,9 @@ class _Updates:
     jumps: set[int] = field(default_factory=set)
 
     def left_out(self) -> list[int]:
-        """States that are constants, and counters of samples. Raises CosimError for a counter that is not back where it
-        was.
+        """States that are constants, and counters of samples.
+
+        Raises CosimError for a counter that does not return to its initial value.
         """
         n, drop = len(self.names), []
         for i in range(n):
@@ -403,9 +411,11 @@ def _differences(here: Array, result: Callable[[int, float], Array], column: int
 def sampled_model(
     exchange: Exchange, period: Fraction, not_before: Fraction, inputs: Sequence[Signal], outputs: Sequence[Signal]
 ) -> Matrices:
-    """Model of an initialized system over one period, from the first multiple of it at or after `not_before` [s] that
-    all offsets have passed, but not the start itself. `exchange` watches `outputs`. `inputs` are driven by nothing.
-    Raises CosimError for components without a linear model.
+    """Model of an initialized system over one period.
+
+    The period begins at its first multiple at or after `not_before` [s] that is past all offsets, but not at the start
+    itself. `exchange` observes `outputs`. No component drives `inputs`. Raises CosimError for components without a
+    linear model.
     """
     schedule, layout = exchange.schedule, exchange.layout
     for c in schedule.connections:
@@ -545,7 +555,7 @@ class _Period:
             self._shown = np.array([scale * self.exchange.values[slot] for slot, scale, _ in self._out])
 
     def run(self, x: Array, u: Array) -> tuple[Array, Array]:
-        """x and y of one period later, and of its begin."""
+        """Run one period from state `x` and inputs `u`; return x after the period, and y at its beginning."""
         exchange, place = self.exchange, 0
         for part, _, _ in self._parts:
             part[:] = x[place : place + len(part)]

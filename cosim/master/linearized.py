@@ -1,5 +1,6 @@
-"""Linear models in the place of components: the same master runs them with the same schedule, exactly and one deviation
-at a time.
+"""Linear models in place of components: the same master runs them with the same schedule, exactly.
+
+It runs one deviation at a time.
 """
 
 from __future__ import annotations

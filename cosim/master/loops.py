@@ -1,6 +1,4 @@
-"""Algebraic loops of which not all direct dependencies are declared: measured during initialization, then refused or
-warned of.
-"""
+"""Algebraic loops with undeclared dependencies, which are measured during initialization: an error or a warning."""
 
 from __future__ import annotations
 
@@ -15,8 +13,9 @@ from cosim.system.schedule import Schedule
 
 
 def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
-    """Raise LoopError for an algebraic loop whose dependencies are declared, or measured where components are
-    `initializing`; issue an AlgebraicLoopWarning for each other one that is possible.
+    """Raise LoopError for an algebraic loop; issue an AlgebraicLoopWarning for a possible one.
+
+    A loop is certain if its dependencies are declared, or measured on components that are `initializing`.
     """
     measured: dict[Member, Dependencies] = {}
 
@@ -47,9 +46,7 @@ def _warning(loop: Loop) -> str:
 
 
 def _measured(schedule: Schedule, member: Member) -> Dependencies:
-    """Direct dependencies of connected outputs that are not declared, on connected inputs; none where they cannot be
-    measured.
-    """
+    """Undeclared direct dependencies of connected outputs on connected inputs; none if they cannot be measured."""
     measure = getattr(member.component, "measure_dependencies", None)
     if measure is None:
         return {}

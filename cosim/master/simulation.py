@@ -71,8 +71,10 @@ class Simulation:
         allow_nan: bool = False,
         exchange: type[Exchange] = Exchange,
     ):
-        """The schedule's tick must divide `record_interval` [s]; `exchange` executes its instants. The rest is as in
-        `System.initialize`."""
+        """The schedule's tick must divide `record_interval` [s]; `exchange` executes its instants.
+
+        The rest is as in `System.initialize`.
+        """
         start = rational(start_time, "start_time")
         if state is not None:
             start = state.base.exact(state.tick)
@@ -150,8 +152,10 @@ class Simulation:
             )
 
     def setter(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """What sets these variables, as `set` does, to values (n,) in their order: names are looked up once, for loops
-        that step by hand. The values must be finite and within the variables' limits, which is not looked at again.
+        """Return a function that sets these variables, as `set` does, to values (n,) in their order.
+
+        Names are looked up once, for loops that step by hand. The values must be finite and within the variables'
+        limits, which the function does not check.
         """
         found = [self._members.split(n) for n in names]
         variables = [m.description.find(v, m.name) for m, v in found]
@@ -214,10 +218,12 @@ class Simulation:
         real_time: float | None = None,
         final: bool = False,
     ) -> str | None:
-        """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or
-        to where a component asks to end (the simulation is over then). Returns the text of that condition or request,
-        or None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and
-        can be continued).
+        """Run to the first base tick at or after `until` [s].
+
+        The run ends earlier at the first instant that fulfils one of `stop_when`, or where a component requests the end
+        of the simulation, which is over then. Returns the text of that condition or request, or None. Raises
+        ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can be
+        continued).
 
         The row recorded at `until` is provisional: discrete components that are due there run when the simulation is
         continued, and the row is replaced then. With `final` they run at once, as at the end of `System.run`.
@@ -272,8 +278,7 @@ class Simulation:
             raise Interrupted(self.time, self.recording)
 
     def _run_to_arrival(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
-        """In pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar alive at no cost per
-        instant."""
+        """Run in pieces of about a twentieth of a second, for Ctrl-C and the progress bar, at no cost per instant."""
         exchange = self._exchange
         if exchange.tick == end and exchange.phase is not Phase.NOTHING:
             return
@@ -292,9 +297,10 @@ class Simulation:
             exchange.arrive()
 
     def stepper(self, step: TimeLike, *, stop_when: Sequence[StopCondition] = ()) -> Callable[[], str | None]:
-        """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with
-        bit-identical values and the same answers, without pace, progress and spool. Ctrl-C within a step ends the
-        simulation.
+        """Return a function that advances by `step` [s] at little cost, for loops that step by hand.
+
+        `step` is a multiple of the tick. Values and answers are bit-identical to those of `advance`, without pace,
+        progress and spool. Ctrl-C within a step ends the simulation.
         """
         exchange, stops = self._exchange, list(stop_when)
         ticks = exchange.base.count(positive(step, "step"))
@@ -361,8 +367,10 @@ class Simulation:
             spool.add(*recorder.since(spool.count))
 
     def guarded(self, work: Action) -> None:
-        """Do something with components. A failure ends the simulation and carries what was recorded; a second Ctrl-C
-        ends what does not come back.
+        """Call a function that uses components.
+
+        A failure ends the simulation, and the exception carries the recording; a second Ctrl-C ends a call that does
+        not return.
         """
 
         def hold() -> None:
@@ -414,9 +422,10 @@ class Simulation:
     # Saved states.
 
     def save(self, *, travels: bool = True) -> SystemState:
-        """A copy of the whole state: components, exchanged values, time and length of the recording. Pickled or written
-        to a file it continues in other processes, for which FMUs serialize their states now, unless `travels` is false.
-        Raises CosimError naming the components that cannot save their state.
+        """A copy of the whole state: components, exchanged values, time and length of the recording.
+
+        Pickled or written to a file, it continues in other processes, for which FMUs serialize their states now, unless
+        `travels` is false. Raises CosimError naming the components that cannot save their state.
         """
         unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
         if unable:

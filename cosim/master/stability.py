@@ -38,9 +38,12 @@ TOLERANCE = 1e-5
 
 @dataclass(frozen=True)
 class Stability:
-    """`radius`: growth of a deviation per cycle of `cycle` [s]; `coupled_radius`: the same for the components coupled
+    """Stability of the coupled continuous components.
+
+    `radius`: growth of a deviation per cycle of `cycle` [s]; `coupled_radius`: the same for the components coupled
     without delay; `dominant`: components in the growing mode with their shares (participation, sum 1), largest first;
-    `unchecked`: continuous components left out, with the reason."""
+    `unchecked`: continuous components left out, with the reason.
+    """
 
     radius: float
     coupled_radius: float
@@ -83,9 +86,11 @@ def warn_if_unstable(schedule: Schedule) -> None:
 
 
 def coupled_spectral_radius(schedule: Schedule) -> Stability:
-    """Spectral radius of the continuous components over one cycle of their schedule, linearized where they stand: they
-    must be initialized. Components without directional derivatives are reported in `unchecked`; raises CosimError when
-    none is left."""
+    """Spectral radius of the continuous components over one cycle of their schedule, linearized at the present values.
+
+    The components must be initialized. Those without directional derivatives are reported in `unchecked`; raises
+    CosimError when none is left.
+    """
     members = schedule.continuous
     inner = [c for c in schedule.connections if c.source in members and c.target in members]
     models: dict[Member, Model] = {}
@@ -114,9 +119,10 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
 
 
 def _participation(matrix: Array, radius: float) -> Array:
-    """How much each value takes part in the modes that grow by `radius`, of conjugate ones in one: the diagonal of the
-    projector on their subspace. For a single mode these are the products of the entries of its left and right
-    eigenvectors; for modes of equal growth they do not depend on which eigenvectors LAPACK chooses.
+    """Participation of each value in the modes that grow by `radius`, conjugate modes taken as one.
+
+    It is the diagonal of the projector on their subspace. For a single mode these are the products of the entries of
+    its left and right eigenvectors; for modes of equal growth they do not depend on which eigenvectors LAPACK chooses.
     """
 
     def fastest(growth: complex) -> bool:
@@ -154,7 +160,9 @@ def _linear_schedule(
 
 def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
     """Matrix of one cycle over (all states, all exchanged values), the component each belongs to, the cycle [s].
-    Column by column: a unit deviation is run through the master."""
+
+    It is computed column by column: a unit deviation is run through the master.
+    """
     exchange = Exchange(schedule, allow_nan=True)
     initialize(exchange)
     states = [m.component.x for m in schedule.members]  # type: ignore[attr-defined]

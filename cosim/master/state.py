@@ -81,16 +81,18 @@ class SystemState:
         return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
 
     def continues(self, schedule: Schedule) -> bool:
-        """Whether a system of this schedule continues as if it had never been interrupted: all components, rates and
-        connections are those of the state.
+        """Whether a system of this schedule continues as if never interrupted.
+
+        All components, rates and connections must be those of the state.
         """
         return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)
 
     # As bytes.
 
     def to_bytes(self) -> bytes:
-        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the components that
-        cannot serialize their states, and why.
+        """The state as bytes, for other processes; see `read`.
+
+        Raises CosimError naming the components that cannot serialize their states, and why.
         """
         packed, unable = {}, []
         for name, saved in self.components.items():
@@ -112,8 +114,9 @@ class SystemState:
         return packing.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
 
     def _packed(self, member: Member, saved: Any) -> Packed:
-        """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be
-        within a step.
+        """Saved state of a live component.
+
+        No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step.
         """
         component = member.component
         if not isinstance(component, Portable):
@@ -137,16 +140,18 @@ class SystemState:
         return _read(data, "this state")
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write it to a file, which replaces an older one when it is whole. Raises CosimError as `to_bytes`, OSError
-        naming the path.
+        """Write the state to a file, which replaces an older one when it is complete.
+
+        Raises CosimError as `to_bytes`, OSError naming the path.
         """
         return safe_files.write(path, self.to_bytes())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> SystemState:
-        """What `write` wrote. Nothing in the file is executed, and everything in it is validated: CosimError
-        says in a sentence what is wrong with a file that is damaged, or was made by somebody else. What the FMUs
-        remember is for them to judge.
+        """Read a file that `write` wrote.
+
+        Nothing in the file is executed, and everything in it is validated: CosimError says what is wrong with a file
+        that is damaged, or was made by another program. The FMUs themselves must judge their serialized states.
         """
         file = Path(path)
         with safe_files.named(file):
@@ -203,8 +208,9 @@ def _source(connection: Sequence[Any] | None) -> str:
 
 
 def unpack(member: Member, packed: Packed) -> None:
-    """Restore a component from the state of another instance. Raises CosimError naming the component
-    when they differ.
+    """Restore a component from the state of another instance.
+
+    Raises CosimError naming the component when they differ.
     """
     component = member.component
     if not isinstance(component, Portable):

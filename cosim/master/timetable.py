@@ -28,9 +28,12 @@ class Clock:
 
 
 class Timetable(Generic[Entry]):
-    """Instants of a set of clocks. `compile` makes an entry from the numbers of the clocks that are due; it is called
-    once for every combination that occurs. From the largest offset on the pattern repeats: one period of it is kept
-    as a table, unless it is longer than `LONGEST` instants."""
+    """Instants of a set of clocks.
+
+    `compile_entry` makes an entry from the numbers of the clocks that are due; it is called once for every combination
+    that occurs. From the largest offset on the pattern repeats: one period of it is kept as a table, unless it is
+    longer than `LONGEST` instants.
+    """
 
     LONGEST = 20_000
     BLOCK = 2_000

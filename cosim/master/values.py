@@ -34,8 +34,10 @@ _FEW = 24  # values that Python adds up faster than NumPy begins
 
 @dataclass
 class PortLayout:
-    """One component's part. Inputs come from values[index], then scale and offset; `u` and `y` are its buffers, `y` a
-    slice of the values."""
+    """Slots and buffers of one component.
+
+    Inputs come from values[index], then scale and offset; `u` and `y` are its buffers, `y` a slice of the values.
+    """
 
     inputs: list[Variable]
     outputs: list[Variable]
@@ -57,8 +59,9 @@ class PortLayout:
         return self.scale is None and not self.lines
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
-        """Of each extrapolated input: its number, slots of now, previous and time; period of its source, and how far
-        from that time to the middle of the next step [s].
+        """Each extrapolated input: number, slots of now, previous and time, period of its source, and time ahead [s].
+
+        The time ahead is from the slot's time to the middle of the next step.
         """
         known = zip(self.lines, self.periods, self.since, strict=True)
         return [(*line, period, self.half - since) for line, period, since in known]
@@ -121,8 +124,10 @@ class Layout:
         return [self._finite_check(*piece) for piece in pieces]
 
     def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
-        """Of a few values the sum tells (it may overflow, so a second look decides); of many, one comparison of the
-        whole piece and a search for a zero byte in its result.
+        """Return a function that checks that the outputs of these components are finite.
+
+        For a few values it adds them up (the sum may overflow, so a second check decides); for many, it compares the
+        whole piece at once and searches the result for a zero byte.
         """
         piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
         finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
@@ -155,8 +160,10 @@ class Layout:
         return None
 
     def arrival(self, due: Sequence[Member]) -> list[Timed]:
-        """What shows the outputs of the continuous components whose step has ended, and remembers previous values.
-        All copies read before any writes."""
+        """Copies that publish the outputs of the continuous components whose step has ended, and save previous values.
+
+        All copies read before any writes.
+        """
         pairs = [pair for m in due for part in self.copies(m) for pair in part]
         actions: list[Timed] = [self._stamp(slot) for member, slot in self.reached.items() if member in due]
         if pairs:
@@ -164,8 +171,9 @@ class Layout:
         return actions
 
     def copies(self, member: Member) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """What a component's arrival copies, as slots (to, from): what was visible is remembered, what was reached is
-        shown.
+        """Copies at a component's arrival, as slots (to, from).
+
+        Published values become previous values, and reached values become published ones.
         """
         remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is member]
         show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is member]

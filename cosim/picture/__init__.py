@@ -1,1 +1,1 @@
-"""A system as a picture: ``layout`` says where its components are, ``svg`` draws them."""
+"""A system as a picture: `layout` says where its components are, `svg` draws them."""

@@ -93,8 +93,10 @@ def bundles(schedule: Schedule) -> list[Bundle]:
 
 
 def arrange(schedule: Schedule) -> Picture:
-    """The picture of a system. Lines between neighbouring columns run in the channel between these; those that pass a
-    column run above all boxes, and those that lead back below.
+    """Arrange the picture of a system.
+
+    Lines between neighboring columns run in the channel between these; those that pass a column run above all boxes,
+    and those that lead back below.
     """
     all_bundles = bundles(schedule)
     columns = _columns(schedule, all_bundles)
@@ -151,8 +153,10 @@ def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Mem
 
 
 def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[Member]:
-    """Components along the signals. A discrete one comes after those that are executed before it; a continuous one
-    after the discrete ones that feed it, and after continuous ones that feed it more than it feeds them.
+    """Components in the direction of the signals.
+
+    A discrete one comes after those that are executed before it; a continuous one after the discrete ones that feed it,
+    and after continuous ones that feed it more than it feeds them.
     """
     weight = {(b.source, b.target): len(b.connections) for b in all_bundles}
     continuous = sorted(
@@ -182,8 +186,9 @@ def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]
 def _channels(
     columns: Sequence[Sequence[Member]], column_of: dict[Member, int], all_bundles: Sequence[Bundle]
 ) -> list[float]:
-    """Widths of what is left of each column, and right of the last: space for a line per bundle and for the longest
-    label.
+    """Widths of the channels left of each column, and right of the last one.
+
+    A channel has space for a line per bundle and for the longest label.
     """
     lanes = [0] * (len(columns) + 1)
     letters = [0] * (len(columns) + 1)

@@ -1,5 +1,6 @@
-"""A system as SVG: a box for each component with its rate, a line for each bundle of signals. The same system gives the
-same bytes.
+"""A system as SVG: a box for each component with its rate, a line for each bundle of signals.
+
+The same system gives the same bytes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Animations of a vehicle from the side: what moves, drawn by the page to scale.
 
-An :class:`Animation` has takes, of which the page shows one; a take has scenes, which run side by side on one clock; a
+An `Animation` has takes, of which the page shows one; a take has scenes, which run side by side on one clock; a
 scene has a ground, rigid bodies, wheels, struts between them, forces and readings. Lengths in m, forces in N, angles in
-rad, x ahead and z up, angles positive nose down (ISO 8855 pitch). All series of a scene are sampled ``step`` apart from
+rad, x ahead and z up, angles positive nose down (ISO 8855 pitch). All series of a scene are sampled `step` apart from
 time 0; the page interpolates in between.
 """
 
@@ -43,7 +43,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Wheel:
-    """A disc that rolls; ``turn`` grows while it rolls ahead."""
+    """A disc that rolls; `turn` grows while it rolls ahead."""
 
     name: str
     radius: float
@@ -69,7 +69,7 @@ class Strut:
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """An arrow from (x, z); ``role`` gives its color: of the ground on a wheel, or on the body."""
+    """An arrow from (x, z); `role` gives its color: of the ground on a wheel, or on the body."""
 
     name: str
     x: npt.ArrayLike
@@ -118,7 +118,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One run. ``outcome`` says in a few words how it ended, ``good`` colors it."""
+    """One run. `outcome` says in a few words how it ended, `good` colors it."""
 
     title: str
     step: float
@@ -201,8 +201,9 @@ class Take:
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """Takes to choose from, ``width`` [m] of the ground in view, and ``force_scale`` [N] drawn as long as a metre:
-    without exception, an arrow that is too long for the picture leaves it, and its size is written.
+    """Takes to choose from, with `width` [m] of the ground in view and `force_scale` [N] drawn as long as a meter.
+
+    The scale has no exception: an arrow that is too long for the picture leaves it, and its size is written.
     """
 
     id: str

@@ -109,7 +109,7 @@ class Band:
         return self.low <= value <= self.high
 
     def text(self, unit: str = "") -> str:
-        """ "between 2 and 15 %", "at least 2"."""
+        """The band in words, "between 2 and 15 %", "at least 2"."""
         suffix = f" {unit}" if unit and unit != "-" else ""
         if math.isinf(self.high):
             return f"at least {self.low:.3g}{suffix}"
@@ -170,7 +170,7 @@ class Distribution:
         return self.count(holds) == len(self.values)
 
     def text(self, form: str = "{:.3g}", unit: str = "", holds: Callable[[float], bool] | None = None) -> str:
-        """ "median 0.31 (0.21 to 0.42 over 8 seeds; on the claimed side in 7)"."""
+        """The distribution in words, "median 0.31 (0.21 to 0.42 over 8 seeds; on the claimed side in 7)"."""
         suffix = f" {unit}" if unit and unit != "-" else ""
         span = f"{form.format(self.low)} to {form.format(self.high)}{suffix} over {len(self.values)} {self.of}"
         side = "" if holds is None else f"; holds in {self.count(holds)} of {len(self.values)}"
@@ -201,7 +201,7 @@ class Evidence:
     on_side: int
 
     def row(self) -> list[str | float | int]:
-        """Cells of a table with :attr:`COLUMNS`; numbers to four significant digits."""
+        """Cells of a table with `COLUMNS`; numbers to four significant digits."""
         d = self.distribution
         spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.quantile(0.25), d.quantile(0.75), d.high)]
         return [self.claim, self.quantity, self.unit, *spread, self.on_side, len(d.values)]
@@ -238,7 +238,7 @@ def verdict_of(
     over: Distribution | None = None,
     undecided: str = "",
 ) -> Verdict:
-    """Verdict on a published claim, from what :meth:`Claims.judge` is given."""
+    """Verdict on a published claim, from what `Claims.judge` is given."""
     if undecided:
         return "open"
     if not holds:
@@ -265,8 +265,10 @@ class Claims(list[Claim]):
     def is_significant(
         self, id: str, quantity: str, values: Distribution, holds: Callable[[float], bool], unit: str = "-"
     ) -> bool:
-        """Whether `values` decide for the claimed side (:meth:`Distribution.is_significant`); kept as evidence
-        for claim `id`."""
+        """Whether `values` are significant on the claimed side (`Distribution.is_significant`).
+
+        The answer is kept as evidence for claim `id`.
+        """
         self.evidence.append(Evidence(id, quantity, unit, values, values.count(holds)))
         return values.is_significant(holds)
 
@@ -292,17 +294,20 @@ class Claims(list[Claim]):
 
         Args:
             id: names the claim in the report's files.
-            claim, published, source: the statement, its figure or wording, and where it is printed.
-            ours: what came out, in words.
-            holds: whether what is claimed holds, leaving the published number aside.
+            claim: the statement.
+            published: its figure or wording.
+            source: where it is printed.
+            ours: our result, in words.
+            holds: whether the claim holds, leaving the published number aside.
             reason: why it does not hold, or not in that size (kept only then).
-            value, unit: our figure, kept to five significant digits; not a number counts as none.
+            value: our figure, kept to five significant digits; not a number counts as none.
+            unit: of `value`.
             band: where the value counts as the published one; outside of it the verdict is "trend reproduced, magnitude
                 differs".
             over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
-                bound, which then has to hold clearly (:meth:`Distribution.is_significant`), not in the median alone.
+                bound, which then has to hold significantly (`Distribution.is_significant`), not in the median alone.
             criterion: the rule of `holds` in words; that of the band is added.
-            fitted: what was chosen with published figures in view, or matched by construction.
+            fitted: values that were chosen with published figures in view, or matched by construction.
             undecided: why the runs do not decide; the verdict is "open" then.
         """
         if over is not None:
@@ -334,7 +339,7 @@ class Claims(list[Claim]):
         criterion: str = "",
         fitted: str = "",
     ) -> None:
-        """Add a check of ours, which no paper states; arguments as those of :meth:`judge`."""
+        """Add a check of ours, which no paper states; arguments as those of `judge`."""
         verdict: Verdict = "holds" if holds else "does not hold"
         self._add(id, claim, expected, ours, verdict, reason, source, _figure(value), unit, criterion, fitted)
 

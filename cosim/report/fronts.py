@@ -15,8 +15,9 @@ TRIED, FRONT = "tried", "front"
 
 
 def non_dominated(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Which of the points (n, objectives), all to be small, are on the front: none is at least as small in all and
-    smaller in one.
+    """Which of the points (n, objectives), all to be minimized, are Pareto-optimal.
+
+    No other point is at least as small in all objectives and smaller in one.
 
     Raises:
         ValueError: the points are no table, or one is not finite.
@@ -44,7 +45,7 @@ def front_section(
 
     Args:
         title: of the section.
-        labels: of the objectives by name, with their unit: ``{"comfort": "acceleration [m/s2]"}``.
+        labels: of the objectives by name, with their unit: `{"comfort": "acceleration [m/s2]"}`.
         directions: "min" or "max" of each.
         tried: objectives of each trial.
         parameters: what was tried, of each.

@@ -45,11 +45,10 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Layers over the same grid, on one scale of values. ``reference``: a value whose contour is drawn as a line, where
-    a layer has it.
+    """Layers over the same grid, on one scale of values.
 
-    ``value_range``: that scale (lowest, highest), the same for maps that are to be compared; None for the extent of the
-        values.
+    `reference`: a value whose contour is drawn as a line, if a layer has it. `value_range`: the scale (lowest,
+    highest), the same for maps that are to be compared; None for the extent of the values.
     """
 
     id: str

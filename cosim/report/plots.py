@@ -345,7 +345,7 @@ def series_columns(figure: Figure) -> list[tuple[str, Array]]:
 
 
 def placed_columns(figure: Figure) -> tuple[list[tuple[str, Array]], list[tuple[int, int]]]:
-    """The same columns, and for each trace of :func:`plotly_figure` which of them are its x and its y."""
+    """The same columns, and for each trace of `plotly_figure` which of them are its x and its y."""
     found: list[tuple[str, str, Array]] = []  # panel, header, values
     grids: list[tuple[str, Array, int]] = []  # label, values, place
     places: list[tuple[int, int]] = []

@@ -1,6 +1,6 @@
 """What systems look like: scenes for live pages, found by the names of variables.
 
-- `infer`: :func:`infer_scene`, the scene of a system, from the names that plants, roads and controllers have in
+- `infer`: `infer_scene`, the scene of a system, from the names that plants, roads and controllers have in
   common
 - `shapes`: bodies of vehicles and test rigs
 """

@@ -3,7 +3,7 @@
 Names are a contract: a plant has `body.z`, and `wheel.z` or `wheel.{c}.z` for its corners; what drives
 `road.{c}.height` is the road; what reads `preview.{c}[i]` looks ahead. So whatever fills the contract is drawn, ours or
 not, and nothing that a system does not have. Dimensions are parameters where a plant has them; the rest stands in
-:data:`LOOKS`.
+`LOOKS`.
 """
 
 from __future__ import annotations
@@ -46,8 +46,10 @@ _KMH = 3.6
 
 @dataclass(frozen=True)
 class Looks:
-    """What the parameters of a plant may not say [m, kg]: loaded radius and width of a tire, height of the CG above the
-    road, largest mass of a body that looks so; `what` is its name in sentences.
+    """Defaults for dimensions that the parameters of a plant may not give [m, kg].
+
+    They are loaded radius and width of a tire, height of the CG above the road, and the largest mass of a body of this
+    shape; `what` is its name in sentences.
     """
 
     what: str
@@ -526,9 +528,10 @@ def _preview_step(system: Wiring, reader: Member, source: Member) -> float | Non
 
 
 def _predictions(found: _Found, distance: Value) -> Iterator[Points]:
-    """How controllers expect the front suspensions to move, `predicted.suspension.{c}.deflection[i]` a sample apart:
-    drawn at the height of the strut's upper end, which a body at rest keeps above the road, and from the deflection
-    now.
+    """Deflections of the front suspensions that controllers predict, `predicted.suspension.{c}.deflection[i]`.
+
+    They are a sample apart, and drawn at the height of the strut's upper end, which a body at rest keeps above the
+    road, starting from the present deflection.
     """
     if found.speed is None:
         return

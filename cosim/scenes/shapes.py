@@ -1,7 +1,6 @@
-"""Hulls: what vehicles look like, from where their wheels are. Drawn for the eye; only what a plant's parameters say is
-to scale.
+"""Shapes of vehicles, from the positions of their wheels; only dimensions that a plant's parameters give are to scale.
 
-Every maker gives faces in the frame of the body: the origin is the centre of gravity, x ahead, y left, z up [m].
+Every function returns faces in the frame of the body: the origin is the center of gravity, x ahead, y left, z up [m].
 """
 
 from __future__ import annotations
@@ -209,8 +208,9 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
 
 @dataclass(frozen=True)
 class Outline:
-    """The lower outline of a long vehicle, as `ThreeAxleTrench` has it [m]: overhangs beyond the outer axles, heights
-    above the CG.
+    """Lower outline of a long vehicle, as in `ThreeAxleTrench` [m].
+
+    Overhangs are beyond the outer axles, heights above the CG.
     """
 
     front_overhang: float = 1.2
@@ -234,8 +234,7 @@ class Outline:
 
 
 def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
-    """A wheeled carrier on three axles or more: its belly as the plant has it, sloping bow, sponsons
-    above the wheels."""
+    """A wheeled carrier on three axles or more: the plant's belly, sloping bow, sponsons above the wheels."""
     first, last = axles[0].x, axles[-1].x
     side = max(a.half_track for a in axles) + 0.13
     inner = min(a.half_track - a.width / 2 for a in axles) - 0.09
@@ -335,8 +334,9 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
 
 
 def rig_mass(size: float) -> list[Face]:
-    """The sprung mass of a quarter car, guided at both ends; `size` is the radius of the wheel. Its origin is the
-    middle of its underside.
+    """The sprung mass of a quarter car, guided at both ends; `size` is the radius of the wheel.
+
+    The origin is the middle of its underside.
     """
     return [
         *_box((-1.35 * size, 1.35 * size), (-0.8 * size, 0.8 * size), (0.0, 0.62 * size), "mass"),
@@ -370,8 +370,7 @@ def rig_frame(size: float, height: float) -> list[Face]:
 
 
 def rig_plate(size: float, stroke: float) -> list[Face]:
-    """The shaker's plate with its piston, `stroke` above the base; the origin is on the plate, where the
-    tire stands."""
+    """The shaker's plate with its piston, `stroke` above the base; the origin is on the plate, under the tire."""
     return [
         *_box((-1.05 * size, 1.05 * size), (-0.62 * size, 0.62 * size), (-0.14 * size, 0.0), "panel"),
         *_box((-0.2 * size, 0.2 * size), (-0.2 * size, 0.2 * size), (-stroke, -0.14 * size), "steel"),
@@ -386,18 +385,17 @@ def _pairs(contour: Contour) -> list[tuple[tuple[float, float], tuple[float, flo
 
 
 def _along(a: tuple[float, float], b: tuple[float, float]) -> Callable[[float], float]:
-    """x over z on the line from a to b."""
+    """The function x(z) of the line from a to b."""
     return lambda z: a[0] + (b[0] - a[0]) * (z - a[1]) / (b[1] - a[1])
 
 
 def _leaning(z1: float, y1: float, z2: float, y2: float) -> Callable[[float], float]:
-    """y over z of a sheet that leans in."""
+    """The function y(z) of a sheet that leans inward."""
     return lambda z: y1 + (y2 - y1) * (z - z1) / (z2 - z1)
 
 
 def _sides(low: Contour, high: Contour, y: float, material: Material = "body") -> list[Face]:
-    """The sheets at both sides between a lower and an upper contour, upright at y and -y, in columns,
-    which are convex."""
+    """The sheets at both sides between a lower and an upper contour, upright at y and -y, in convex columns."""
     (lx, lz), (hx, hz) = (np.array(sorted(c)).T for c in (low, high))
     xs = np.unique(np.concatenate([lx, hx]))
     xs = xs[(xs >= max(lx[0], hx[0])) & (xs <= min(lx[-1], hx[-1]))]
@@ -435,8 +433,7 @@ def _round_arch(x: float, centre: float, radius: float, sill: float) -> list[tup
 
 
 def _arch_liner(piece: tuple[tuple[float, float], tuple[float, float]], side: float) -> Face:
-    """One sheet of the inside of both arches of an axle; what is between the wheels hides where it
-    crosses the vehicle."""
+    """One sheet of the inside of both arches of an axle; parts between the wheels hide where it crosses the vehicle."""
     return _strip(piece[0], side, piece[1], side, "dark")
 
 

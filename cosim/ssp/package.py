@@ -45,8 +45,7 @@ class Package:
             raise SspError(str(error)) from None
 
     def descriptions(self) -> list[Path]:
-        """The descriptions of structure beside each other: the one that counts by itself first, then
-        variants by name."""
+        """The structure descriptions of the package: SystemStructure.ssd first, then variants by name."""
         found = [p for p in self.folder.glob("*.ssd") if p.is_file()]
         return sorted(found, key=lambda p: (p.name != ENTRY, p.name))
 

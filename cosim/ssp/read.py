@@ -215,8 +215,9 @@ class _Reader:
                     )  # those are for tools that step first
 
     def applied(self, path: tuple[str, ...], signals: Signals, given: Mapping[Place, BoundValue]) -> dict[str, Any]:
-        """Values by the names of an FMU's variables: those that are given for it, or for what its connectors take their
-        values from.
+        """Values by the names of an FMU's variables.
+
+        They are given for the FMU itself, or for the source of the values of its connectors.
         """
         member = self.member(path)
         fmu = member.component.fmu if isinstance(member.component, FmuComponent) else None

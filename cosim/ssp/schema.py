@@ -26,9 +26,7 @@ def _compiled(name: str, major: str) -> Any:
 
 
 def deviation(root: Any) -> str:
-    """The first thing that the schema of the file's own version finds wrong with it, with its line; "" if there is
-    none.
-    """
+    """The first violation of the schema of the file's own version, with its line; "" if there is none."""
     name = etree.QName(root).localname
     if name not in _FILES:
         return f"its element is {one_line(name, 60)}; one of {', '.join(_FILES)} is expected"

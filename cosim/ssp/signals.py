@@ -1,9 +1,7 @@
-"""The way of every signal through nested systems and signal dictionaries: where an input's value comes from, and what
-happens to it.
+"""Traces signals through nested systems and signal dictionaries: the source of each input, and changes on the way.
 
 A place is a connector of an element, by the path of systems to it, or an entry of a signal dictionary; of arrays each
-element by itself. At most one connection leads to a place. The kinds of the connectors say which
-end is the source.
+element by itself. At most one connection leads to a place. The kinds of the connectors say which end is the source.
 """
 
 from __future__ import annotations
@@ -114,8 +112,10 @@ def _connect(
 
 
 def _gives(connector: Connector, *, own: bool) -> bool | None:
-    """Whether a connection takes a value from here; None for either. What a system takes from outside it
-    gives inside."""
+    """Whether a connection takes a value from here; None for either.
+
+    The inputs of a system are sources inside it.
+    """
     if connector.kind in _GIVES:
         return not own
     return own if connector.kind in _TAKES else None
@@ -151,9 +151,7 @@ def _end(
 def _entry(
     reference: Reference, connector: Connector, around: tuple[tuple[System, Path], ...], here: str
 ) -> tuple[Connector, Path, str]:
-    """The entry of a signal dictionary that a reference's connector stands for: of the nearest system that has such a
-    dictionary.
-    """
+    """The entry of a signal dictionary that a reference's connector stands for, in the nearest system that has one."""
     for system, path in reversed(around):
         entries = system.dictionaries.get(reference.dictionary)
         if entries is None:
@@ -187,8 +185,10 @@ class Change:
 
 
 def change(steps: list[Step], first: Unit | None, last: Unit | None, relative: bool, title: str) -> Change | None:
-    """Conversions of units and transformations one after the other; None where nothing happens but the conversion of
-    the first unit into the last. Raises SspError for what does not fit.
+    """Unit conversions and transformations one after the other.
+
+    None if the only change is the conversion of the first unit into the last. Raises SspError for units and
+    transformations that do not match.
     """
     if all(s.connection.transformation is None and not s.connection.suppress for s in steps):
         units = [u for u in (first, *(s.target.unit for s in steps[:-1]), last) if u is not None]

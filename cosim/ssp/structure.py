@@ -1,5 +1,6 @@
-"""What the files of an SSP say: systems, components, connectors, connections, parameter sets; nested descriptions and
-packages in their places. Nothing here knows FMUs.
+"""Content of the files of an SSP: systems, components, connectors, connections, parameter sets.
+
+Nested descriptions and packages are in their places. This module does not use FMUs.
 """
 
 from __future__ import annotations
@@ -144,7 +145,8 @@ class Structure:
 
 
 def read(package: Package, variant: str | None) -> Structure:
-    """The structure of a package: the description that counts by itself, or a variant by its name or that of its file.
+    """The structure of a package: its main description, or a variant by its name or that of its file.
+
     Raises SspError.
     """
     files = package.descriptions()
@@ -319,8 +321,7 @@ class _File:
         )
 
     def nested(self, element: Any, name: str, kind: str, source: str, step: Fraction | None) -> System:
-        """A component that is another description, of this package or of one in it, or a system of this
-        file by its id."""
+        """A component that is a description of this or a nested package, or a system of this file by its id."""
         path, _, fragment = source.partition("#")
         what = f"component '{name}'"
         if not path:
@@ -380,8 +381,9 @@ class _File:
         )
 
     def unit(self, element: Any, what: str) -> Unit | None:
-        """The unit that an element names: one of the Units. Other spellings of a known unit (`[m]`) and an empty text
-        are warned of, once each.
+        """The unit that an element names: one of the Units.
+
+        Other spellings of a known unit (`[m]`) and an empty text give a warning, once each.
         """
         text = element.get("unit")
         if text is None or text in self.units:

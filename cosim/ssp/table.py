@@ -1,6 +1,4 @@
-"""A mapping of integers between two components, as a component that is executed with its source and hands its value on
-at once.
-"""
+"""An integer mapping between two components, as a component executed with its source, without delay."""
 
 from __future__ import annotations
 

@@ -21,8 +21,9 @@ SET = "initialValues"
 
 
 def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: str) -> etree._Element:
-    """The parameter set of the component `name`. In SSP 2.0 elements of an array of the FMU are one parameter, all of
-    them, row-major.
+    """The parameter set of the component `name`.
+
+    In SSP 2.0 all elements of an array of the FMU are one parameter, row-major.
     """
     root = etree.Element(
         f"{SSV}ParameterSet", nsmap={p: names.PREFIXES[p] for p in ("ssv", "ssc")}, version=version, name=SET

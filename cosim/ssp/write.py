@@ -1,5 +1,6 @@
-"""An SSP of a system: the description of its structure, its FMUs, its parameter sets. The same system gives the same
-bytes.
+"""An SSP of a system: the description of its structure, its FMUs, its parameter sets.
+
+The same system gives the same bytes.
 """
 
 from __future__ import annotations
@@ -52,9 +53,11 @@ def export_ssp(
     initial: Mapping[str, float],
     text: str = "",
 ) -> Path:
-    """Write a system as an SSP; see `System.export_ssp`. All components come in their order; `inputs`: full names of
-    inputs that are the system's; `initial`: what connected inputs show when the system has been initialized, by name.
-    Raises SspError naming what cannot be in it.
+    """Write a system as an SSP; see `System.export_ssp`.
+
+    All components come in their order; `inputs`: full names of inputs that become inputs of the system; `initial`:
+    values of connected inputs after initialization, by name. Raises SspError naming components that an SSP cannot
+    contain.
     """
     version = version_of(version)
     if path.suffix != ".ssp" or not path.stem:
@@ -65,8 +68,9 @@ def export_ssp(
 
 
 def files_of(schedule: Schedule, version: str) -> dict[Member, FmuFile]:
-    """The file of every component, in the version of FMI that the SSP takes. Raises SspError naming a component that
-    cannot travel.
+    """The file of every component, in the version of FMI that the SSP takes.
+
+    Raises SspError naming a component without such a file.
     """
     found = {}
     for m in schedule.members:
@@ -210,9 +214,7 @@ class _Exporter:
         return {"real": float, "integer": int, "boolean": bool}.get(kind, str)(value)
 
     def _only_initial(self, m: Member) -> list[str]:
-        """Values of connected inputs that are there for tools that step before they exchange, and what completes
-        arrays.
-        """
+        """Values of connected inputs for tools that step before they exchange, and values that complete arrays."""
         about, written = m.description, set(self._values(m))
         if self.fmus[m].major == "3":
             written |= {
@@ -309,9 +311,10 @@ class _Exporter:
             etree.SubElement(hint, f"{OSP}StepSizeHint", value=repr(float(m.step)))
 
     def _connectors(self, m: Member) -> list[tuple[str, str, Variable]]:
-        """Name, kind and (first) variable of each connector: all outputs, all inputs that something drives, parameters
-        that are set. Inputs that keep their start values are none: several readers drive whatever is there, by 0 or by
-        another one's source.
+        """Name, kind and (first) variable of each connector: all outputs, connected inputs, parameters that are set.
+
+        Inputs that keep their start values get no connector: several readers drive every connector, by 0 or by another
+        one's source.
         """
         fed = {*self.driven, *self.open}
         found: dict[str, tuple[str, str, Variable]] = {}
@@ -390,9 +393,7 @@ class _Exporter:
     # Connections.
 
     def _wires(self) -> list[_Wire]:
-        """Connections of the file: arrays that are connected element by element in their order are connected as a
-        whole.
-        """
+        """Connections of the file; arrays whose elements are all connected in order are connected as a whole."""
         found: list[_Wire] = []
         whole: dict[tuple[Name, Name], list[Connection]] = {}
         for c in self.schedule.connections:
@@ -447,8 +448,9 @@ class _Exporter:
         return gcd([m.step for m in self.members])
 
     def _system_annotations(self, system: etree._Element) -> None:
-        """First OMSimulator's, which looks at the first one only; then ours, here because OMSimulator refuses any in a
-        component.
+        """OMSimulator's annotations first, since it reads only the first one; then ours.
+
+        Ours are here because OMSimulator rejects any annotation in a component.
         """
         annotations = etree.SubElement(system, f"{SSD}Annotations")
         oms = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OPENMODELICA)

@@ -53,7 +53,7 @@ class SystemResponse:
         system: put together; it stays the caller's.
         outputs: full names.
         stop_time, interval: of a run, and between samples [s].
-        allow_unconnected: as of :meth:`cosim.System.run`.
+        allow_unconnected: as of `cosim.System.run`.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Calibration:
     """What was found, and how well the data tell it.
 
     Attributes:
-        names: of the parameters; ``values`` (n,): at the smallest sum of squares; ``bounds``: where they were looked
+        names: of the parameters; `values` (n,): at the smallest sum of squares; `bounds`: where they were looked
             for.
         residuals: (samples, outputs), data less response.
         jacobian: (samples * outputs, n), of the response over its noise, by the logarithms of the parameters.
@@ -111,8 +111,7 @@ class Calibration:
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
-        """Eigenvalues of the information, largest first, and its eigenvectors as columns (see
-        :func:`_by_parameter`)."""
+        """Eigenvalues of the information, largest first, and its eigenvectors as columns (see `_by_parameter`)."""
         _, singular, rows = np.linalg.svd(self.jacobian, full_matrices=False)
         return singular**2 / self.inflation, _by_parameter(singular, rows.T)
 
@@ -145,8 +144,9 @@ class Calibration:
 
     @property
     def not_identifiable(self) -> list[str]:
-        """Parameters that these data do not tell: a relative standard deviation beyond one half, or a fit that ended at
-        a bound.
+        """Parameters that are not identifiable from these data.
+
+        Their relative standard deviation is beyond one half, or their fit ended at a bound.
         """
         return [
             n for n, d, at in zip(self.names, self.deviations.tolist(), self.at_bounds, strict=True) if d > VAGUE or at
@@ -173,8 +173,10 @@ class Calibration:
 
     @property
     def combinations(self) -> list[tuple[float, dict[str, float]]]:
-        """From the best told: relative standard deviation of a product of powers of the parameters, and the powers
-        (above 0.1).
+        """Combinations of parameters, best identified first.
+
+        Each is the relative standard deviation of a product of powers of the parameters, and the powers. Only powers
+        above 0.1 are listed.
         """
         size, axes = self._spectrum
         with np.errstate(divide="ignore"):
@@ -188,8 +190,9 @@ class Calibration:
 
     @property
     def misfit(self) -> float:
-        """Mean square of the residuals over that of the noise as given: 1 for a model that lacks nothing and the right
-        minimum; 1 by definition where the noise was estimated.
+        """Mean square of the residuals over that of the given noise.
+
+        It is 1 for a complete model at the right minimum, and 1 by definition if the noise was estimated.
         """
         return float(np.mean((self.residuals / self.noise) ** 2))
 
@@ -231,9 +234,10 @@ class Calibration:
 
 
 def _by_parameter(singular: Array, axes: Array) -> Array:
-    """The same axes with signs, and among axes of equal length directions, that follow from the parameters: in each
-    subspace the first axis is nearest to the parameter that has the largest part in it, and positive there. LAPACK's
-    own choice differs by processor.
+    """The same axes with signs that follow from the parameters, and directions too for axes of equal length.
+
+    In each subspace the first axis is nearest to the parameter that has the largest part in it, and positive there.
+    LAPACK's own choice differs by processor.
     """
     chosen, begin = np.empty_like(axes), 0
     rounding = len(axes) * np.finfo(float).eps * singular[0]
@@ -362,9 +366,7 @@ def _scale(data: Array) -> Array:
 
 
 def _inflation(residuals: Array) -> float:
-    """Factor on variances for residuals with correlation r from sample to sample: (1 + r) / (1 - r), of the worst
-    output.
-    """
+    """Factor (1 + r) / (1 - r) on variances for a correlation r of residuals between samples, of the worst output."""
     found = 1.0
     for column in _columns(residuals):
         power = float(column @ column)

@@ -1,5 +1,4 @@
-"""Cases: one run of an experiment as a frozen dataclass, whose fields carry what people and machines need to know of
-them.
+"""Cases: one run of an experiment as a frozen dataclass, whose fields are options for people and machines.
 
     @dataclass(frozen=True)
     class Ride(Case):
@@ -38,7 +37,7 @@ class CaseError(CosimError, ValueError):
 
 @dataclass(frozen=True)
 class Option:
-    """What a field of a case carries; see :func:`option`."""
+    """What a field of a case carries; see `option`."""
 
     help: str = ""
     unit: str = ""
@@ -54,9 +53,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a class of cases: its name in Python, its type without None, its default, and what :func:`option` says
-    of it.
-    """
+    """A field of a class of cases: Python name, type without None, default, and the settings of `option`."""
 
     attribute: str
     type: type
@@ -163,7 +160,7 @@ def _fields(case: Any) -> tuple[Field, ...]:
 
 
 def _plain(hint: Any) -> tuple[type, bool]:
-    """Type behind an annotation, and whether None is allowed: ``float | None``, ``Literal["a", "b"]``."""
+    """Type behind an annotation, and whether None is allowed: `float | None`, `Literal["a", "b"]`."""
     optional = False
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         arguments = [a for a in typing.get_args(hint) if a is not type(None)]
@@ -175,7 +172,7 @@ def _plain(hint: Any) -> tuple[type, bool]:
 
 
 def check(case: Any) -> None:
-    """Refuse a case with a value that cannot be; see :class:`Case`."""
+    """Refuse a case with a value that cannot be; see `Case`."""
     for f in fields(type(case)):
         value = getattr(case, f.attribute)
         if not (value is None and f.optional):
@@ -204,7 +201,7 @@ def _check_value(f: Field, value: Any) -> None:
 
 
 def check_choice(what: str, value: Any, known: Collection[Any], beside: str = "") -> None:
-    """Refuse ``value`` unless it is one of ``known``; ``beside`` ends the message.
+    """Refuse `value` unless it is one of `known`; `beside` ends the message.
 
     Raises:
         CaseError: names the nearest choice and all of them.
@@ -237,7 +234,7 @@ _NUMBER = re.compile(r"(?:(?<!\w)[-+])?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECA
 
 
 def file_name(case: Any) -> str:
-    """The label of a case as a name for files, also where its class has a ``label`` of its own."""
+    """The label of a case as a name for files, also where its class has a `label` of its own."""
     own = str(getattr(case, "label", None) or label(case))
     safe = own == label(case) or (own == own.lower() and _FILE_NAME.fullmatch(own) and len(own) <= LONGEST)
     return own if safe else _with_hash(own, case)
@@ -337,13 +334,13 @@ def values(case: Any) -> dict[str, Any]:
 
 
 def named_files(case: Any) -> list[Path]:
-    """Files that a case names, in the order of its fields; see ``files`` of :func:`option`."""
+    """Files that a case names, in the order of its fields; see `files` of `option`."""
     named = ((f.option.files, getattr(case, f.attribute)) for f in fields(type(case)))
     return [Path(v) for suffix, v in named if suffix and isinstance(v, str) and v.endswith(suffix)]
 
 
 def grid(case: type[C], **axes: Iterable[Any]) -> list[C]:
-    """All combinations of values of some fields, the last varying fastest: ``grid(Ride, speed=(30, 50), road=ROADS)``.
+    """All combinations of values of some fields, the last varying fastest: `grid(Ride, speed=(30, 50), road=ROADS)`.
 
     Raises:
         CaseError: no such field, or a combination that cannot be run.
@@ -355,9 +352,9 @@ def grid(case: type[C], **axes: Iterable[Any]) -> list[C]:
 
 
 def case_of(function: Callable[..., Any]) -> type[Case]:
-    """The class of cases behind a function's keyword arguments: ``def system(speed: float = 50.0)``.
+    """The class of cases behind a function's keyword arguments: `def system(speed: float = 50.0)`.
 
-    A default may be an :func:`option`.
+    A default may be an `option`.
 
     Raises:
         CaseError: an argument without default, or of a type that no option has.

@@ -7,7 +7,7 @@
         worst = max(abs(row["force.max"]) for row in study.values())
         return Finding(f"at most {worst:.6g} N", worst <= 8, "the force exceeds its bound", criterion="in every run")
 
-Verdicts follow from findings as :class:`cosim.report.Claims` says.
+Verdicts follow from findings as `cosim.report.Claims` says.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Evidence:
     def is_significant(
         self, quantity: str, values: Distribution | None, holds: Callable[[float], bool], unit: str = "-"
     ) -> bool:
-        """Whether ``values`` are on the claimed side (:meth:`Distribution.is_significant`); None is not."""
+        """Whether `values` are on the claimed side (`Distribution.is_significant`); None is not."""
         if values is None:
             return False
         self.seen.append((quantity, values, holds, unit))
@@ -40,10 +40,10 @@ class Evidence:
 class Finding:
     """What a study says of a statement.
 
-    ``ours``: what came out, in words. ``holds``: whether what is claimed holds, leaving the published number aside.
-    ``reason``: why it does not, or not in that size. ``value`` [``unit``], or ``over``, the distribution that it is the
-    median of: our figure, which counts as the published one inside of ``band``. ``criterion``: the rule of ``holds`` in
-    words. ``fitted``: what was chosen with published figures in view. ``undecided``: why the runs do not decide.
+    `ours`: what came out, in words. `holds`: whether what is claimed holds, leaving the published number aside.
+    `reason`: why it does not, or not in that size. `value` [`unit`], or `over`, the distribution that it is the
+    median of: our figure, which counts as the published one inside of `band`. `criterion`: the rule of `holds` in
+    words. `fitted`: what was chosen with published figures in view. `undecided`: why the runs do not decide.
     """
 
     ours: str
@@ -66,9 +66,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement and the function that judges it; ``own``: a check of ours, which no paper states.
+    """A statement and the function that judges it; `own`: a check of ours, which no paper states.
 
-    ``text`` is a function of the study where it names something that the FMUs which ran say; it finds words also if no
+    `text` is a function of the study where it names something that the FMUs which ran say; it finds words also if no
     run did.
     """
 
@@ -128,8 +128,9 @@ class ClaimList:
         return keep
 
     def judge(self, study: Any) -> Claims:
-        """Every statement judged on a study. One that needs a run which failed is open, and a check of ours does not
-        hold.
+        """Judge every statement on a study.
+
+        A statement that needs a failed run is open; an additional check that needs one does not hold.
         """
         found = Claims()
         for s in self:

@@ -1,6 +1,4 @@
-"""Commands of an experiment, made of what it declares: ``run`` with the options of its cases, ``study`` with those of
-its plan.
-"""
+"""Commands of an experiment: `run` with options of its cases, `study` with those of its plan."""
 
 from __future__ import annotations
 
@@ -415,7 +413,7 @@ def study_command(experiment: Experiment) -> Any:
 
 
 class _Paced(Command):
-    """A command whose ``--real-time`` may stand without its factor."""
+    """A command whose `--real-time` may stand without its factor."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         given: list[str] = []
@@ -440,11 +438,12 @@ def run_case(
     bars: bool = False,
     folder: Path | None = None,
 ) -> None:
-    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``,
-    ``display_units`` and ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of
-    both: see :class:`Runner`; ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``:
-    whether its metrics are, as shares of the baseline's; ``folder``: of the files, by default that of the experiment
-    and the user's vehicles in ``out``.
+    """Run one case beside its baseline: a table on the screen, time histories and metrics as files.
+
+    `output`, `display_units` and `real_time` of the case: see `cosim.System.run`; `inputs` and `hold_inputs` of both:
+    see `Runner`; `curves`: names and patterns of the curves of the case in the terminal; `bars`: whether its metrics
+    are drawn as shares of the baseline's; `folder`: of the files, by default that of the experiment and the user's
+    vehicles in `out`.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
@@ -515,8 +514,9 @@ def show_curves(recording: Recording, names: Sequence[str]) -> None:
 
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
-    """Run a study under a progress bar and write its page; ``cluster``: of Dask, that it runs on, see
-    :func:`cosim.study.dask`; ``options`` as for :func:`cosim.study.run_study`.
+    """Run a study under a progress bar and write its page.
+
+    `cluster`: Dask cluster that it runs on, see `cosim.study.dask`; `options` as for `cosim.study.run_study`.
 
     Raises:
         CosimError: every run failed; the page is there.
@@ -583,8 +583,9 @@ def command(
     own: Mapping[str, Collection[str]] | None = None,
     results: Collection[str] = (),
 ) -> Any:
-    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them
-    in its help, beside those of every experiment; ``results``: those about inputs and results.
+    """A command of an experiment, with these options by the names of `function`'s arguments.
+
+    `own`: groups of them in its help, beside those of every experiment; `results`: options about inputs and results.
     """
     kinds = inspect.Parameter.KEYWORD_ONLY
     function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
@@ -631,9 +632,7 @@ def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
 
 
 def _plan_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    """Options of a plan that is a function; of one that is not there, each option of the cases, given as often as one
-    likes.
-    """
+    """Options of a plan that is a function; without a plan, each option of the cases (repeatable)."""
     if callable(experiment.plan):
         parameters = inspect.signature(experiment.plan, eval_str=True).parameters.values()
         return {p.name: (p.annotation, p.default) for p in parameters if _is_option(p.annotation)}
@@ -678,7 +677,7 @@ def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
 def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:
     """Metrics of several runs side by side; one that a run does not have is a dash.
 
-    ``relative``: the last run's also as per cent of the first one's; a dash where that is nothing but rounding.
+    `relative`: the last run's also as per cent of the first one's; a dash where that is nothing but rounding.
     """
     first, last = next(iter(measured)), next(reversed(measured))
     relative = relative and first != last

@@ -48,7 +48,7 @@ class DesignError(CaseError):
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter of a sweep: a field of the cases, or ``component.variable`` of the system.
+    """A parameter of a sweep: a field of the cases, or `component.variable` of the system.
 
     Attributes:
         name: as people write it.
@@ -57,7 +57,7 @@ class Axis:
         values: of a list.
         count: values in a grid, of a range.
         whole: only whole numbers. Of a range, all of them have the same probability: the quantile u gives number
-            ``floor(n u)`` of the n in it, so LHS and Sobol designs have each equally often to within one slice, and the
+            `floor(n u)` of the n in it, so LHS and Sobol designs have each equally often to within one slice, and the
             8 levels of Morris are split among them as evenly as 8 can be. Other distributions are rounded to the
             nearest whole number within their limits.
     """
@@ -102,7 +102,7 @@ class Axis:
             )
 
     def at(self, u: Array) -> list[Any]:
-        """Values at quantiles ``u`` (n,) in [0, 1].
+        """Values at quantiles `u` (n,) in [0, 1].
 
         Raises:
             DesignError: some would not be finite.
@@ -145,8 +145,9 @@ class Axis:
 
     @property
     def ends(self) -> tuple[Any, ...]:
-        """The smallest and largest value, of whole numbers the outermost in the range; empty for a distribution without
-        limits.
+        """The smallest and largest value; for whole numbers the outermost in the range.
+
+        Empty for a distribution without limits.
         """
         limits = {"uniform": (0, 1), "triangular": (0, 2), "truncnormal": (2, 3)}.get(self.kind, ())
         numbers = [self.numbers[k] for k in limits]
@@ -181,8 +182,7 @@ FAR = 5.0  # deviations, beyond which probabilities are too near to 0 or 1 for t
 
 
 def _far_tail(mean: float, deviation: float, low: float, high: float, u: Array) -> Array:
-    """A normal distribution cut to an interval far from its mean, by logarithms of its probabilities on
-    the lower side."""
+    """A normal distribution cut to an interval far from its mean, by logarithms of lower-tail probabilities."""
     from scipy import special
 
     upper = low > mean
@@ -202,8 +202,7 @@ _WHOLE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 
 
 def axis(text: str) -> Axis:
-    """``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT`` (of a grid), ``NAME=A,B,C``, ``NAME=1..1000`` or
-    ``NAME=normal(5000,200)``.
+    """Parse `NAME=LOW:HIGH`, `NAME=LOW:HIGH:COUNT` (a grid), `NAME=A,B,C`, `NAME=1..1000` or `NAME=normal(5000,200)`.
 
     Raises:
         DesignError: it is none of these.
@@ -363,8 +362,10 @@ class Design:
 
 
 def _latin_hypercube(n: int, d: int, random: np.random.Generator) -> Array:
-    """Points (n, d), one in each of n slices of every parameter: those of ``scipy.stats.qmc.LatinHypercube``, bit for
-    bit, without loading ``scipy.stats``, 40 MB that a sweep of many runs has a better use for.
+    """Points (n, d), one in each of n slices of every parameter.
+
+    They are those of `scipy.stats.qmc.LatinHypercube`, bit for bit, without loading `scipy.stats`, which takes 40 MB
+    that a sweep of many runs needs for other purposes.
     """
     inside = random.uniform(size=(n, d))
     slices = np.tile(np.arange(1, n + 1), (d, 1))
@@ -388,7 +389,7 @@ _ENTRIES = ("method", "samples", "seed", "vary", "set", "cases")
 
 
 def from_file(path: Path) -> Design:
-    """The design of a TOML file, or of ``DESIGN`` in a Python file, a dict of the same shape::
+    """The design of a TOML file, or of `DESIGN` in a Python file, a dict of the same structure.
 
         method = "sobol"            # as --method
         samples = 1024

@@ -67,7 +67,7 @@ class Dispatch:
         self._unbegun = 0
 
     def through(self, executor: Executor, order: Iterable[int], left: int) -> Results:
-        """(number, line) of every task as it ends; ``left``: how many there are.
+        """(number, line) of every task as it ends; `left`: how many there are.
 
         Raises:
             ExecutorLostError: it is broken.
@@ -174,8 +174,9 @@ class Dispatch:
     def _lost(
         self, chunk: list[int], error: BaseException, alone: deque[int], suspects: deque[int] | None
     ) -> Iterator[tuple[int, bytes]]:
-        """What is to be done with a chunk that has no result: again, or recorded as failed. ``suspects``: where those
-        go that something else may have taken along; None if nothing can.
+        """Decide about a chunk that has no result: run its tasks again, or record them as failed.
+
+        `suspects`: queue for tasks whose worker may have died for another reason; None if there can be none.
         """
         died = isinstance(error, WorkerDiedError | BrokenExecutor) or type(error).__name__ == "KilledWorker"  # of Dask
         if not died:

@@ -44,7 +44,7 @@ def run_study(
     execution: Execution | None = None,
     progress: Progressed = lambda done, total: None,
 ) -> Results:
-    """Run a study; what is in ``store`` already is taken from there.
+    """Run a study; what is in `store` already is taken from there.
 
     Args:
         experiment: what is run.
@@ -109,8 +109,9 @@ def job_context(
 def stored(
     dispatch: Dispatch, kept: Store, order: Sequence[int], executor: Executor | Making | None, processes: int | None
 ) -> Arriving:
-    """Do tasks, and give each with its line as it is stored. Without an executor they are done by processes on this
-    machine.
+    """Do tasks, and yield each with its line as it is stored.
+
+    Without an executor, processes on this machine do them.
 
     Raises:
         OSError: a result could not be stored; those before are.
@@ -159,8 +160,7 @@ def _part(task: Any) -> str:
 
 
 def salt_of(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -> str:
-    """What all runs of an experiment depend on, or of its part of this name; two parts may be alike in
-    everything else."""
+    """Data that all runs of an experiment, or of its part of this name, depend on; two parts may agree in all else."""
     searches = [t for t in tasks if not isinstance(t, Task)]
     found = key.salt(experiment, fmus, _files(experiment, fmus, tasks), searches)
     return f"{part}|{found}" if part else found

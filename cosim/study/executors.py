@@ -57,8 +57,9 @@ def _asked(client: Any) -> Iterator[None]:
 
 @contextmanager
 def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None) -> Iterator[str]:
-    """The address of a cluster on this machine that ends with the block, or with this process. Its scheduler has a
-    process of its own: what it does for every task does not delay this one.
+    """The address of a cluster on this machine that ends with the block, or with this process.
+
+    Its scheduler has a process of its own, so its work for every task does not delay this one.
     """
     from cosim.study.local_cluster import run_cluster
 
@@ -87,8 +88,9 @@ def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None)
 
 
 def _connected(connect: Callable[[], Any], address: str) -> Any:
-    """A client that is connected. A thread of its own connects: what accepts and is silent then would be waited for
-    forever.
+    """Return a connected client.
+
+    A thread of its own connects: if a server accepts and then stays silent, the connection would block forever.
     """
     found: list[Any] = []
 
@@ -110,8 +112,9 @@ def _connected(connect: Callable[[], Any], address: str) -> Any:
 
 
 def _tells_something(record: logging.LogRecord) -> bool:
-    """Dask logs the attempt to reach a scheduler that is gone, when it is given up, as an error with its stack; we have
-    a sentence for it.
+    """Whether a log record of Dask is useful.
+
+    Dask logs the abandoned attempt to reach a lost scheduler as an error with its stack; we have a message for it.
     """
     return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
 
@@ -121,7 +124,7 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """The executor of a Dask cluster.
 
     Args:
-        address: of its scheduler, ``tcp://host:8786``; or ``local``: a cluster of processes on this machine, which ends
+        address: of its scheduler, `tcp://host:8786`; or `local`: a cluster of processes on this machine, which ends
             with the block.
         processes: how many workers a local one has.
 

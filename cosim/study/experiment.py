@@ -3,7 +3,7 @@
     EXPERIMENT = Experiment("ride", Ride, wire=wire, stop_time=5.0, record=["car.*"], measure=measure, plan=grid(Ride,
     ...))
 
-Everything but case, ``wire`` and ``measure`` has a default. Functions are module-level functions, so that workers in
+Everything but case, `wire` and `measure` has a default. Functions are module-level functions, so that workers in
 other processes find them.
 """
 
@@ -25,7 +25,7 @@ Row = dict[str, Any]
 
 
 class MeasureError(CosimError, TypeError):
-    """What ``measure`` returned are no numbers by name."""
+    """What `measure` returned are no numbers by name."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Run:
     system: Any
 
     def start(self, name: str) -> Any:
-        """Start value ``component.variable`` of this run: as set for it, else the FMU's own."""
+        """Start value `component.variable` of this run: as set for it, else the FMU's own."""
         component, variable = self.system.members.parts(name)
         member = self.system[component]
         found = member.description.find(variable, component)
@@ -47,8 +47,8 @@ class Run:
 class Search(Protocol):
     """A task of a study that is more than one run, such as looking for the weight that matches a response.
 
-    A frozen dataclass of JSON values at module level; ``label`` names it, ``cost`` is its rough time in runs. With an
-    attribute ``part`` it gets a runner of that part of the experiment.
+    A frozen dataclass of JSON values at module level; `label` names it, `cost` is its rough time in runs. With an
+    attribute `part` it gets a runner of that part of the experiment.
     """
 
     @property
@@ -56,15 +56,14 @@ class Search(Protocol):
         """For people: which one it is."""
 
     def __call__(self, runner: Any) -> Any:
-        """Do it with a :class:`cosim.study.Runner`; the result is a JSON value."""
+        """Do it with a `cosim.study.Runner`; the result is a JSON value."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One run of a study: its case, whether its signals over time are kept besides the metrics, and its rough relative
-    time.
+    """One run of a study: its case, whether time histories are kept besides the metrics, and its rough relative time.
 
-    ``part``: name of the part of the experiment that the case belongs to, which the experiment fills in.
+    `part`: name of the part of the experiment that the case belongs to, which the experiment fills in.
     """
 
     case: Any
@@ -102,16 +101,14 @@ _WITH_UNIT = re.compile(r"(\S.*) \[([^\[\]]+)\]")
 
 
 def undeclared(name: str) -> Metric:
-    """How a metric is shown that the experiment does not declare: by its name, "peak force [N]" with the unit that it
-    ends with.
-    """
+    """Display of a metric that the experiment does not declare, by its name with the unit, "peak force [N]"."""
     found = _WITH_UNIT.fullmatch(name)
     return Metric(found[1], found[2]) if found else Metric(name)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """See the module. ``case`` may be any frozen dataclass with fields made by :func:`cosim.study.option`.
+    """See the module. `case` may be any frozen dataclass with fields made by `cosim.study.option`.
 
     Attributes:
         name: of its folder of results and on the command line.
@@ -120,8 +117,8 @@ class Experiment:
         measure: metrics of a run, JSON values by name.
         title: one line.
         fmus: names of the FMUs that any case needs; they are looked for before a study starts.
-        structure: what of a case decides the wiring. Cases alike in it share one system, which ``configure`` sets for
-            each. By default all cases share one when there is a ``configure``, and none do when there is not.
+        structure: what of a case decides the wiring. Cases alike in it share one system, which `configure` sets for
+            each. By default all cases share one when there is a `configure`, and none do when there is not.
         configure: sets the parameters of a case, all of them, in a system that was wired for its structure.
         stop_time: [s], a number or a function of system and case.
         record: names and patterns, or a function of the case; None for all outputs.
@@ -145,15 +142,15 @@ class Experiment:
         compared: more metrics of a run beside its baseline, a function of both rows.
         remarks: what should be said of a run besides its metrics.
         page: writes a page about single runs: called with runs by name, FMUs and folder; gives the page's path.
-        claims: published statements, a :class:`cosim.study.ClaimList`, or "module:NAME" of one.
-        report: the page of a study, a function of results and FMUs that gives a ``cosim.report.Report``, or
+        claims: published statements, a `cosim.study.ClaimList`, or "module:NAME" of one.
+        report: the page of a study, a function of results and FMUs that gives a `cosim.report.Report`, or
             "module:NAME" of one; by default a table and curves over what differs.
-        web: how a case is shown as a live web page, a function of the case that gives a :class:`cosim.study.web.Live`,
+        web: how a case is shown as a live web page, a function of the case that gives a `cosim.study.web.Live`,
             or "module:NAME" of one; by default the system alone.
         own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case;
             None where no files are taken.
         papers: sources by short name, for the provenance, or "module:NAME" of them.
-        module: where the experiment can be imported from, ``__name__`` of the module that has it as EXPERIMENT; or its
+        module: where the experiment can be imported from, `__name__` of the module that has it as EXPERIMENT; or its
             file.
     """
 
@@ -197,7 +194,7 @@ class Experiment:
             )
 
     def measured(self, run: Run) -> Row:
-        """What ``measure`` gives of a run.
+        """What `measure` gives of a run.
 
         Raises:
             MeasureError: it is something else than values by name.
@@ -265,7 +262,7 @@ class Experiment:
         return next(e for e in self.every if e.name == (name or self.name))
 
     def tasks(self, **options: Any) -> list[Task | Search]:
-        """The tasks of the study and of its parts, each once. ``options`` are those of the plan.
+        """The tasks of the study and of its parts, each once. `options` are those of the plan.
 
         Raises:
             CaseError: the experiment has no plan, or one that is empty.
@@ -293,8 +290,10 @@ def _planned(experiment: Experiment, options: Mapping[str, Any]) -> Iterable[Any
 
 
 def resolved(named: Any) -> Any:
-    """What "module:NAME" names; anything else as it is. Pages and claims are named so, because runs need
-    not load them."""
+    """The object that "module:NAME" names; any other value is returned as it is.
+
+    Pages and claims are named in this way, because runs need not load them.
+    """
     if isinstance(named, str):
         module, _, name = named.partition(":")
         return getattr(importlib.import_module(module), name)

@@ -14,7 +14,7 @@ from build_fmus.layout import FMUS, fmu_path
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:
-    """Design data of the controller in an FMU, from ``resources/provenance.json``."""
+    """Design data of the controller in an FMU, from `resources/provenance.json`."""
     with zipfile.ZipFile(file) as z:
         return dict(json.loads(z.read("resources/provenance.json")))
 
@@ -23,8 +23,8 @@ def designed_with(file: Path) -> Mapping[str, Any]:
 class FmuSet:
     """FMU files by name.
 
-    ``vehicles``: what the user's vehicles are called, by their files. ``own``: FMUs of a user's files that stand in for
-    published ones or beside them: published name -> name, and the options of ``build-fmus`` that make it. ``at``: where
+    `vehicles`: what the user's vehicles are called, by their files. `own`: FMUs of a user's files that stand in for
+    published ones or beside them: published name -> name, and the options of `build-fmus` that make it. `at`: where
     files lie on this machine that are elsewhere, by their path.
     """
 
@@ -35,8 +35,9 @@ class FmuSet:
     vehicles: tuple[str, ...] = ()
 
     def results(self, out: Path, experiment: str) -> Path:
-        """The folder of an experiment's results in ``out``, ``gpc`` or with a user's vehicle ``gpc-my_truck``: results
-        of different vehicles do not replace each other.
+        """The folder of an experiment's results in `out`, `gpc` or with a user's vehicle `gpc-my_truck`.
+
+        Results of different vehicles do not replace each other.
         """
         return out / "-".join((experiment, *self.vehicles))
 
@@ -45,7 +46,7 @@ class FmuSet:
         return self.own.get(published, (published, ""))[0]
 
     def path(self, name: str) -> Path:
-        """An FMU file, by the published name, or by its path where the name ends in ``.fmu``.
+        """An FMU file, by the published name, or by its path where the name ends in `.fmu`.
 
         Raises:
             FileNotFoundError: it is not there; the message says how to build it.

@@ -1,5 +1,6 @@
-"""Everything that determines the result of a run besides its case. The code finds it, so stale results are never
-reused.
+"""Everything that determines the result of a run besides its case.
+
+The code finds it, so stale results are never reused.
 
 FMU files by content, a user's own and those that a case names among them; every module of the project (or of a user's
 folder) that wiring, run and measurement load, with the data files beside it; the versions of the libraries that those
@@ -52,6 +53,8 @@ def salt(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = (), searc
     """One text that changes when anything does that all runs of a study depend on.
 
     Args:
+        experiment: whose code and FMUs count.
+        fmus: where they are.
         files: FMU files besides those that the experiment names.
         searches: tasks of the study that are more than one run.
     """

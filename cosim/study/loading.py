@@ -1,7 +1,7 @@
 """Experiments by name or from a user's file.
 
-A file has ``EXPERIMENT``, or a function ``system(**options)`` that returns a System; beside that function it may have
-``STOP_TIME``, ``RECORD``, ``measure(run)``, ``METRICS`` and ``PLAN``, which mean what :class:`cosim.study.Experiment`
+A file has `EXPERIMENT`, or a function `system(**options)` that returns a System; beside that function it may have
+`STOP_TIME`, `RECORD`, `measure(run)`, `METRICS` and `PLAN`, which mean what `cosim.study.Experiment`
 says.
 """
 
@@ -33,7 +33,7 @@ class ExperimentError(CosimError, ValueError):
 
 @cache
 def load(place: str) -> Experiment:
-    """The experiment of a module (``cosim.experiments.gpc``), of a Python file, or of an SSP file.
+    """The experiment of a module (`cosim.experiments.gpc`), of a Python file, or of an SSP file.
 
     Raises:
         ExperimentError: there is no such module or file, it cannot be run, or it has no experiment.
@@ -102,7 +102,7 @@ def _from_file(file: Path) -> ModuleType:
 
 
 def _around(module: ModuleType, place: str) -> Experiment:
-    """The experiment that a function ``system(**options)`` makes."""
+    """The experiment that a function `system(**options)` makes."""
     case = case_of(module.system)
     return Experiment(
         name=Path(place).stem if place.endswith(".py") else place.rpartition(".")[2],

@@ -3,8 +3,8 @@
     found = optimise(evaluate, {"damping": (3e3, 24e3)}, {"comfort": "min", "grip": "min"}, trials=60,
     storage="ride.log")
 
-``evaluate`` is a function of the values by name that gives numbers by name (and may run in any executor), or
-:class:`CaseRuns`, the cases of an experiment: these go through :func:`cosim.study.run_study`, so what was run once is
+`evaluate` is a function of the values by name that gives numbers by name (and may run in any executor), or
+`CaseRuns`, the cases of an experiment: these go through `cosim.study.run_study`, so what was run once is
 taken from its store. Needs the extra [optimisation].
 """
 
@@ -40,14 +40,14 @@ with extras.needed("optimisation", "optimisation"):
 Values = Mapping[str, Any]
 Evaluate = Callable[[Values], Mapping[str, float]]
 Limits = tuple[float, float] | tuple[float, float, str] | Sequence[str]
-"""Lowest and highest value, whole numbers if both are; ``(low, high, "log")`` for a logarithmic scale; or a list of
+"""Lowest and highest value, whole numbers if both are; `(low, high, "log")` for a logarithmic scale; or a list of
 texts to choose from.
 """
 
 
 @runtime_checkable
 class BatchEvaluation(Protocol):
-    """What tries several values at once, as :class:`CaseRuns` does."""
+    """What tries several values at once, as `CaseRuns` does."""
 
     def check(self, names: Sequence[str]) -> None:
         """Refuse names that it has not."""
@@ -58,7 +58,7 @@ class BatchEvaluation(Protocol):
         ...
 
     def evaluate_batch(self, tried: Sequence[Values]) -> list[Row]:
-        """Numbers by name of each; ``{"failed": message}`` where one has none."""
+        """Numbers by name of each; `{"failed": message}` where one has none."""
         ...
 
 
@@ -116,14 +116,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class CaseRuns:
-    """Cases of an experiment as what is tried: values are fields of ``case``, numbers are its metrics.
+    """Cases of an experiment as what is tried: values are fields of `case`, numbers are its metrics.
 
     Args:
         experiment: what is run.
         fmus: its FMUs.
         case: what the values do not name.
         store: folder of finished runs.
-        executor, processes: as of :func:`cosim.study.run_study`.
+        executor, processes: as of `cosim.study.run_study`.
     """
 
     experiment: Experiment
@@ -145,7 +145,7 @@ class CaseRuns:
         return f"{self.case!r}|{salt_of(self.experiment, '', self.fmus, [Task(self.case)])}"
 
     def evaluate_batch(self, tried: Sequence[Values]) -> list[Row]:
-        """Rows of several cases; ``{"failed": message}`` where one has none."""
+        """Rows of several cases; `{"failed": message}` where one has none."""
         cases: list[Any] = []
         for values in tried:
             try:
@@ -183,7 +183,7 @@ def optimise(
 
     Args:
         evaluate: see the module.
-        space: what may be tried, by name; see :data:`Limits`.
+        space: what may be tried, by name; see `Limits`.
         objectives: "min" or "max" by name of the number.
         trials: how many in all, those of the storage among them.
         storage: file in which every trial is kept as soon as it is known; the same search continues from it, and comes
@@ -193,10 +193,10 @@ def optimise(
         seed: of the sampler (tree-structured Parzen estimators).
         batch: trials that are chosen together, and evaluated side by side where there is an executor. The same batch
             gives the same trials with any executor.
-        executor: any of ``concurrent.futures``; None: one after the other in this process. Cases of an experiment have
+        executor: any of `concurrent.futures`; None: one after the other in this process. Cases of an experiment have
             their own.
         first: values that are tried before all others, such as those that are published.
-        identity: of what ``evaluate`` depends on besides the values; a storage with trials of another one is refused.
+        identity: of what `evaluate` depends on besides the values; a storage with trials of another one is refused.
             Cases of an experiment have their own (code, FMUs, fixed options); of a function only its author knows.
         progress: called with (done, total).
 
@@ -234,8 +234,9 @@ def optimise(
 
 
 def _asked(study: Any, space: Mapping[str, Limits], count: int, seed: int, first: Sequence[Values]) -> list[int]:
-    """Numbers of trials that are chosen now. The sampler begins afresh with every batch, so that it does not matter
-    whether the search was interrupted before.
+    """Numbers of trials that are chosen now.
+
+    The sampler begins from scratch with every batch, so an interruption of the search before does not matter.
     """
     if count <= 0:
         return []
@@ -287,8 +288,9 @@ def _row(evaluate: Evaluate, values: Values) -> Mapping[str, Any]:
 
 
 def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[str, str]) -> list[str]:
-    """Tell the search what came of a trial; what there is to say of a run that came to its end without the number of an
-    objective.
+    """Tell the search the result of a trial.
+
+    Returns messages about a run that finished without the number of an objective.
     """
     numbers = {k: float(v) for k, v in row.items() if isinstance(v, int | float) and math.isfinite(v)}
     failed = str(row.get("failed", ""))

@@ -78,13 +78,12 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
 
 @dataclass(frozen=True)
 class PointRuns:
-    """Points of a sweep as what :func:`cosim.study.optimise.optimise` tries: values of its axes, numbers are its
-    metrics.
+    """Points of a sweep as trials of `cosim.study.optimise.optimise`: values of its axes; numbers are its metrics.
 
     Args:
         sweep: any of this experiment and these axes.
         store: folder of finished runs.
-        executor: that makes them, any of ``concurrent.futures``.
+        executor: that makes them, any of `concurrent.futures`.
     """
 
     sweep: Sweep
@@ -102,7 +101,7 @@ class PointRuns:
         return f"{dict(sorted(self.sweep.base.items()))!r}|{self.sweep.salt(self.fmus)}"
 
     def evaluate_batch(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
-        """Rows of several points; ``{"failed": message}`` where one has none."""
+        """Rows of several points; `{"failed": message}` where one has none."""
         columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
         table = run_sweep(
             replace(self.sweep, _columns=columns),

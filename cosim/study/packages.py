@@ -1,5 +1,4 @@
-"""An experiment of an SSP file: its default experiment is the run, its parameters and steps are options
-of the cases."""
+"""An experiment of an SSP file: it runs its default experiment; its parameters and steps are options of the cases."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ SUFFIX = ".ssp"
 
 
 def ssp_experiment(place: str, measure: Any) -> Experiment:
-    """The experiment of an SSP file; ``measure`` as of any experiment.
+    """The experiment of an SSP file; `measure` as of any experiment.
 
     Raises:
         SspError: there is no such file.

@@ -1,5 +1,7 @@
-"""What the reports of all studies have alike: provenance, parameters of the FMUs that ran, sections that survive a
-failed run, and the report of a study that has none of its own.
+"""Common parts of the reports of all studies.
+
+These are provenance, parameters of the FMUs that ran, sections that survive a failed run, and the report of a study
+that has none of its own.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ MOST_METRICS = 12  # that are drawn where an experiment does not say how its met
 
 
 def provenance(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = ()) -> dict[str, Any]:
-    """Versions, papers and hashes of the FMU files for a report; ``files`` besides those that the experiment and its
-    parts name.
+    """Versions, papers and hashes of the FMU files for a report.
+
+    `files`: FMU files besides those that the experiment and its parts name.
     """
     used = key.libraries(m for e in experiment.every for m in key.entry_modules(e))
     found: dict[str, Any] = {"versions": {PACKAGE: metadata.version(PACKAGE), **key.versions(used)}}
@@ -116,8 +119,9 @@ def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
 
 
 def default_report(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
-    """Every run in a table, and every metric over each number that differs between the runs; those of parts by
-    themselves.
+    """Report with a table of all runs, and every metric over each number that differs between the runs.
+
+    Runs of parts are listed by themselves.
     """
     claims = resolved(experiment.claims)
     own = results.of()
@@ -177,8 +181,9 @@ def _number(metric: Metric, value: Any) -> Scalar:
 def _figures(
     axis: Field, axes: list[Field], metrics: Mapping[str, Metric], results: Results, ran: list[Any], prefix: str
 ) -> list[Figure]:
-    """Every metric over one number, in one figure; a curve for each combination of the other values. None where nothing
-    was measured.
+    """Every metric over one number, in one figure; a curve for each combination of the other values.
+
+    None if nothing was measured.
     """
     others = [f for f in axes if f is not axis]
     curves: dict[str, list[Any]] = {}

@@ -35,17 +35,17 @@ class NoWorkerError(RuntimeError):
 
 @contextmanager
 def local_processes(count: int) -> Iterator[Executor]:
-    """An executor of ``count`` processes; when the block ends by an error or Ctrl-C, they end at once.
+    """An executor of `count` processes; when the block ends by an error or Ctrl-C, they end at once.
 
-    A process that dies costs the task that it had, whose future raises :class:`WorkerDiedError`, and is replaced. Where
-    none can be started the future raises :class:`NoWorkerError`.
+    A process that dies costs the task that it had, whose future raises `WorkerDiedError`, and is replaced. Where
+    none can be started the future raises `NoWorkerError`.
 
     Workers are started afresh, not forked: a fork copies locks that a thread of this process (the progress bar's) may
-    hold. So a script that comes here needs ``if __name__ == "__main__":``. Where the system has it they come from a
+    hold. So a script that comes here needs `if __name__ == "__main__":`. Where the system has it they come from a
     server process without threads that has loaded what they need, so that one that is replaced is back in no time.
 
     Workers put their temporary files, the FMUs they unpack among them, into one folder that is removed when all have
-    ended, in whatever way: they leave by ``_exit`` or by a signal, where nobody cleans up. When this process dies
+    ended, in whatever way: they leave by `_exit` or by a signal, where nobody cleans up. When this process dies
     instead, each worker ends at once and removes all temporary files of this process.
     """
     one_thread()
@@ -67,8 +67,9 @@ def local_processes(count: int) -> Iterator[Executor]:
 
 
 class _Processes(Executor):
-    """A thread of this process looks after each worker: it gives it tasks, one at a time, and waits for what comes
-    back.
+    """Worker processes, each served by a thread of this process.
+
+    The thread gives its worker tasks, one at a time, and waits for the result.
     """
 
     loses_only_its_own = True  # with a worker, the task that it had
@@ -207,9 +208,7 @@ def _start_worker(scratch: str) -> None:
 
 
 def _end_with_parent(scratch: str) -> None:
-    """Wait until the parent has gone, however it went: the system closes its end of a pipe (Windows: signals its
-    handle).
-    """
+    """Wait until the parent has ended in any way: the system closes its end of a pipe (Windows: signals its handle)."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait_for([parent.sentinel])

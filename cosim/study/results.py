@@ -17,12 +17,12 @@ class RunFailed(CosimError, LookupError):  # noqa: N818
 
 
 class Results(Mapping[Any, Row]):
-    """Metrics by case, in the order of the plan; reading those of a failed run raises :class:`RunFailed`.
+    """Metrics by case, in the order of the plan; reading those of a failed run raises `RunFailed`.
 
     Args:
         tasks: of the study.
-        entries: of each task, as workers gave them: ``{"metrics": ...}``, ``{"found": ...}`` or ``{"failed":
-            message}``.
+        entries: of each task, as workers gave them: `{"metrics": ...}`, `{"found": ...}` or `{"failed":
+            message}`.
     """
 
     def __init__(self, tasks: Iterable[Task | Search], entries: Iterable[Row]) -> None:
@@ -86,7 +86,7 @@ class Results(Mapping[Any, Row]):
         return Results([self.tasks[i] for i in chosen], _Chosen(self._entries, chosen))
 
     def rows(self) -> list[Row]:
-        """Every run as a flat row, for tables and files: the fields of its case, then its metrics or ``failed``."""
+        """Every run as a flat row, for tables and files: the fields of its case, then its metrics or `failed`."""
         found = ((case, self._entry(places)) for case, places in self._runs.items())
         return [{**values(c), **({"failed": e["failed"]} if "failed" in e else e["metrics"])} for c, e in found]
 

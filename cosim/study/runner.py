@@ -26,9 +26,9 @@ class Execution:
     """How systems are executed; the numbers are the same in any way.
 
     Args:
-        engine: see :meth:`cosim.System.initialize`.
+        engine: see `cosim.System.initialize`.
         isolate: names and patterns of the components that run in processes of their own, see
-            :meth:`cosim.System.isolate`.
+            `cosim.System.isolate`.
         step_timeout: of these, wall time of one call [s].
         memory_limit: of these, bytes.
     """
@@ -39,8 +39,10 @@ class Execution:
     memory_limit: int | None = None
 
     def prepare(self, system: System, *, every: bool = False) -> None:
-        """Isolate what is to be isolated of a system. Names that fit nothing are passed over, since not every case has
-        every component; with ``every`` they raise WiringError.
+        """Isolate the components of a system that are to be isolated.
+
+        Names that match nothing are passed over, since not every case has every component; with `every` they raise
+        WiringError.
         """
         system.isolate(
             *self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit, missing_ok=not every
@@ -58,7 +60,7 @@ class Runner:
         fmus: the FMU files.
         store: where finished runs are kept; None: nowhere.
         execution: how systems are executed.
-        inputs: files whose columns drive the inputs that they name, see :func:`cosim.tables.drive`; their runs are not
+        inputs: files whose columns drive the inputs that they name, see `cosim.tables.drive`; their runs are not
             stored.
         hold_inputs: a run may last longer than these files.
     """
@@ -124,13 +126,17 @@ class Runner:
         """Run a case.
 
         Args:
-            output, display_units: file of the recording, see :meth:`cosim.System.run`.
+            case: the case.
+            output: file of the recording, see `cosim.System.run`.
+            display_units: units in that file, see `cosim.System.run`.
             progress: show it.
-            record, record_interval, stop_time: others than the experiment's.
-            real_time: pace, see :meth:`cosim.System.run`.
+            record: names and patterns, others than the experiment's.
+            record_interval: [s], another than the experiment's.
+            stop_time: [s], another than the experiment's.
+            real_time: pace, see `cosim.System.run`.
 
         Raises:
-            ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
+            ComponentError: a component failed (a diverging loop, for one); `error.recording` holds what was recorded.
         """
         e, system = self.experiment, self.system(case)
         names = record or self.recorded(case)
@@ -153,13 +159,14 @@ class Runner:
         return Run(case, recording, system)
 
     def record(self, case: Any, **options: Any) -> Recording:
-        """The recording of :meth:`run`."""
+        """The recording of `run`."""
         found: Recording = self.run(case, **options).recording
         return found
 
     def entry(self, case: Any, *, signals: bool = False, history: Path | None = None) -> Row:
-        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible. ``history``: file
-        for the recording.
+        """`metrics` of a case, and `signals` if requested, as JSON values; stored if possible.
+
+        `history`: file for the recording.
         """
         if self.store is None:
             return self._entry(case, signals=signals, history=history)

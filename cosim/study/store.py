@@ -57,9 +57,9 @@ class Store:
     Args:
         directory: made when something is stored.
         group: part of the names of files that this process writes, by which another one finds and takes them over
-            (:meth:`absorb`).
+            (`absorb`).
 
-    A file or a result that is not what was written is passed over with a :class:`DamagedWarning`, and its runs are made
+    A file or a result that is not what was written is passed over with a `DamagedWarning`, and its runs are made
     again.
     """
 
@@ -208,7 +208,7 @@ class Store:
     # ---------------------------------------------------------------------------------------------------------- writing
 
     def append(self, lines: Sequence[bytes]) -> None:
-        """Store results, each as :func:`pack` made it. They are safe from the end of this process when this returns.
+        """Store results, each as `pack` made it. They are safe from the end of this process when this returns.
 
         Raises:
             OSError: with the path; what had been stored before stays, and nothing of these is.
@@ -292,8 +292,9 @@ class Store:
 
 
 def _read(path: Path, columns: list[str]) -> Any:
-    """A table of texts. FileNotFoundError, or ValueError, TypeError or an OSError without a number where it is no such
-    file.
+    """Read a table of texts.
+
+    Raises FileNotFoundError, or ValueError, TypeError or an OSError without a number if it is no such file.
     """
     try:
         with extras.needed("reports", STORED):
@@ -342,7 +343,7 @@ def _column(pa: Any, values: Sequence[Any]) -> Any:
 
 
 class RunStore:
-    """Results by key; ``salt`` covers what all runs share (FMU files, code, library versions)."""
+    """Results by key; `salt` covers what all runs share (FMU files, code, library versions)."""
 
     def __init__(self, store: Store, salt: str) -> None:
         self.store = store

@@ -1,5 +1,6 @@
-"""A sweep: many runs of one experiment over a design, whose table is read from the store, so that a hundred thousand
-need no more memory than a hundred.
+"""A sweep: many runs of one experiment over a design.
+
+Its table is read from the store, so a hundred thousand runs need no more memory than a hundred.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ HISTORIES = "histories"  # folder beside the table
 
 @dataclass(frozen=True)
 class Sweep:
-    """An experiment and a design that fit together: made by :func:`prepare`.
+    """An experiment and a design that fit together: made by `prepare`.
 
     Attributes:
         experiment: as it was given.
@@ -74,8 +75,10 @@ class Sweep:
         return self.case(**{**self.base, **dict(zip(self.attributes, self.point(i), strict=True))})
 
     def salt(self, fmus: FmuSet) -> str:
-        """What all runs depend on besides their values. The FMUs are those of every system that options of texts, truth
-        values and up to :data:`FEW` whole numbers choose; one that is chosen by another number is not known of.
+        """Data that all runs depend on besides their values.
+
+        The FMUs are those of every system that options of texts, truth values and up to `FEW` whole numbers choose; a
+        system that another number chooses is not known.
         """
         own = {f.attribute for f in fields(self.experiment.case)}
         choosing = [k for k, a in enumerate(self.attributes) if a in own and _may_choose(self._columns[k])]
@@ -101,6 +104,9 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
     """Check a design against an experiment, before anything runs.
 
     Args:
+        experiment: that is run at every point.
+        fmus: its FMUs.
+        design: the points.
         base: fields of the cases that do not vary, by attribute.
 
     Raises:
@@ -193,8 +199,9 @@ class SweepTable:
     histories: Sequence[str] = ()
 
     def write(self, path: Path) -> Path:
-        """A Parquet file: ``run``, the axes, the metrics, ``failed``, and ``history`` where these were kept. The same
-        results give the same bytes.
+        """Write a Parquet file: `run`, the axes, the metrics, `failed`, and `history` if these were kept.
+
+        The same results give the same bytes.
         """
         n = len(self.sweep)
         failures = [self.failures.get(i, "") for i in range(n)]
@@ -204,10 +211,10 @@ class SweepTable:
 
 
 def history(table: str | Path, run: int) -> Recording:
-    """Time histories of a run of a sweep that was made with ``--histories``, or ``run_sweep(..., histories=True)``.
+    """Time histories of a run of a sweep that was made with `--histories`, or `run_sweep(..., histories=True)`.
 
     Args:
-        table: ``table.parquet`` of the sweep, or the folder that it lies in.
+        table: `table.parquet` of the sweep, or the folder that it lies in.
         run: number of the run, its row in the table.
 
     Returns:
@@ -282,16 +289,13 @@ def run_sweep(
     histories: bool = False,
     needed: str = "",
 ) -> SweepTable:
-    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of
-    :func:`cosim.study.run_study`.
+    """Run a sweep; results that are in `store` already are taken from there.
 
-    Args:
-        needed: a metric; where the first run has none of this name the sweep ends.
-        progress: called with (done, total, failed).
-        running: gets each result as it is there.
-        histories: whether each run's recording is kept, as a Parquet file in ``histories`` beside ``store``. Workers
-            write it, so on a cluster that folder must be one that they all reach. A stored run without one is made
-            again. See :func:`history`.
+    Other options and errors are those of `cosim.study.run_study`. Of `progress`, the arguments are (done, total,
+    failed). `running_stats` gets each result as it arrives. `histories`: whether each run's recording is kept, as a
+    Parquet file in `histories` beside `store`. Workers write it, so on a cluster that folder must be one that they all
+    reach. A stored run without one is made again. See `history`. `needed`: a metric; if the first run has none of this
+    name, the sweep ends.
 
     Raises:
         DesignError: a metric has the name of a column, or the one that is needed is not there.
@@ -359,8 +363,9 @@ def run_sweep(
 
 
 def _check_names(metrics: Mapping[str, Any], sweep: Sweep, i: int) -> None:
-    """Refuse metrics of run number i whose name a column of the table has already. What varies may be told by a metric,
-    too.
+    """Reject metrics of run number i that have the name of a column of the table.
+
+    A metric may repeat a parameter that varies.
 
     Raises:
         DesignError: there is one.

@@ -144,7 +144,7 @@ def sweep_command(experiment: Experiment) -> Any:
 def write_sweep(
     sweep: Sweep, fmus: Any, out: Path, *, worst: str | None = None, cluster: str | None = None, **options: Any
 ) -> Path:
-    """Run a sweep under a progress bar, and write its table and page; ``options`` as for :func:`cosim.study.run_sweep`.
+    """Run a sweep under a progress bar, and write its table and page; `options` as for `cosim.study.run_sweep`.
 
     Raises:
         CosimError: every run failed; table and page are there.

@@ -1,6 +1,4 @@
-"""The page of a sweep: distributions, quantiles with their confidence, scatter, parallel coordinates, sensitivity,
-worst cases.
-"""
+"""Page of a sweep: distributions, quantiles with confidence, scatter, parallel coordinates, sensitivity, worst runs."""
 
 from __future__ import annotations
 
@@ -44,16 +42,14 @@ SAMPLES = 2000  # of a time history that is drawn
 
 @dataclass(frozen=True)
 class Worst:
-    """Which runs are the worst: those with the largest values of a metric, with its smallest, or with those furthest
-    from 0.
-    """
+    """Definition of the worst runs: largest values of a metric, smallest values, or those furthest from 0."""
 
     metric: str
     how: Literal["largest", "smallest", "furthest from 0"] = "largest"
 
     @classmethod
     def of(cls, text: str) -> Worst:
-        """``METRIC``, or ``METRIC:min`` for the smallest values."""
+        """`METRIC`, or `METRIC:min` for the smallest values."""
         name, colon, end = text.rpartition(":")
         return cls(name, "smallest") if colon and end == "min" else cls(text)
 
@@ -76,9 +72,11 @@ def sweep_report(
     """The page.
 
     Args:
+        table: results of the sweep.
+        fmus: FMUs of the experiment, for the worst runs.
         worst: by default the first metric, furthest from 0.
         folder: of the table, in which the histories of the runs lie, if they were kept.
-        execution: of the worst runs, where they are made again.
+        execution: of the worst runs, if they are made again.
 
     Raises:
         DesignError: no run has such a metric.
@@ -147,9 +145,12 @@ def _values(table: SweepTable, key: str, metric: Metric) -> Array:
 
 
 def quantile_interval(values: Array, q: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
-    """A quantile of the distribution that values (n,) are drawn from, and the order statistics that enclose it with
-    this confidence, whatever the distribution (David and Nagaraja, Order Statistics, 7.1); infinite where n is too
-    small.
+    """A quantile of the distribution of values (n,), and the order statistics that enclose it with this confidence.
+
+    They hold for any distribution, and are infinite if n is too small.
+
+    Source:
+        David and Nagaraja, Order Statistics, 7.1.
     """
     ordered = np.sort(values)
     n = len(ordered)
@@ -278,8 +279,9 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
 
 
 def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric], worst: Worst) -> Figure:
-    """Every run is a line over all columns, each scaled from its smallest to its largest value; the worst tenth stands
-    out.
+    """Parallel coordinates: every run is a line over all columns, with the worst tenth highlighted.
+
+    Each column is scaled from its smallest to its largest value.
     """
     columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
     scaled = np.column_stack([_scaled(c) for c in columns])
@@ -321,8 +323,12 @@ def _scaled(values: Array) -> Array:
 
 
 def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, float, float]]:
-    """(parameter, first-order index, its half width of 95 % confidence, total index, its half width) of a metric of a
-    sweep by the method "saltelli" (Saltelli et al., Computer Physics Communications 181, 2010).
+    """Sobol indices of a metric of a sweep by the method "saltelli".
+
+    Each is (parameter, first-order index, its half width of 95 % confidence, total index, its half width).
+
+    Source:
+        Saltelli et al., Computer Physics Communications 181, 2010.
     """
     with extras.needed("sensitivity", "indices of Sobol"):
         from SALib.analyze import sobol
@@ -335,9 +341,12 @@ def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, 
 
 
 def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]]:
-    """(parameter, mean of the magnitudes of elementary effects, their standard deviation) of a metric of a sweep by the
-    method "morris", over the whole range of the parameter (Campolongo et al., Environmental Modelling and Software 22,
-    2007).
+    """Elementary effects of a metric of a sweep by the method "morris", over the whole range of each parameter.
+
+    Each is (parameter, mean of the magnitudes of elementary effects, their standard deviation).
+
+    Source:
+        Campolongo et al., Environmental Modelling and Software 22, 2007.
     """
     with extras.needed("sensitivity", "effects of Morris"):
         from SALib.analyze import morris

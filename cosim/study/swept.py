@@ -1,4 +1,4 @@
-"""An experiment whose cases also have parameters of the system, ``component.variable``, that a sweep varies."""
+"""An experiment whose cases also have parameters of the system, `component.variable`, that a sweep varies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cosim.study.loading import load
 
 KINDS: dict[str, type] = {"real": float, "integer": int, "boolean": bool, "string": str}
 Parameters = tuple[tuple[str, str], ...]
-"""Names of parameters, ``component.variable``, with the type of each, a key of KINDS."""
+"""Names of parameters, `component.variable`, with the type of each, a key of KINDS."""
 
 
 def attribute(number: int) -> str:
@@ -22,8 +22,9 @@ def attribute(number: int) -> str:
 
 
 def swept(experiment: Experiment, parameters: Parameters) -> Experiment:
-    """The experiment with these parameters of its system among the fields of its cases; None leaves one as the
-    experiment sets it.
+    """The experiment with these parameters of its system among the fields of its cases.
+
+    None leaves a parameter as the experiment sets it.
     """
     if not parameters:
         return dataclasses.replace(experiment, parts=(), plan=None, claims=None)
@@ -80,7 +81,7 @@ def _configure(experiment: Experiment, names: Sequence[str], system: Any, point:
 
 
 def set_parameters(system: Any, given: Mapping[str, Any]) -> None:
-    """Set parameters and start values by ``component.variable``.
+    """Set parameters and start values by `component.variable`.
 
     Raises:
         WiringError: there is no such component or variable, or the value cannot be.

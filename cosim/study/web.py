@@ -21,8 +21,10 @@ CHARTS = 6  # of a page, of what an experiment records
 
 @dataclass(frozen=True)
 class LiveCase:
-    """One system of a page. ``values``: inputs and parameters, as ``component.variable``, that differ from those of the
-    case. Those of the same ``group`` run side by side.
+    """One system of a page.
+
+    `values`: inputs and parameters, as `component.variable`, that differ from those of the case. Systems of the same
+    `group` run side by side.
     """
 
     title: str
@@ -43,11 +45,15 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
     """Write the page of a case: as the experiment lays it out, or with others beside it.
 
     Args:
+        experiment: of the case.
+        fmus: its FMUs.
+        path: of the page.
+        case: the case.
         beside: each is one more system, the case with some options changed, "controller=lqr,speed=40".
 
     Raises:
-        CaseError: an option that there is not, or a value that it does not take.
-        CosimError, CompileError: see :func:`cosim.export.web.page.export_web`.
+        CaseError: an unknown option, or a value that it does not take.
+        CosimError, CompileError: see `cosim.export.web.page.export_web`.
     """
     live = _layout(experiment, case, beside)
     with ExitStack() as open_:

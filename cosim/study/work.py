@@ -1,9 +1,8 @@
-"""What a worker does: it gets runs in chunks, by the values of their cases, and gives their results back as lines of
-the store.
+"""A worker: it receives runs in chunks, by the values of their cases, and returns results as lines of the store.
 
 Experiment, FMUs and systems stay with a worker from one chunk to the next: a system is wired once and reset for each
-run. An FMU that is not there, or not the same, is requested by the hash of its content (:attr:`Reply.missing`); it
-comes with the chunk that is then given again, and stays in the cache of that machine.
+run. An FMU that is not there, or not the same, is requested by the hash of its content (`Reply.missing`); it comes with
+the chunk that is then given again, and stays in the cache of that machine.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class JobContext:
 class Reply:
     """What comes back: a line for each run, or hashes of the FMUs without which none could be made.
 
-    ``seconds``: wall time of the chunk. ``problem``: why the study cannot go on, with the lines of the runs before.
+    `seconds`: wall time of the chunk. `problem`: why the study cannot go on, with the lines of the runs before.
     """
 
     lines: Sequence[bytes] = ()
@@ -87,7 +86,7 @@ def task_spec(name: str, task: Task | Search) -> TaskSpec:
 
 
 def work(job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, bytes] | None = None) -> Reply:
-    """Do tasks; a failure is an entry that says so. ``contents`` are FMUs by hash."""
+    """Do tasks; a failure is an entry that says so. `contents` are FMUs by hash."""
     since = time.perf_counter()
     try:
         places, missing = _places(job.hashes, contents or {})

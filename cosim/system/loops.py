@@ -34,8 +34,10 @@ def certain(member: Member, output: str) -> frozenset[str]:
 
 
 def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop]:
-    """Loops among continuous components, each as its connections one after the other; at least one of every set of
-    loops that have a component in common, and none that shares an output with another one in the list.
+    """Loops among continuous components, each as a sequence of connections.
+
+    There is at least one of every set of loops that have a component in common, and none that shares an output with
+    another one in the list.
     """
     into: dict[Member, list[Connection]] = {}
     for c in connections:

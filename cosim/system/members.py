@@ -40,9 +40,11 @@ class Member:
         return self.kind == "discrete"
 
     def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
-        """Parameters and start values for the next initialization, by variable name. A name without its index
-        (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for unknown names, values
-        of the wrong type or shape, and values outside min and max; nothing is set then."""
+        """Set parameters and start values for the next initialization, by variable name.
+
+        A name without its index (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for
+        unknown names, values of the wrong type or shape, and values outside min and max; nothing is set then.
+        """
         given = [self.expand(name, value) for name, value in {**(values or {}), **more}.items()]
         for expanded in given:
             self.values.update(expanded)
@@ -65,8 +67,9 @@ class Member:
 
 @dataclass(frozen=True)
 class Connection:
-    """source.output -> target.input, with target = scale * source + offset. `flow`: what one gives the other takes, so
-    nobody else may.
+    """source.output -> target.input, with target = scale * source + offset.
+
+    `flow`: the target takes the flow that the source gives, so no other component may take it.
     """
 
     source: Member

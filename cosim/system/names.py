@@ -1,6 +1,7 @@
-"""The components of a system by name, and its variables by `component.variable`: the component's name ends at the first
-dot. Where components of nested systems have dots in theirs, `sub.component.variable`, it ends where there is a
-component of that name: no name continues another.
+"""The components of a system by name, and its variables by `component.variable`.
+
+The component's name ends at the first dot. If components of nested systems have dots in theirs,
+`sub.component.variable`, it ends where there is a component of that name: no name continues another.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ class Members(dict[str, Member]):
         raise WiringError(f"no component '{name}'{did_you_mean(name, self)}")
 
     def split(self, full: str) -> tuple[Member, str]:
-        """`component.variable` -> the component and the variable's own name. Raises WiringError for an
-        unknown component."""
+        """Split `component.variable` into the component and the variable's own name.
+
+        Raises WiringError for an unknown component.
+        """
         component, variable = self.parts(full)
         if component == full:
             raise WiringError(f"'{full}': write component.variable")
         return self[component], self[component].description.canonical(variable)
 
     def parts(self, full: str) -> tuple[str, str]:
-        """`component.variable` as the component's name, if there is one, and the rest; else as what is ahead of the
-        first dot, and the rest.
-        """
+        """Split `component.variable` at the component's name if there is one, else at the first dot."""
         at = full.find(".")
         while at >= 0:
             if full[:at] in self:
@@ -47,8 +48,11 @@ class Members(dict[str, Member]):
         return full if member is None else f"{component}.{member.description.canonical(variable)}"
 
     def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
-        """Variables by full name or pattern (`*`, `?`). A pattern selects outputs; where it fits none it selects
-        inputs, then local variables. None: every output that is no array element. Text variables are left out."""
+        """Variables by full name or pattern (`*`, `?`).
+
+        A pattern selects outputs; if it matches none, it selects inputs, then local variables. None: every output that
+        is no array element. Text variables are left out.
+        """
         if patterns is None:
             return [
                 (m, v)

@@ -14,9 +14,12 @@ from cosim.time import TimeBase, gcd, seconds_text
 
 @dataclass(frozen=True)
 class Schedule:
-    """The order of execution. `discrete` components in their order; `groups` of continuous components, each in declared
-    order, a component without a group alone; `lagging` are connections between discrete components that deliver the
-    value of the sample before, possible only into inputs without direct feed-through."""
+    """The order of execution.
+
+    `discrete` components in their order; `groups` of continuous components, each in declared order, a component without
+    a group alone; `lagging` are connections between discrete components that deliver the value of the sample before,
+    possible only into inputs without direct feedthrough.
+    """
 
     tick: Fraction
     discrete: tuple[Member, ...]
@@ -85,10 +88,11 @@ def make_schedule(
     *,
     loops_are_solved: bool = False,
 ) -> Schedule:
-    """Schedule of components, of the connections between them and the groups among them. `extra` are further periods
-    [s] that the base tick must divide. Ties are settled by name, never by the order in which components were added.
-    Raises WiringError when there are no components, and LoopError for a loop among discrete ones, or among continuous
-    ones (`cosim.system.loops`) unless `loops_are_solved` by the caller.
+    """Schedule of components, of the connections between them and the groups among them.
+
+    `extra` are further periods [s] that the base tick must divide. Ties are settled by name, never by the order in
+    which components were added. Raises WiringError when there are no components, and LoopError for a loop among
+    discrete ones, or among continuous ones (`cosim.system.loops`) unless `loops_are_solved` by the caller.
     """
     members = sorted(members, key=lambda m: m.name)
     if not members:

@@ -49,9 +49,10 @@ class Place:
 
 @dataclass(frozen=True)
 class Wire:
-    """Two variables to be connected. `labels`: what they are called in the terminals; `at`: these, for messages.
-    `flow`: one of those that add up to zero; `negated`: both sides count what flows towards them, or both what flows
-    away.
+    """Two variables to be connected.
+
+    `labels`: their names in the terminals; `at`: these, for messages. `flow`: they are flows, which add up to zero;
+    `negated`: both sides count what flows toward them, or both what flows away.
     """
 
     source: Member
@@ -65,8 +66,9 @@ class Wire:
 
 
 def of(member: Member, *, tolerant: bool = False) -> dict[str, Terminal]:
-    """The terminals of a component by path: those that it declares, else those by the structure of its names. Raises
-    FmuError where its file cannot be understood; if `tolerant` that is a warning, and names count.
+    """The terminals of a component by path: those that it declares, else those by the structure of its names.
+
+    Raises FmuError for a malformed terminals file; if `tolerant` that is a warning, and names count.
     """
     declared: tuple[Terminal, ...] = ()
     if isinstance(member.component, FmuComponent):
@@ -95,8 +97,9 @@ def find(members: Members, full: str) -> Place:
 
 
 def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]:
-    """What connecting two terminals of different components wires, in both directions, with the terminals in them if
-    `nested`. Raises WiringError naming what does not fit.
+    """Connections between two terminals of different components, in both directions.
+
+    If `nested`, terminals in them are included. Raises WiringError naming variables that do not fit.
     """
     at = f"terminals {first} and {second}"
     if first.member is second.member:
@@ -114,8 +117,9 @@ def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]
 
 
 def common(source: Member, target: Member) -> list[tuple[Place, Place]]:
-    """The terminals, those in others too, that two components both have by name and whose kinds and rules do not rule
-    it out. None where neither declares any: the names of their variables say the same.
+    """Terminals that two components both have by name, and whose kinds and rules are compatible, those in others too.
+
+    None if neither component declares any: the names of their variables give the same result.
     """
     ours, theirs = of(source, tolerant=True), of(target, tolerant=True)
     if not any(t.declared for t in (*ours.values(), *theirs.values())):

@@ -60,11 +60,13 @@ class Wiring:
         step_timeout: float | None = None,
         memory_limit: int | None = None,
     ) -> Member:
-        """Add a component: the path of an FMU, the name of a built FMU of the catalog (`FullCarHmmwv`), a loaded `Fmu`,
-        any `Component`, or a class or function without arguments that makes a `PythonComponent`.
+        """Add a component.
 
-        Each run executes a copy of a `PythonComponent` as it was added, or what the class or function makes for it.
-        The object that ran last is `system["name"].component`.
+        It is the path of an FMU, the name of a built FMU of the catalog (`FullCarHmmwv`), a loaded `Fmu`, any
+        `Component`, or a class or function without arguments that makes a `PythonComponent`.
+
+        Each run executes a copy of a `PythonComponent` as it was added, or what the class or function makes for it. The
+        object that ran last is `system["name"].component`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
@@ -113,13 +115,14 @@ class Wiring:
     def isolate(
         self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None, missing_ok: bool = False
     ) -> None:
-        """From the next initialization on, run these FMUs (names and patterns, `"*"` for all) each in a process of its
-        own: a crash, a hang or endless allocation there ends the run with ComponentError and hurts nothing else.
-        Numbers stay the same.
+        """Run these FMUs (names and patterns, `"*"` for all) each in its own process from the next initialization on.
+
+        A crash, a hang or endless allocation there ends the run with ComponentError and hurts nothing else. Numbers
+        stay the same.
 
         `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default
-        half of what the machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for
-        components that are no FMUs.
+        half of the machine's memory. Raises WiringError for unknown names (unless `missing_ok`) and for components that
+        are no FMUs.
         """
         limits = _limits(step_timeout, memory_limit)
         chosen: list[Member] = []
@@ -187,12 +190,13 @@ class Wiring:
     def connect_matching(
         self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
     ) -> list[Connection]:
-        """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
-        of `target`, unless that input is connected already. Returns the connections; raises WiringError, and connects
-        nothing, if there is none or if one does not fit.
+        """Connect every output of `source` whose name matches `pattern` (wildcards * and ?) to its input of `target`.
 
-        Where an FMU declares terminals, names are also those that its variables have there (`terminal.name`), and
-        two terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
+        The input has the same name; inputs that are connected already are skipped. Returns the connections; raises
+        WiringError, and connects nothing, if there is none or if one does not fit.
+
+        Where an FMU declares terminals, names are also those that its variables have there (`terminal.name`), and two
+        terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
         """
         from_member, to_member, fits = self[source], self[target], glob(pattern)
         offered, needed = from_member.description, to_member.description
@@ -233,8 +237,9 @@ class Wiring:
     def connect_terminals(
         self, first: str, second: str, *, delay: bool = False, extrapolate: bool = False
     ) -> list[Connection]:
-        """Connect two terminals, each written as `component.terminal` (`road.road.fl`, `car.road.fl`), in both
-        directions, with the terminals in them; `delay` and `extrapolate` as in `connect`, of every connection made.
+        """Connect two terminals, `component.terminal` (`road.road.fl`, `car.road.fl`), in both directions.
+
+        Terminals in them are connected too; `delay` and `extrapolate` as in `connect`, of every connection made.
         Returns the connections.
 
         Variables match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order
@@ -272,8 +277,10 @@ class Wiring:
         return list(made.values())
 
     def disconnect(self, pattern: str) -> list[str]:
-        """Remove the connections into the inputs whose full names fit `pattern` (`car.force.*`); returns the names.
-        Raises WiringError when there is none."""
+        """Remove the connections into the inputs whose full names match `pattern` (`car.force.*`); returns the names.
+
+        Raises WiringError when there is none.
+        """
         fits = glob(pattern)
         removed = [name for name, c in self.connections.items() if fits_any(fits, c.target, c.input)]
         if not removed:
@@ -290,9 +297,11 @@ class Wiring:
         *,
         extrapolate: bool = False,
     ) -> Group:
-        """Let continuous components advance in the declared order, each using what those before it have just computed
-        (Gauss-Seidel), or side by side (Jacobi). `extrapolate` marks every connection from a continuous component
-        into the group made so far."""
+        """Let continuous components advance in the declared order (Gauss-Seidel), or side by side (Jacobi).
+
+        In the declared order each uses the values that those before it have just computed. `extrapolate` marks every
+        connection from a continuous component into the group made so far.
+        """
         if method not in ("gauss-seidel", "jacobi"):
             raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
         if NO_XML.search(name):
@@ -388,8 +397,11 @@ class Wiring:
         return self.members.canonical(full)
 
     def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
-        """Variables by full name or pattern (`*`, `?`). A pattern selects outputs; where it fits none it selects
-        inputs, then local variables. None: every output that is no array element. Text variables are left out."""
+        """Variables by full name or pattern (`*`, `?`).
+
+        A pattern selects outputs; if it matches none, it selects inputs, then local variables. None: every output that
+        is no array element. Text variables are left out.
+        """
         return self.members.select(patterns)
 
     def unconnected(self) -> list[str]:
@@ -397,8 +409,10 @@ class Wiring:
         return unconnected(self.members.values(), self.connections)
 
     def schedule(self, *extra: Fraction) -> Schedule:
-        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components, or an
-        algebraic one among continuous components. `extra` are further periods the base tick must divide.
+        """The order of execution; print it.
+
+        Raises LoopError for a loop among discrete components, or an algebraic one among continuous components. `extra`
+        are further periods the base tick must divide.
         """
         return self._make_schedule(*extra)
 
@@ -449,8 +463,10 @@ def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
 
 
 def _can_be_isolated(member: Member, *, required: bool) -> bool:
-    """Whether it is an FMU. Raises WiringError where it must be one and is not, and where this machine
-    isolates none."""
+    """Whether it is an FMU.
+
+    Raises WiringError if it must be one and is not, and if this machine cannot isolate any.
+    """
     if not isinstance(member.component, FmuComponent):
         if required:
             raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")

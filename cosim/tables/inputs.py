@@ -13,10 +13,11 @@ from cosim.tables.table import After, Table
 
 
 def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error") -> list[str]:
-    """Let a file's columns drive the inputs of a system that they name, `component.variable`, in place of what drove
-    them before; the new component is called like the file. Columns between rows are linear, those of Integer and
-    Boolean inputs held. Returns the names of these inputs. Raises TableError for a column that names no input,
-    WiringError for units that do not fit.
+    """Let a file's columns drive the inputs of a system that they name, `component.variable`.
+
+    They replace the former sources of these inputs; the new component has the name of the file. Columns are linear
+    between rows, those of Integer and Boolean inputs held. Returns the names of these inputs. Raises TableError for a
+    column that names no input, WiringError for units that do not fit.
     """
     path = Path(path)
     names = [s.name for s in read(path).columns]

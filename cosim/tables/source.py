@@ -61,6 +61,7 @@ class Signals:
 @dataclass(frozen=True)
 class _Raw:
     """Columns as read: header, values of any type, and unit and type if the file declares them apart from the header.
+
     `row`: names the row of an index. `whole`: numbers without a fraction count as integers (text has no types).
     """
 
@@ -77,8 +78,10 @@ def read(
     columns: Iterable[str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Signals:
-    """The signals of a table. `time`: the column of the time, else found by its name; `columns`: those to take, default
-    all; `units`: by column, for those that do not say theirs or say it wrongly ("" for none). Raises TableError.
+    """Read the signals of a table.
+
+    `time`: the column of the time, else found by its name; `columns`: those to take, default all; `units`: by column,
+    for those that have none or a wrong one ("" for none). Raises TableError.
     """
     wanted = None if columns is None else list(dict.fromkeys([columns] if isinstance(columns, str) else columns))
     raw = _found(source, None if wanted is None else [*wanted, *([time] if time else [])])
@@ -228,8 +231,9 @@ def _taken(name: str, only: Sequence[str] | None) -> bool:
 
 
 def _of_csv(path: Path, only: Sequence[str] | None) -> _Raw:
-    """Comma, semicolon or tab separate; with semicolons a decimal comma is understood. Lines before the header may
-    begin with #.
+    """Read a CSV file, separated by commas, semicolons or tabs; with semicolons a decimal comma is understood.
+
+    Lines before the header may begin with #.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -266,8 +270,9 @@ def _fast(body: Sequence[str], separator: str, width: int) -> Array | None:
 def _slow(
     path: Path, body: Sequence[str], first: int, separator: str, names: Sequence[str], only: Sequence[str] | None
 ) -> tuple[Array, list[str | None]]:
-    """Cell by cell, with errors that name them, and the columns of `true` and `false`. Columns that are not taken may
-    hold anything.
+    """Read cell by cell, with errors that name the cell; also returns the columns of `true` and `false`.
+
+    Columns that are not taken may hold anything.
     """
     table = np.full((len(body), len(names)), np.nan)
     taken = [(i, n) for i, n in enumerate(names) if _taken(n, only)]

@@ -1,7 +1,7 @@
 """Paper 002: a quarter-car bench under LQR and MPC.
 
-``runs`` wires, runs and measures; ``published`` has what the paper prints and the runs that stand beside it; ``claims``
-judges; ``report`` lays out.
+`runs` wires, runs and measures; `published` has what the paper prints and the runs that stand beside it; `claims`
+judges; `report` lays out.
 """
 
 from cosim.experiments.bench import published, runs

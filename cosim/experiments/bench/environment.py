@@ -1,4 +1,4 @@
-"""The bench as a learning environment: ``gymnasium.make("suspension/QuarterCar-v0")``.
+"""The bench as a learning environment: `gymnasium.make("suspension/QuarterCar-v0")`.
 
 What its LQR and its MPC know and may do: the four states every 10 ms, 8 N, and their index as the cost.
 """
@@ -59,10 +59,10 @@ def environment(
     """The environment.
 
     Args:
-        fmus: folder of the FMUs, with ``fmi2`` and ``fmi3`` in it.
+        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
         fmi: version of FMI.
         offsets: where in the random motion episodes start [s], within 0 to 1e5.
-        render_mode: see :class:`SystemEnv`.
+        render_mode: see `SystemEnv`.
     """
     travel = "plant.suspension.deflection"
     settings: dict[str, Any] = {

@@ -22,17 +22,17 @@ CONTROLLED = tuple(c for c in CONTROLLERS if c != "passive")
 
 
 def at(scenario: str, controller: str, *, encoders: bool = False) -> Case:
-    """The run of a controller in one of :data:`SCENARIOS`."""
+    """The run of a controller in one of `SCENARIOS`."""
     return replace(SCENARIOS[scenario], controller=controller, encoders=encoders)
 
 
 def over_height(duration: float, controller: str) -> list[Case]:
-    """Runs over bumps of :data:`HEIGHTS_MM`."""
+    """Runs over bumps of `HEIGHTS_MM`."""
     return [Case(controller, "bump", duration, height_mm=h) for h in HEIGHTS_MM]
 
 
 def over_stretches(controller: str) -> list[Case]:
-    """Runs over the :data:`STRETCHES` of the random road."""
+    """Runs over the `STRETCHES` of the random road."""
     return [replace(at(RANDOM, controller), offset=s) for s in STRETCHES]
 
 

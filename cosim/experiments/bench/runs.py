@@ -156,7 +156,7 @@ def force(recording: Recording) -> np.ndarray:
 
 
 def measure(run: Run) -> Row:
-    """:data:`METRICS` in SI units, and the worst outcome of the solver."""
+    """`METRICS` in SI units, and the worst outcome of the solver."""
     r = run.recording
     road, body, f = r["road.road.height"], r["plant.body.z"], force(r)
 

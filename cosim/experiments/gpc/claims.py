@@ -1,6 +1,6 @@
 """The claims of paper 000, each judged from the study's own numbers.
 
-A claim about a controller is judged on all identification seeds, one about a road on all speeds; see ``judge``.
+A claim about a controller is judged on all identification seeds, one about a road on all speeds; see `judge`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ POWER_ABOVE = 50.0  # km/h: "less than 200 Watts above 50 kph"
 POWER_LIMIT = 200.0  # W
 
 CLAIMS = ClaimList()
-"""Every published claim with the published figure, and additional checks; judged with a :class:`Judge`."""
+"""Every published claim with the published figure, and additional checks; judged with a `Judge`."""
 
 
 # ---------------------------------------------------------------------- sine road: figures 7 and 8
@@ -69,9 +69,7 @@ def _open_loop_peak(j: Judge) -> Finding:
 
 
 def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
-    """All three controllers, of which implicit and preview are matched to explicit, or the one control law that is not
-    matched.
-    """
+    """Judge the gain of explicit on the sine, with the other two controllers matched to it, or of one unmatched."""
     matched = law == "explicit"
 
     def judge(j: Judge) -> Finding:

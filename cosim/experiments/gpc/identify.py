@@ -1,4 +1,4 @@
-"""Command ``cosim identify gpc``: derive the GPC controllers from their plant FMU."""
+"""Command `cosim identify gpc`: derive the GPC controllers from their plant FMU."""
 
 from __future__ import annotations
 

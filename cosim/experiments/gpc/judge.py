@@ -41,7 +41,7 @@ def chosen(*what: str | None) -> str:
 
 
 def number(weight: float) -> str:
-    """ "1e-7": a control weight [1/N2]."""
+    """A control weight [1/N2] as text, "1e-7"."""
     return f"{weight:g}".replace("e-0", "e-")
 
 
@@ -65,7 +65,7 @@ class Judge:
     def where(
         self, seen: Evidence, quantity: str, at: Callable[[float], Distribution | None], holds: Above, unit: str = "-"
     ) -> list[float]:
-        """Speeds at which the seeds clearly decide for the claimed side; what they decide on is kept in ``seen``."""
+        """Speeds at which the seeds clearly decide for the claimed side; what they decide on is kept in `seen`."""
         return [v for v in self.speeds if seen.is_significant(f"{quantity}, {v:g} km/h", at(v), holds, unit)]
 
     def open(self, value: float, band: Band, unit: str) -> str:
@@ -108,8 +108,7 @@ def same(j: Judge, road: str) -> Finding:
 
 
 def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Finding:
-    """Implicit needs more than explicit for the same response at every speed; the figure is that of the
-    first quantity."""
+    """Implicit needs more than explicit for the same response at every speed; value: the first quantity's."""
     seen = Evidence()
     ratio = {q: j.ratio_by_speed(road, q, "implicit", "explicit") for q in quantities}
     where = {q: j.where(seen, f"{q}, implicit / explicit", ratio[q], lambda x: x > 1) for q in quantities}
@@ -136,13 +135,13 @@ def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Findi
 
 
 def at_speeds(where: Sequence[float], speeds: Sequence[float]) -> str:
-    """ "at 2 of 8 speeds (10, 20 km/h)"."""
+    """Speeds in words, "at 2 of 8 speeds (10, 20 km/h)"."""
     named = f" ({', '.join(f'{v:g}' for v in where)} km/h)" if 0 < len(where) < len(speeds) else ""
     return f"at {len(where)} of {len(speeds)} speeds{named}"
 
 
 def span(j: Judge, at: Callable[[float], Distribution | None], to: str) -> str:
-    """ "0.34 to 1.02 times explicit's": medians of the seeds over the speeds, of a ratio to another controller."""
+    """A ratio to another controller in words, "0.34 to 1.02 times explicit's": medians of the seeds over the speeds."""
     medians = [d.median for v in j.speeds if (d := at(v)) is not None]
     return (
         f"{min(medians):.2f} to {max(medians):.2f} times {to}'s"
@@ -152,5 +151,5 @@ def span(j: Judge, at: Callable[[float], Distribution | None], to: str) -> str:
 
 
 def median_text(values: Distribution | None, form: str) -> str:
-    """The median as ``form`` has it, with what follows it."""
+    """The median as `form` has it, with what follows it."""
     return "not matched" if values is None else form.format(values.median)

@@ -12,7 +12,7 @@ from cosim.experiments.gpc.runs import R_PUBLISHED
 
 @dataclass(frozen=True)
 class Match:
-    """Outcome of :func:`match_weight`: the weight and its metrics, or ``found`` false and the nearest one tried."""
+    """Outcome of `match_weight`: the weight and its metrics, or `found` false and the nearest one tried."""
 
     found: bool
     R: float
@@ -26,7 +26,7 @@ MATCH_TOLERANCE = 5e-3  # relative, on the response objective
 
 
 def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> Match:
-    """The control weight at which a controller's response objective equals ``target``.
+    """The control weight at which a controller's response objective equals `target`.
 
     J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbours bracket
     the target; the crossing nearest to 1e-7 is then refined in log R. Of two at the same distance the one is taken that

@@ -28,7 +28,7 @@ REFINEMENTS: dict[str, dict[str, Any]] = {  # words -> fields of a case
 
 
 def plan(seeds: Sequence[int] = SEEDS, speeds: Sequence[float] = SPEEDS_KMH) -> list[Task | Search]:
-    """The whole study, or that of fewer seeds and speeds; on the curb also :data:`CURB_SPEED`."""
+    """The whole study, or that of fewer seeds and speeds; on the curb also `CURB_SPEED`."""
     on = {road: (*speeds, CURB_SPEED) if road == "curb" else tuple(speeds) for road in ROADS}
     searches = [Comparison(road, v, seed) for road in ROADS for v in on[road] for seed in seeds]
     histories = [History(road, v, seeds[0]) for road, v in HISTORIES]
@@ -50,7 +50,7 @@ def swept(speed: float, weight: float, seed: int) -> Case:
 
 
 def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Case]:
-    """Runs with halved steps: (controller, words of :data:`REFINEMENTS`) -> case."""
+    """Runs with halved steps: (controller, words of `REFINEMENTS`) -> case."""
     return {
         (c, words): Case(road, speed, c, seed=seed, **finer)
         for c in CONTROLLERS
@@ -63,12 +63,11 @@ def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Cas
 
 @dataclass(frozen=True)
 class Comparison:
-    """The controllers at one speed on one road from one identification: explicit, then the others at the weights that
-    give its response.
+    """The controllers at one speed on one road from one identification: explicit, then the others matched to it.
 
-    Finds ``compared``, rows of the three controllers, and ``unmatched``, the others at R = 1e-7. Where explicit does
-    not lower
-    the response there is nothing to be matched: the row is that at R = 1e-7, and not matched.
+    Finds `compared`, rows of the three controllers (the others at the weights that give explicit's response), and
+    `unmatched`, the others at R = 1e-7. If explicit does not lower the response, there is nothing to match: the row is
+    that at R = 1e-7, and not matched.
     """
 
     road: str
@@ -96,8 +95,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class History:
-    """Signals over time of the passive car and the three controllers, the matched ones at their weights
-    (figures 8, 10, 12)."""
+    """Time histories (figures 8, 10, 12) of the passive car and the controllers, matched ones at their weights."""
 
     road: str
     speed_kmh: float
@@ -127,7 +125,7 @@ def row(runner: Any, case: Case) -> Row:
 
 
 def matched_row(runner: Any, case: Case) -> Row:
-    """The controller of a case at the weight at which its response equals explicit's; see :class:`Comparison`."""
+    """The controller of a case at the weight at which its response equals explicit's; see `Comparison`."""
     explicit, passive = (
         runner.metrics(Case(case.road, case.speed_kmh, c, seed=s)) for c, s in (("explicit", case.seed), ("passive", 0))
     )

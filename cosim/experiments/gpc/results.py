@@ -37,7 +37,7 @@ def select(rows: Iterable[Row], **where: Any) -> list[Row]:
 class Study:
     """What the figures and claims are made of: rows that are the fields of a case, its metrics, and what a search adds.
 
-    The excitation of the identification is random, so the results of a controller exist once per seed of ``seeds``.
+    The excitation of the identification is random, so the results of a controller exist once per seed of `seeds`.
     """
 
     seeds: tuple[int, ...] = SEEDS
@@ -171,8 +171,9 @@ class Results:
     def at_equal_response(
         self, road: str, speed: float, laws: Iterable[str], value: Callable[..., float]
     ) -> Distribution | None:
-        """``value(row of each controller ...)`` over the seeds in which all these controllers have explicit's
-        response; None without any.
+        """`value(row of each controller ...)` over the seeds in which all these controllers have explicit's response.
+
+        None if there is no such seed.
         """
         laws = tuple(laws)
         found = []
@@ -197,7 +198,7 @@ class Results:
         return sum(self.matched(road, speed, law, s) is not None for s in self.seeds)
 
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
-        """A quantity of :meth:`figures` of preview on the sine road, the smallest weight first."""
+        """A quantity of `figures` of preview on the sine road, the smallest weight first."""
         return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]
 
     # ------------------------------------------------------------------ single numbers
@@ -208,7 +209,7 @@ class Results:
         return {r["speed_kmh"]: r["response"] for r in sorted(rows, key=lambda r: r["speed_kmh"])}
 
     def open_loop_peak(self) -> float:
-        """Speed of the largest of :meth:`open_loop` [km/h]."""
+        """Speed of the largest of `open_loop` [km/h]."""
         responses = self.open_loop()
         if not responses:
             raise RunFailed("no run of the passive car on the sine road came to its end")
@@ -219,9 +220,7 @@ class Results:
         return max(self.speeds, key=lambda v: self.passive(road, v)["response"])
 
     def refinement(self) -> list[tuple[Row, str, dict[str, float]]]:
-        """Refined runs, in words, and with the relative changes of their metrics from those of the run as it is; NaN
-        where one diverged.
-        """
+        """Refined runs in words, with the relative changes of their metrics; NaN where one diverged."""
         rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
         found = []
         for (road, v, law, words), r in rows.items():

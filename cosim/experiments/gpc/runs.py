@@ -40,7 +40,7 @@ EXCHANGE = Fraction(1, 1000)  # s, between car, road and controller
 
 @dataclass(frozen=True)
 class Case(Stepped):
-    """One run; ``R`` and ``seed`` matter for controlled runs only."""
+    """One run; `R` and `seed` matter for controlled runs only."""
 
     road: str = option("sine", choices=ROADS, files=".fmu", help="road under the wheels", always=True)
     speed_kmh: float = option(

@@ -22,7 +22,7 @@ OF_MEDIANS = (
 class Averages:
     """A view of the results of a study by cases that stand for several runs.
 
-    ``refined``: with half the steps of exchange and solvers, where the study ran a case so too.
+    `refined`: with half the steps of exchange and solvers, where the study ran a case so too.
     """
 
     results: Results
@@ -52,8 +52,9 @@ class Averages:
         return Distribution((r[key] for r in self.runs(case)), of=VARIANTS[case.road])
 
     def ratio(self, above: Case, below: Case, key: str = "absorbed_power") -> Distribution:
-        """A metric of one case over that of another, place by place; one without places stands for all of them. 0 over
-        0 is nan.
+        """A metric of one case over that of another, place by place. 0 over 0 is NaN.
+
+        A metric without places stands for all places.
 
         Raises:
             ValueError: the cases were not run over the same places.

@@ -1,6 +1,4 @@
-"""What paper 001 says of the vehicle, judged by the runs; its words on force tracking and preview come with those
-parts.
-"""
+"""Claims of paper 001 on the vehicle, judged by the runs; those on force tracking and preview are in their folders."""
 
 from __future__ import annotations
 
@@ -33,8 +31,10 @@ STEPPED: dict[str, Callable[[Averages], Finding]] = {}
 
 
 def claim(id: str, text: Text, *, published: str, source: str) -> Callable[[Callable[[Averages], Finding]], None]:
-    """Decorator of a function that judges a claim on the vehicle; it is open where half the steps change
-    its verdict."""
+    """Decorator of a function that judges a claim on the vehicle.
+
+    The claim is open if half the steps change its verdict.
+    """
 
     def add(judge: Callable[[Averages], Finding]) -> None:
         STEPPED[id] = judge

@@ -1,4 +1,4 @@
-"""The HMMWV off road as a learning environment: ``gymnasium.make("suspension/HmmwvOffRoad-v0")``.
+"""The HMMWV off road as a learning environment: `gymnasium.make("suspension/HmmwvOffRoad-v0")`.
 
 What the paper's MPC knows and may do: the relative states, the vertical acceleration and the road 0.45 s ahead, every
 30 ms; four forces on ideal actuators. The reward is what the driver feels, and the travel that the suspension has.
@@ -71,11 +71,11 @@ def environment(
     """The environment.
 
     Args:
-        fmus: folder of the FMUs, with ``fmi2`` and ``fmi3`` in it.
+        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
         fmi: version of FMI.
         offsets: where on the road episodes start [m], within 0 to 1300.
         preview: the road ahead is observed, 16 heights under each wheel, 30 ms apart.
-        render_mode: see :class:`SystemEnv`.
+        render_mode: see `SystemEnv`.
     """
     seen = {name.format(k): limits for name, limits in RANGES.items() for k in CORNERS} | BODY_RANGES
     if preview:

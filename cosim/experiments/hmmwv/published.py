@@ -30,9 +30,7 @@ SIDE_VARIANTS = 2  # places of the bump, or stretches, for what is beside the pu
 
 @dataclass(frozen=True)
 class Condition:
-    """What the pump delivers: all that is requested, or at most its flow to each actuator (``pump_l_min``; None: as in
-    the FMU).
-    """
+    """Flow of the pump: unlimited, or at most `pump_l_min` [l/min] to each actuator (None: as in the FMU)."""
 
     limited: bool = False
     pump_l_min: float | None = None
@@ -45,7 +43,7 @@ class Condition:
         return replace(case, flow_limit=True, pump_l_min=self.pump_l_min, shared_pump=self.shared)
 
     def l_min(self, study: Any) -> float:
-        """Flow to each actuator at most [l/min]; ``study.pump_l_min`` is the pump in the actuator's FMU."""
+        """Flow to each actuator at most [l/min]; `study.pump_l_min` is the pump in the actuator's FMU."""
         if not self.limited:
             return math.inf
         flow: float = study.pump_l_min if self.pump_l_min is None else self.pump_l_min
@@ -69,7 +67,7 @@ together. By what is appended to a claim's id.
 
 
 def estimated(controller: str, road: str, *, sensed: bool = False) -> Case:
-    """A controller on the states of the Kalman filter; ``sensed``: with the preview of the range sensors."""
+    """A controller on the states of the Kalman filter; `sensed`: with the preview of the range sensors."""
     return Case(road, controller, states="estimated", preview="sensed" if sensed else "generated")
 
 
@@ -115,8 +113,7 @@ def averaged_cases() -> list[Case]:
 
 
 def published_cases() -> list[Case]:
-    """What the claims on the whole vehicle rest on: every controller on every road, without and with the
-    pump's limit."""
+    """Runs behind the claims on the whole vehicle: every controller on every road, with and without pump limit."""
     cases = [Case(road, c) for road in ROADS for c in CONTROLLERS]
     return cases + [PUMP(Case(road, c)) for road in ROADS for c in ACTIVE]
 

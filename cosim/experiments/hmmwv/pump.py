@@ -28,7 +28,7 @@ WHERE = {"track": "on the test track", "bump": "over one bump", "off-road": "off
 
 @dataclass(frozen=True)
 class Need:
-    """What a statement takes. ``conditions`` are the pumps tried, from the smallest to the one without limit."""
+    """What a statement takes. `conditions` are the pumps tried, from the smallest to the one without limit."""
 
     statement: Statement
     conditions: tuple[Condition, ...]
@@ -40,7 +40,7 @@ class Need:
         return self.conditions[self.holds.index(True)] if any(self.holds) else None
 
     def words(self, study: Averages) -> str:
-        """ "90 l/min at each actuator, not with 75 l/min"."""
+        """The result in words, "90 l/min at each actuator, not with 75 l/min"."""
         if self.smallest is None:
             return "no pump that was tried"
         first, past = self.holds.index(True), [c for c, ok in zip(self.conditions, self.holds, strict=True) if ok]
@@ -52,15 +52,13 @@ class Need:
 
 
 def conditions(study: Averages, road: str) -> list[Condition]:
-    """Pumps that were tried on a road with all controllers of :data:`PUMPED`, from the smallest on."""
+    """Pumps that were tried on a road with all controllers of `PUMPED`, from the smallest on."""
     larger = (Condition(limited=True, pump_l_min=x) for x in PUMPS_L_MIN[road])
     return sorted((PUMP, *larger, WITHOUT_LIMIT), key=lambda c: c.l_min(study))
 
 
 def need(study: Averages, s: Statement) -> Need | None:
-    """With which pump a statement holds, of those tried whose runs did not fail; None where no larger pumps were tried
-    for it.
-    """
+    """Pump with which a statement holds, of those tried whose runs did not fail; None if no larger pumps were tried."""
     if not set(s.controllers) <= set(PUMPED[s.road]):
         return None
     holds = {}

@@ -18,7 +18,7 @@ from cosim.report.model import Scalar
 class Refinement:
     """Absorbed power [W] at the first place of a case: as in the study, with finer solvers, finer exchange, and both.
 
-    ``changes``: [%] when both are halved, at every place.
+    `changes`: [%] when both are halved, at every place.
     """
 
     case: Case
@@ -53,7 +53,7 @@ def refinements(study: Averages) -> list[Refinement]:
 
 
 def section(study: Averages, undecided: list[str]) -> Section:
-    """Table and words of a report; ``undecided``: ids of claims whose verdict changes."""
+    """Table and words of a report; `undecided`: ids of claims whose verdict changes."""
     every = refinements(study)
     worst = max(every, key=lambda r: abs(r.change))
     rows: list[list[Scalar]] = [

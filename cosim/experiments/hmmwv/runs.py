@@ -81,7 +81,7 @@ _LIMITED = (lambda c: c.flow_limit, "runs with a flow limit")
 
 @dataclass(frozen=True)
 class Case(Stepped):
-    """One run. ``variant`` also seeds the noise of the sensors."""
+    """One run. `variant` also seeds the noise of the sensors."""
 
     road: str = option("track", choices=ROADS, help="road under the wheels", always=True)
     controller: str = option(
@@ -222,8 +222,9 @@ def without_actuators(case: Case) -> Case:
 
 
 def own_baseline(case: Case, fmus: FmuSet) -> Case:
-    """What a run with a user's vehicle is compared with: that vehicle without actuators. The paper's hydraulic
-    actuators, which resist when their pump is off, belong to the HMMWV.
+    """Baseline of a run with a user's vehicle: that vehicle without actuators.
+
+    The paper's hydraulic actuators, which resist when their pump is off, belong to the HMMWV.
     """
     return without_actuators(case) if PLANT in fmus.own else passive(case)
 
@@ -246,7 +247,7 @@ def called(case: Any) -> str:
 
 
 def over_variants(case: Case, count: int | None = None) -> list[Case]:
-    """A case at every place of the bump between two control samples, or on every off-road stretch; ``count`` of them.
+    """A case at every place of the bump between two control samples, or on every off-road stretch; `count` of them.
 
     Without a sampled controller the place of a bump does not matter, and there is one run.
     """
@@ -275,7 +276,7 @@ def structure(case: Case) -> tuple[object, ...]:
 
 
 def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
-    """The vehicle of a case: road, car, actuators with their force tracking, controller, and ``comfort``."""
+    """The vehicle of a case: road, car, actuators with their force tracking, controller, and `comfort`."""
     system = System()
     step = exchange_step(EXCHANGE, case)
     add_car(system, fmus, ROADS[case.road], step=step, driven=case.driven)
@@ -305,7 +306,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
 
 
 def _wire_tracking(system: System, fmus: FmuSet, *, requested: bool) -> None:
-    """The force tracking of each actuator; ``requested``: there is a controller that requests forces."""
+    """The force tracking of each actuator; `requested`: there is a controller that requests forces."""
     for k in CORNERS:
         actuator, tracking = f"actuator_{k}", f"tracking_{k}"
         system.add(tracking, fmus.path("ForceTracking"))
@@ -469,8 +470,8 @@ METRICS = {
 def measure(run: Run) -> Row:
     """Metrics of one run.
 
-    ``absorbed_power`` [W] is the published figure: over bumps the peak of a moving mean over 1 s, off road the mean of
-    the run (after the ramp). Both from the heave of the CG. ``flow_limit`` [l/min] and ``null_opening`` [m] are those
+    `absorbed_power` [W] is the published figure: over bumps the peak of a moving mean over 1 s, off road the mean of
+    the run (after the ramp). Both from the heave of the CG. `flow_limit` [l/min] and `null_opening` [m] are those
     of its actuators.
     """
     case, r = run.case, run.recording
@@ -532,8 +533,9 @@ SIGNALS = {
 
 
 def signals(run: Run) -> Row:
-    """Signals of a run for figures by name, thinned so that peaks stay, and rounded: :data:`SIGNALS` [SI units] and the
-    absorbed power of the last second [W].
+    """Signals of a run for figures by name, rounded, and thinned so that peaks are kept.
+
+    These are `SIGNALS` [SI units] and the absorbed power of the last second [W].
     """
     r = run.recording
     shown = {name: r[column] for name, column in SIGNALS.items() if column in r}

@@ -1,5 +1,4 @@
-"""What paper 001 states of the whole vehicle: each statement as a figure that runs give, and the rule it
-is judged by."""
+"""Statements of paper 001 on the whole vehicle: for each, a figure computed from runs, and the rule that judges it."""
 
 from __future__ import annotations
 
@@ -38,9 +37,9 @@ ALIKE = (
 class Statement:
     """One published statement on the controlled car.
 
-    ``figure`` gives the figure over the places, ``side`` says of one value whether it is on the claimed side, ``band``
-    is for the median, a bound for every value. ``controllers``: whose runs it needs (and the passive car's).
-    ``fitted``: what was chosen, from study and condition. ``nothing``: what a figure of 0 over 0 means, where there may
+    `figure` gives the figure over the places, `side` says of one value whether it is on the claimed side, `band`
+    is for the median, a bound for every value. `controllers`: whose runs it needs (and the passive car's).
+    `fitted`: what was chosen, from study and condition. `nothing`: what a figure of 0 over 0 means, where there may
     be one.
     """
 
@@ -81,8 +80,7 @@ def times_better(road: str, controller: str) -> Callable[[Averages, Condition], 
 def gain(
     road: str, controller: str, others: Sequence[str], key: str = "absorbed_power"
 ) -> Callable[[Averages, Condition], Distribution]:
-    """How far [%] a controller's metric is below the lowest of the others', place by place; nan where
-    that is 0 over 0."""
+    """Reduction [%] of a controller's metric from the lowest of the others, place by place; 0 over 0 is NaN."""
 
     def found(study: Averages, at: Condition) -> Distribution:
         each = [study.ratio(at(Case(road, controller)), at(Case(road, o)), key).values for o in others]

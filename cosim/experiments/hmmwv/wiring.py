@@ -26,7 +26,7 @@ def published(member: Member, parameter: str) -> float:
 
 
 def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> dict[str, float]:
-    """Parameters of RoadBumps for bumps of these heights [m] by place, the first place at ``first`` [m]."""
+    """Parameters of RoadBumps for bumps of these heights [m] by place, the first place at `first` [m]."""
     return {**{f"bump.height[{i}]": heights.get(i, 0.0) for i in range(1, PLACES + 1)}, "bump.first": first}
 
 
@@ -34,7 +34,7 @@ SPEEDS = {False: "SpeedProfile", True: "SpeedCommand"}  # whether somebody drive
 
 
 def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: bool = False) -> None:
-    """Speed, road and car; ``driven``: the speed is an input of the system."""
+    """Speed, road and car; `driven`: the speed is an input of the system."""
     system.add("speed", fmus.path(SPEEDS[driven]))
     system.add("road", fmus.path(road))
     system.add("car", fmus.path("RideCarHmmwv"), step=step)
@@ -44,9 +44,9 @@ def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: 
 
 
 def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction = EXCHANGE) -> None:
-    """Four hydraulic actuators on the car, shut bypass as published; ``driven``: something sets their valves.
+    """Four hydraulic actuators on the car, shut bypass as published; `driven`: something sets their valves.
 
-    Car and actuators advance together every ``step``, the car first (Gauss-Seidel): the oil column between them is too
+    Car and actuators advance together every `step`, the car first (Gauss-Seidel): the oil column between them is too
     stiff for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by
     half of it.
     """
@@ -61,12 +61,11 @@ def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction 
 
 
 def connect_corner(system: System, order: str = "gauss-seidel", *, extrapolate: bool = True) -> None:
-    """Wire ``car`` (a quarter car), ``actuator`` and ``tracking``; where the desired force comes from is up to the
-    caller.
+    """Wire `car` (a quarter car), `actuator` and `tracking`; the caller connects the source of the desired force.
 
     The oil column between car and actuator is stiff (44 MN/m): they advance one after the other, the car first. Values
-    of the middle of each step (``extrapolate``) make the exchange of second order; without them the force lags by half
-    of a communication step, which at 0.5 ms costs as much tracking error as the controller itself.
+    of the middle of each step (`extrapolate`) make the exchange of second order; without them the force lags by half of
+    a communication step, which at 0.5 ms costs as much tracking error as the controller itself.
     """
     system.connect("actuator.force", "car.force", extrapolate=extrapolate)
     system.connect("car.suspension.velocity", "actuator.piston.velocity", extrapolate=extrapolate)
@@ -90,8 +89,9 @@ def add_sensors(system: System, fmus: FmuSet) -> None:
 
 
 def add_preview_chain(system: System, fmus: FmuSet) -> None:
-    """Downstream of sensors and filter: correction of the ranges by the estimated pose, the buffer, and the road back
-    to both.
+    """Wire the preview downstream of sensors and filter.
+
+    The ranges are corrected by the estimated pose and buffered; the road is fed back to both.
     """
     system.add("preview_sensor", fmus.path("PreviewSensor"))
     system.add("buffer", fmus.path("PreviewBuffer"))

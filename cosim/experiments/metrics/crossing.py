@@ -121,7 +121,8 @@ def crossing(
     """The quantities of a run.
 
     Args:
-        az_m_s2, ax_m_s2: accelerations of the body (samples,).
+        az_m_s2: vertical accelerations of the body (samples,).
+        ax_m_s2: longitudinal accelerations of the body (samples,).
         pitch_rad: pitch of the body (samples,).
         hub_fx_n: longitudinal hub forces [N] (samples, 2 * axles = 6), axle by axle from the front, left and right.
         rate_hz: samples per second. Peaks are those of all samples; an RMS is that of every n-th one, at 1 kHz, where
@@ -182,11 +183,13 @@ def cost_of_limits() -> float:
 
 
 def normalised(value: float, costs: Iterable[float]) -> float:
-    """Cost between 0 (the lowest of ``costs``) and 1 (the highest), over runs with and without control. Kale, Table
-    5.11.
+    """Cost between 0 (the lowest of `costs`) and 1 (the highest), over runs with and without control.
 
     Raises:
         ValueError: all costs are the same.
+
+    Source:
+        Kale, Table 5.11.
     """
     low, high = _extent(costs)
     if high == low:

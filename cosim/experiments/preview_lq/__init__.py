@@ -1,8 +1,7 @@
-"""Paper 004: what preview buys on a car with seven degrees of freedom, by optimal LQ control with three information
-patterns.
+"""Paper 004: value of preview on a car with seven degrees of freedom, by LQ control with three information patterns.
 
-``runs`` wires, runs and measures; ``design`` has the poles of the continuous design, which are no run; ``published``
-has what the paper prints and the runs that stand beside it; ``claims`` judges; ``report`` lays out.
+`runs` wires, runs and measures; `design` has the poles of the continuous design, which need no run; `published` has the
+printed values of the paper and the runs compared with them; `claims` judges; `report` lays out.
 """
 
 from cosim.experiments.preview_lq import published, runs

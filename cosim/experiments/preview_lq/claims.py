@@ -37,7 +37,7 @@ CLAIMS = ClaimList()
 
 
 def eigenvalues(study: Results, design: str) -> list[complex]:
-    """Of one of the :data:`DESIGNS`, upper half plane [1/s]."""
+    """Of one of the `DESIGNS`, upper half plane [1/s]."""
     return [complex(*e) for e in study.found(DESIGNS[design])["eigenvalues"]]
 
 

@@ -22,9 +22,7 @@ MISSING_ENTRY = ("body.roll_rate", "force.rl")  # of N; without it the design ha
 
 @dataclass(frozen=True)
 class Design:
-    """Closed-loop eigenvalues with some weights; ``without`` (state, control) leaves one entry of the cross weight N
-    out.
-    """
+    """Closed-loop eigenvalues with some weights; `without` (state, control) omits one entry of the cross weight N."""
 
     weights: str
     without: tuple[str, ...] = ()
@@ -35,9 +33,7 @@ class Design:
         return f"design-{self.weights}" + "-one-entry-missing" * bool(self.without)
 
     def __call__(self, runner: Runner) -> dict[str, Any]:
-        """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass in
-        them.
-        """
+        """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass."""
         said = FmuFile(runner.fmus.path(CAR)).description.parameters
         car = ride_car(load_ride_car("sedan"), name=CAR)  # the equations; the numbers are the FMU's
         plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.model().elements("parameter")]))  # type: ignore[arg-type]

@@ -258,8 +258,9 @@ def _over_none(
 
 
 def _printed_over_none(input_: str) -> list[Series]:
-    """What table 3 says of the curves that are no sums: whose parts it gives as per cent of the passive car's, which it
-    does not.
+    """Ratio of preview to delay in table 3, for curves that are no sums.
+
+    The table gives the parts of sums as per cent of the passive car's values, so they cannot be added.
     """
     with_preview, without = (
         dict(zip((*PAPER_COLUMNS, "J"), corrected(input_, c), strict=True)) for c in ("preview", "delay")

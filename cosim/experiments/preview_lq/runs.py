@@ -217,7 +217,7 @@ def mean_square(signal: np.ndarray) -> float:
 
 
 def measure(run: Run) -> Row:
-    """:data:`METRICS` in SI units."""
+    """`METRICS` in SI units."""
     r = run.recording
     f, rates = forces(r), np.diff(forces(r), axis=0) / np.diff(r.time)[:, None]
     weights = weights_of(run.case)

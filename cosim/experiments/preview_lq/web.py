@@ -1,5 +1,4 @@
-"""The sedan over a hole and a bump: what delay and preview are worth, in a web page whose table is the
-paper's Table 3."""
+"""Web page: the sedan over a hole and a bump, the value of delay and preview; its table is the paper's Table 3."""
 
 from __future__ import annotations
 

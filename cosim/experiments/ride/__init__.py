@@ -1,9 +1,9 @@
-"""Courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car with every controller that fits
-it.
+"""Test courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car.
 
-``runs`` wires (as the cars' own experiments do), runs and measures; ``course`` makes roads of OpenCRG files; ``search``
-looks for the speeds at which a limit is reached; ``published`` has the plan of the study, ``claims`` its checks,
-``report`` lays out.
+Each car runs with every suitable controller.
+
+`runs` wires (as the cars' own experiments do), runs and measures; `course` makes roads of OpenCRG files; `search` finds
+the speeds at which a limit is reached; `published` has the plan of the study, `claims` its checks, `report` lays out.
 """
 
 from cosim.experiments.ride import published, runs

@@ -1,6 +1,4 @@
-"""Checks of the study: what must hold of any car, and what the published preview controllers promise on these
-courses.
-"""
+"""Checks of the study: general properties of any car, and published properties of the preview controllers."""
 
 from __future__ import annotations
 
@@ -39,7 +37,10 @@ def _more(texts: list[str]) -> str:
 
 
 def _extent(ratios: dict[str, float]) -> str:
-    """ "0.91 to 0.97"; RunFailed where nothing was run that could be compared, which leaves a check open."""
+    """Range of values in words, "0.91 to 0.97".
+
+    RunFailed if no runs could be compared, which leaves a check open.
+    """
     if not ratios:
         raise RunFailed("no runs of this study can be compared in this respect")
     return f"{min(ratios.values()):.2f} to {max(ratios.values()):.2f}"
@@ -69,8 +70,9 @@ def _search(study: Results) -> Finding:
 
 
 def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], criterion: str) -> Finding:
-    """Whether the speed at a limit falls from step to step, given by values of cases, for every car with every
-    controller.
+    """Whether the speed at a limit falls from step to step, for every car with every controller.
+
+    The steps are given by values of cases.
     """
     wrong, systems = [], {system_of(s): s for s in on(study, **steps[0])}
     for system, search in systems.items():

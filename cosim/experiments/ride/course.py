@@ -1,6 +1,4 @@
-"""A measured course from an OpenCRG file under any of the cars: its road FMU is made when a run needs it, once per
-process.
-"""
+"""A measured course from an OpenCRG file for any of the cars; its road FMU is built on first use, once per process."""
 
 from __future__ import annotations
 
@@ -35,7 +33,7 @@ def extent(path: Path, half_track: float, wheelbase: float) -> tuple[float, floa
     """Where the course in a file begins and ends [m], between level stretches at its ends.
 
     Raises:
-        RoadError: it is level, or shorter than a car with this ``wheelbase`` [m]; or it cannot be read.
+        RoadError: it is level, or shorter than a car with this `wheelbase` [m]; or it cannot be read.
     """
     distance, left, right = heights_from_file(path, half_track)
     length = float(distance[-1] - distance[0])

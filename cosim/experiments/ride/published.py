@@ -63,8 +63,9 @@ System = tuple[str, str, str]  # car, controller, actuators
 
 
 def systems(car: str | None = None) -> list[System]:
-    """Every car with every controller that the study runs, or those of one car; hydraulic actuators where there are
-    any.
+    """Every car with every controller of the study, or those of one car.
+
+    Hydraulic actuators are included where the car has them.
     """
     if car is not None:
         check_choice("car", car, CARS)

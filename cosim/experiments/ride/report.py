@@ -1,5 +1,4 @@
-"""Maps that mobility engineers draw: speed over roughness at 6 W, over obstacles at 2.5 g, absorbed
-power over speed."""
+"""Maps of mobility engineering: speed over roughness at 6 W, over obstacles at 2.5 g, absorbed power over speed."""
 
 from __future__ import annotations
 

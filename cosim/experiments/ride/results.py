@@ -48,7 +48,7 @@ def name(system: System) -> str:
 
 @dataclass(frozen=True)
 class Speeds:
-    """Speeds [km/h] at which a limit was reached, of the seeds that reach it; ``why``: what was found of each seed."""
+    """Speeds [km/h] at which a limit was reached, of the seeds that reach it; `why`: what was found of each seed."""
 
     found: tuple[float, ...]
     why: tuple[str, ...]
@@ -60,8 +60,9 @@ class Speeds:
 
     @property
     def words(self) -> str:
-        """ "13.2 (12.6 to 13.5)", with how many profiles never reached the limit, or were always above it; or that all
-        are so.
+        """The speed in words, "13.2 (12.6 to 13.5)", with the number of profiles outside.
+
+        These never reached the limit, or were always above it; if all are so, the text says only that.
         """
         if self.median is None:
             return next(WORDS[w] for w in self.why if w != "found")

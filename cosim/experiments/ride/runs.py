@@ -1,6 +1,4 @@
-"""Runs over the courses of a proving ground: every car with every controller that fits it, wired as its own experiment
-wires it.
-"""
+"""Runs over the test courses: every car with every suitable controller, wired as in its own experiment."""
 
 from __future__ import annotations
 
@@ -319,8 +317,9 @@ def axles(run: Run) -> tuple[float, float]:
 
 
 def window(run: Run) -> tuple[float, float]:
-    """Positions of the CG [m] between which metrics are taken: all wheels on the course; or, where that is shorter than
-    the car, from before it until the last axle is behind it.
+    """Positions of the CG [m] between which metrics are taken: all wheels on the course.
+
+    If the course is shorter than the car: from before the course until the last axle is behind it.
     """
     (begin, end), (first, last) = stretch(run.system, run.case), axles(run)
     if end - begin < first - last:
@@ -395,10 +394,10 @@ METRICS = {
 
 
 def measure(run: Run) -> Row:
-    """:data:`METRICS` in SI units, of the driver's seat where nothing else is said.
+    """`METRICS` in SI units, of the driver's seat where nothing else is said.
 
-    ``power_given`` counts what the actuators of all corners together give while they give; what they take back is lost.
-    A run whose car did not arrive has ``arrived`` false.
+    `power_given` counts what the actuators of all corners together give while they give; what they take back is lost.
+    A run whose car did not arrive has `arrived` false.
     """
     case, r = run.case, run.recording
     x = r[distance(case)]

@@ -3,7 +3,7 @@
 A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has
 a run below the limit and one above it, and narrows that down: where it expects the limit by a straight line on
 logarithmic scales, or in the middle when that has not halved the interval. A run that is near the limit is followed by
-one on the other side of it, so that most intervals are narrow at once. It ends where the interval is :data:`TOLERANCE`
+one on the other side of it, so that most intervals are narrow at once. It ends where the interval is `TOLERANCE`
 wide: how near a value is to the limit says nothing of the speed where the value hardly rises. Runs are made once: the
 second limit of a search begins with those of the first, and they are stored under their cases.
 """
@@ -44,17 +44,19 @@ def crossing(
     known: Iterable[float] = (),
     exponent: float = EXPONENT,
 ) -> tuple[float | None, str]:
-    """The speed [km/h] at which ``value`` rises to ``limit``, to :data:`TOLERANCE`, with "found"; or None with "never"
-    (at no speed of :data:`WITHIN`) or "always" (at the lowest already).
+    """Find the speed [km/h] at which `value` rises to `limit`, to a relative accuracy of `TOLERANCE`.
+
+    Returns the speed with "found"; or None with "never" (at no speed of `WITHIN`) or "always" (at the lowest already).
 
     Args:
-        value: of a speed, above 0; infinite where a run failed.
-        guess: where it is looked for first, and next to which where it is reached several times.
-        known: speeds whose value is known already; asked for first.
-        exponent: of speed, with which the value is taken to rise from a single run.
+        value: function of a speed, above 0; infinite where a run failed.
+        limit: value to reach.
+        guess: speed of the first attempt; of several crossings, the search returns one near it.
+        known: speeds whose value is known already; they are used first.
+        exponent: assumed exponent of speed with which the value rises, as long as there is a single run.
 
     Raises:
-        ValueError: ``value`` is not a number somewhere.
+        ValueError: `value` is not a number somewhere.
     """
     seen: dict[float, float] = {}
 
@@ -107,8 +109,9 @@ def _step(value: float, limit: float, exponent: float) -> float:
 
 
 def rise(seen: Mapping[float, float], limit: float, otherwise: float = EXPONENT) -> float:
-    """The exponent of speed with which a value rises between the two runs whose values are nearest to a limit, within
-    :data:`STEEP`; ``otherwise`` where there are no two.
+    """Exponent of speed with which a value rises between the two runs nearest to a limit, within `STEEP`.
+
+    `otherwise` is returned if there are no two.
     """
     usable = sorted((abs(math.log(v / limit)), speed) for speed, v in seen.items() if math.isfinite(v) and v > 0)
     if len(usable) < 2:
@@ -133,8 +136,8 @@ def _rounded(v: float) -> float:
 class SpeedLimit:
     """Speeds at which a car reaches limits on a course, seed by seed.
 
-    Finds ``speeds``: by metric, for each seed [km/h] (None: not reached, or always), and ``why`` in words; and
-    ``runs``: the rows of all runs that were made for it, by rising speed.
+    Finds `speeds`: by metric, for each seed [km/h] (None: not reached, or always), and `why` in words; and
+    `runs`: the rows of all runs that were made for it, by rising speed.
     """
 
     case: Case

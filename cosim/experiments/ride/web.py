@@ -1,6 +1,4 @@
-"""A proving ground to drive: a car under its controllers side by side, over the synthetic courses or a measured one,
-in a web page.
-"""
+"""Web page of a proving ground: a car under its controllers side by side, over synthetic courses or a measured one."""
 
 from __future__ import annotations
 
@@ -22,8 +20,9 @@ SLOWEST, FASTEST = 2.0, 120.0  # km/h, that the page offers
 
 
 def live(case: Case) -> Live:
-    """The car of the case under its controllers; over every course of the project, or over the file that the case
-    names. Actuators, profile and height are those of the case.
+    """The car of the case under its controllers, over every course of the project or the file that the case names.
+
+    Actuators, profile and height are those of the case.
     """
     car = CARS[case.car]
     laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.controllers), case.controller)))

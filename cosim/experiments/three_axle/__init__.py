@@ -1,7 +1,7 @@
 """Paper 003, linear part: a 6x6 crosses shallow trenches and follows a pitch reference under three controllers.
 
-``runs`` wires, runs and measures; ``published`` has the runs of Table 5.1 and what stands beside them; ``claims``
-judges; ``report`` lays out.
+`runs` wires, runs and measures; `published` has the runs of Table 5.1 and what stands beside them; `claims`
+judges; `report` lays out.
 """
 
 from cosim.experiments.three_axle import published, runs

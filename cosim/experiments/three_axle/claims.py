@@ -88,7 +88,7 @@ def _lqr_near_mpc(study: Results) -> Finding:
 
 
 def _span(values: list[float]) -> str:
-    """ "0.563 to 150", or the one figure where the ends print alike."""
+    """Range of values in words, "0.563 to 150", or one value if both ends print alike."""
     return " to ".join(dict.fromkeys(f"{v:.3g}" for v in (min(values), max(values))))
 
 

@@ -25,7 +25,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 
 
 def variant(place: Place, words: str) -> Case:
-    """The run of one of :data:`VARIANTS` at a place."""
+    """The run of one of `VARIANTS` at a place."""
     return Case(*place, **VARIANTS[words])
 
 

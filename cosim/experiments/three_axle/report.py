@@ -154,7 +154,7 @@ def _target(study: Results, place: Place, start: float = 0.0, end: float = 25.0)
 
 
 def _curve(study: Results, case: Case, signal: str, start: float, end: float, name: str, **look: Any) -> Series:
-    """A signal from ``start`` to ``end`` [s], thinned so that its peaks stay."""
+    """A signal from `start` to `end` [s], thinned so that its peaks stay."""
     t, y = (np.array(study.signals(case)[s]) for s in ("time", signal))
     keep = (t >= start) & (t <= end)
     return Series(name, *keep_peaks(t[keep], y[keep]), **look)
@@ -252,8 +252,10 @@ def _forces(study: Results) -> Section:
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the
-    reference; of the controllers, what they were designed with.
+    """Parameters of vehicle, road, reference and controllers.
+
+    The vehicle's right corners are left out, since they equal the left ones, and so is the depth of the road;
+    controllers have their design parameters.
     """
     right = tuple(f".{k}." for k in SIX_CORNERS[1::2])
     vehicle = [p for p in parameters(fmus.path("ThreeAxleRide")) if not any(k in p.name for k in right)]

@@ -148,19 +148,19 @@ def forces(recording: Recording) -> np.ndarray:
 
 
 def edge_time(time: np.ndarray, height: np.ndarray, depth: float) -> float:
-    """When the first axle comes to where the road begins to fall [s]; inf if it never does.
+    """Time at which the first axle comes to where the road begins to fall [s]; inf if it never does.
 
     Args:
         time: (samples,) [s].
-        height: of the road under the first axle (samples,), as ``depth`` of the trench. Begun means 0.25 % of the
-            depth, three times the rounding ahead of the edge.
+        height: of the road under the first axle (samples,), in the unit of `depth`.
+        depth: of the trench. Begun means 0.25 % of the depth, three times the rounding ahead of the edge.
     """
     begun = np.flatnonzero(height < -EDGE_BEGINS * depth)
     return float(time[begun[0]]) if len(begun) else math.inf
 
 
 def measure(run: Run) -> Row:
-    """:data:`METRICS`, and what else the claims need; a run that ends before the reference lacks its figures."""
+    """`METRICS`, and what else the claims need; a run that ends before the reference lacks its figures."""
     r, t, error = run.recording, run.recording.time, np.degrees(pitch_error(run.recording))
     rises, ramp, hold, back = (
         float(run.start(f"reference.{n}")) for n in ("ramp.start", "ramp.duration", "hold.duration", "return.duration")

@@ -76,7 +76,7 @@ def lower(study: Results, quantity: str) -> list[Key]:
 
 
 def _undecided(study: Results, keys: Sequence[Key], good: Sequence[Key], controller: str, enough: float) -> str:
-    """Why these verdicts do not decide a claim that needs ``enough`` good ones; empty if they do."""
+    """Why these verdicts do not decide a claim that needs `enough` good ones; empty if they do."""
     loose = [k for k in keys if verdict(study, k, controller) is None]
     firm = [k for k in good if k not in loose]
     if len(firm) >= enough or len(firm) + len(loose) < enough:
@@ -101,7 +101,7 @@ def _both(study: Results, keys: Sequence[Key], controller: str) -> str:
 
 
 def _where(every: Sequence[Key], good: Sequence[Key]) -> str:
-    """ "; not 1.3 m at 1, 3 km/h" for what is missing from the good ones, or nothing."""
+    """Text for the cases that are missing from the good ones, "; not 1.3 m at 1, 3 km/h"; empty if none is missing."""
     missing = [k for k in every if k not in good]
     if not missing or len(missing) > len(every) / 2:
         return ""

@@ -1,4 +1,4 @@
-"""Crossing a trench as a learning environment: ``gymnasium.make("suspension/TrenchCrossing-v0")``.
+"""Crossing a trench as a learning environment: `gymnasium.make("suspension/TrenchCrossing-v0")`.
 
 The 6x6 before a trench of a length that differs from episode to episode, at a speed that does: six forces every 5 ms.
 What its limits are (Table 5.3 of the thesis behind the paper) is what the reward is made of, weighted as its cost
@@ -48,8 +48,9 @@ _COURSE_CASE = Case(
 
 
 def cost(step: Step) -> float:
-    """What the limits are used of, per second: squares of accelerations, pitch and hub forces over their limits,
-    weighted; and the belly on the ground. Negative.
+    """Cost per second: the negative of the weighted squares of quantities over their limits.
+
+    The quantities are accelerations, pitch and hub forces; contact of the belly with the ground is added.
     """
     used = {
         "az": step.over("car.body.az") / LIMITS.az,
@@ -83,9 +84,9 @@ def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | Non
     """The environment.
 
     Args:
-        fmus: folder of the FMUs, with ``fmi2`` and ``fmi3`` in it.
+        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
         fmi: version of FMI.
-        render_mode: see :class:`SystemEnv`.
+        render_mode: see `SystemEnv`.
     """
     files = FmuSet(Path(fmus), fmi)
     with system(files) as course_system:

@@ -1,4 +1,4 @@
-"""Tables 5.4 and 5.6 to 5.11 of paper 003, from ``published.csv``, and the runs that stand beside them.
+"""Tables 5.4 and 5.6 to 5.11 of paper 003, from `published.csv`, and the runs that stand beside them.
 
 The file has one row per length and speed. Cells are as printed, so their decimals tell how they were rounded; an empty
 cell is one of those that this project does not have: they are nobody's input.
@@ -92,7 +92,7 @@ WITHOUT = {
 
 
 def matrix(controller: str) -> list[Case]:
-    """The published crossings of the passive vehicle or of ``mpc``."""
+    """The published crossings of the passive vehicle or of `mpc`."""
     return [Case(*k, controller) for k in GRID]
 
 

@@ -79,7 +79,6 @@ _AXLES = ("front", "middle", "rear")
 
 def report(study: Results, fmus: FmuSet) -> Report:
     """The whole report of a study."""
-
     makers = (
         _verdicts,
         _reductions,
@@ -241,9 +240,7 @@ def scene(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Scene:
 
 
 def _outline(value: Any, first: float, last: float) -> list[tuple[float, float]]:
-    """Lower outline from the front bumper to the rear one as the plant has it; hull and roof are drawn for the eye
-    only.
-    """
+    """Lower outline of the plant from the front bumper to the rear one; hull and roof are only for the picture."""
     tip, knee, belly = (value(f"outline.{n}_height") for n in ("tip", "knee", "belly"))
     front, rear = first + value("outline.front_overhang"), last - value("outline.rear_overhang")
     aside, flat = value("outline.knee_distance"), value("outline.belly_distance")
@@ -296,7 +293,7 @@ def _animation(study: Results, fmus: FmuSet) -> Animation | None:
 
 
 def _refinement(study: Results) -> Section:
-    """Steps"""
+    """Steps."""
     rows: list[list[Any]] = []
     for system in SYSTEMS:
         for n in WEIGHTS:
@@ -356,7 +353,7 @@ def _verdicts(study: Results) -> Section:
 
 
 def _reductions(study: Results) -> Section:
-    """Peaks, pitch and spectra"""
+    """Peaks, pitch and spectra."""
     names = {"az": "az", "ax": "ax", "pitch": "pitch", "az_rms": "az rms", "ax_rms": "ax rms"}
     rows = []
     for key in GRID:
@@ -402,7 +399,7 @@ def _over_length(study: Results, metric: str, label: str) -> Figure:
 
 
 def _costs(study: Results) -> Section:
-    """Cost"""
+    """Cost."""
     rows: list[list[Any]] = []
     scores, taken = score(study), improvements(study)
     scaled = {s: normalised_costs(study, s) for s in SYSTEMS}
@@ -487,7 +484,7 @@ def _history(title: str, id_: str, drawn: Mapping[str, Row]) -> Figure:
 
 
 def _histories(study: Results) -> Section:
-    """Time histories and spectra"""
+    """Time histories and spectra."""
     figures = []
     for number, key in zip(("5-23", "5-26", "5-29", "5-32", "5-35", "5-38"), BOLD, strict=True):
         title = f"{key_text(key)} (figure {number.replace('-', '.')})"
@@ -534,7 +531,7 @@ def _summary(study: Results, cases: list[Case]) -> list[Any]:
 
 
 def _between(study: Results) -> list[Section]:
-    """Between the grid points"""
+    """Between the grid points."""
     names = ("az", "ax", "pitch", "hub_front", "hub_middle", "hub_rear")
     rows: list[list[Any]] = [
         [c.length, c.speed_kmh, *(study[c][n] for n in (*names, "cost", "outcome"))] for c in between() if c in study
@@ -574,7 +571,7 @@ def _changed(study: Results, id_: str, what: str, column: str, lines: Mapping[st
 
 
 def _linear(study: Results) -> Section:
-    """Linear compared with nonlinear vehicle"""
+    """Linear compared with nonlinear vehicle."""
     quantities = (
         ("z", "Body height (figure 5.1)", "body height [m]"),
         ("pitch", "Pitch, nose down (figure 5.2)", "pitch [deg]"),
@@ -628,8 +625,9 @@ def _limits(_: Results) -> Section:
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the vehicle without its right corners, which are as the left ones, and without what a run sets; of crossing
-    algorithm, controller and Table 5.3.
+    """Parameters of vehicle, crossing algorithm and controller, and those of Table 5.3.
+
+    The vehicle's right corners are left out, since they equal the left ones, and so are parameters that a run sets.
     """
     aside = (
         *(f".{k}." for k in SIX_CORNERS[1::2]),

@@ -42,7 +42,7 @@ CONTROLLERS: dict[
     "mpc-printed-limits": ("MpcThreeAxle", {"printed_limits": True}, True),
     "lqr": ("LqrThreeAxle", {}, False),
 }
-"""Kinds of control; what is not said of ``mpc`` holds for all of its variants."""
+"""Kinds of control; what is not said of `mpc` holds for all of its variants."""
 
 FMUS = ("ThreeAxleTrench", "TrenchCrossing", "MpcThreeAxle", "LqrThreeAxle")
 MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
@@ -287,8 +287,8 @@ CURVES = ("car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx")
 def signals(run: Run) -> Row:
     """What animations and figures draw, in the units of the FMUs.
 
-    ``frames``: :data:`MOVING` every 20 ms. ``curves``: time and values of :data:`CURVES`, thinned so that peaks stay.
-    ``spectra``: frequency and density of both accelerations.
+    `frames`: `MOVING` every 20 ms. `curves`: time and values of `CURVES`, thinned so that peaks stay.
+    `spectra`: frequency and density of both accelerations.
     """
     r = run.recording
 
@@ -308,8 +308,7 @@ def signals(run: Run) -> Row:
 
 
 def bands(frequency: np.ndarray, density: np.ndarray) -> tuple[list[float], list[float]]:
-    """Means of a spectrum over bands of a twelfth of a decade, from 0.3 to 300 Hz; bands without a line
-    are left out."""
+    """Means of a spectrum over bands of a twelfth of a decade, from 0.3 to 300 Hz; bands without a line are omitted."""
     edges = 10 ** np.arange(-0.5, 2.55, 1 / 12)
     number = np.digitize(frequency, edges)
     full = [i for i in range(1, len(edges)) if (number == i).any()]

@@ -21,7 +21,7 @@ START = [
     Value({FIRST: 1.0, "car.outline.front_overhang": 1.0}, CLEAR),
     Value({FIRST: 1.0, "car.target.speed": LEAD[1] + APPROACH}, LEAD[0] + CLEAR),
 ]
-"""Where the trench begins, the larger of both: as :class:`~cosim.experiments.trench.runs.Course` has it."""
+"""Where the trench begins, the larger of both: as `cosim.experiments.trench.runs.Course` has it."""
 _HUBS = [[f"car.hub.{k}.fx" for k in SIX_CORNERS[i : i + 2]] for i in (0, 2, 4)]
 _MEASURED: dict[str, tuple[list[str], How, float]] = {  # quantity of Table 5.3 -> outputs, how, factor
     "az": (["car.body.az"], "peak", 1.0),

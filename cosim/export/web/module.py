@@ -1,5 +1,4 @@
-"""Systems as one WebAssembly module: plans, engine, components and the functions that a page calls,
-compiled by ziglang."""
+"""Systems as one WebAssembly module, compiled by ziglang: plans, engine, components and the functions for the page."""
 
 from __future__ import annotations
 
@@ -50,12 +49,12 @@ class Module:
 
 
 def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> Module:
-    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of components that
-    can also be instantiated by themselves.
+    """Compile one module of systems, which share the components that they have in common (their `known`).
+
+    `alone`: FMUs of components that can also be instantiated by themselves.
 
     Raises:
-        CosimError: a component without sources, or one that is to be asked alone and is of another FMI than the
-            systems.
+        CosimError: a component without sources, or one in `alone` of another FMI version than the systems.
         CompileError: no ziglang, or sources that do not compile.
     """
     parts = tuple(dict.fromkeys(alone))
@@ -96,7 +95,7 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
 
 
 def find_zig() -> Toolchain:
-    """ziglang for WebAssembly.
+    """Find ziglang, the compiler for WebAssembly.
 
     Raises:
         CompileError: it is not installed.

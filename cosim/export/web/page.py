@@ -1,5 +1,4 @@
-"""A web page that runs systems: their module, the descriptions of their variables, and its controls, scenes and
-charts.
+"""A web page that runs systems: their module, the descriptions of their variables, its controls, scenes and charts.
 
 The page is one file, which works without a server and without a network. Its numbers are those of the system's FMU,
 since it is compiled from the same C sources.
@@ -53,7 +52,7 @@ class Control:
 
     Attributes:
         label: for people.
-        names: ``component.variable`` of inputs and parameters; systems that do not have them are passed over.
+        names: `component.variable` of inputs and parameters; systems that do not have them are passed over.
         minimum, maximum: of the slider, in SI units; by default those of the variable.
         choices: texts and values to choose from, instead of a slider.
         keys: keys (as browsers name them) that lower and raise it.
@@ -79,7 +78,7 @@ class Measure:
         names: outputs; of several the worst counts.
         how: the largest magnitude, the largest value, the root mean square, or the mean square.
         relative: shown in per cent of the first system's.
-        unit: in which it is shown, ``factor`` times the output's.
+        unit: in which it is shown, `factor` times the output's.
         limit: in that unit; what is above it is marked, and fails a run that has a `Finish`.
     """
 
@@ -99,8 +98,9 @@ class Measure:
 
 @dataclass(frozen=True)
 class Finish:
-    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience``
-    [s]; without ``when`` it is over then.
+    """End of a run: it is over when `when` is no longer negative.
+
+    The run has failed if that is not reached within `patience` [s]; without `when` it is over after `patience`.
     """
 
     when: Value | None
@@ -109,8 +109,10 @@ class Finish:
 
 @dataclass(frozen=True)
 class PageSystem:
-    """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side,
-    and the page offers the groups to choose from. ``scene``: how it looks.
+    """One system of a page.
+
+    `values` are set in it before it starts; systems of the same `group` run side by side, and the user chooses among
+    the groups. `scene`: its picture.
     """
 
     title: str
@@ -131,7 +133,7 @@ class WebPage:
         plots: outputs that the charts show first.
         measures: metrics of the whole run.
         finish: condition that ends a run; None: never.
-        pace: initial real-time factor, one of :data:`PACES`.
+        pace: initial real-time factor, one of `PACES`.
         group_label: name of the choice of groups, such as "course".
         interval: time between the samples that are measured [s]; a number of ticks of all systems.
     """
@@ -260,9 +262,10 @@ def _code(name: str, shown: PageSystem, known: dict[tuple[str, str], Part]) -> S
 
 
 def _ahead(schedule: Schedule) -> dict[str, dict[str, Any]]:
-    """What sampled controllers show of the time ahead, by the signal that it continues: ``planned.NAME[i]`` of an
-    output of theirs, from this sample on; ``predicted.NAME[i]`` of what drives an input of theirs, from the next sample
-    on.
+    """Predicted values of sampled controllers, by the signal that each continues.
+
+    `planned.NAME[i]` continues an output of the controller, from this sample on; `predicted.NAME[i]` the signal that
+    drives an input of it, from the next sample on.
     """
     sources = {c.target_name: c.source_name for c in schedule.connections}
     found: dict[str, dict[str, Any]] = {}

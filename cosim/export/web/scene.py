@@ -1,9 +1,9 @@
 """Scenes that a live page draws while the system in it runs: what stands where, by the variables that say so.
 
-A :class:`Scene` is the live cousin of `cosim.report`'s `Animation`: nothing in it is recorded, every moving quantity is
-a :class:`Value`, which the page computes from the system's variables at each frame. One description serves all views:
+A `Scene` is the live cousin of `cosim.report`'s `Animation`: nothing in it is recorded, every moving quantity is
+a `Value`, which the page computes from the system's variables at each frame. One description serves all views:
 it is in three dimensions, SI units, axes of ISO 8855 (x ahead along the road, y to the left, z up; roll positive left
-side up, pitch positive nose down, yaw positive to the left). `assets/scene.js` draws it; :func:`scene_data` is what
+side up, pitch positive nose down, yaw positive to the left). `assets/scene.js` draws it; `scene_data` is what
 that reads.
 """
 
@@ -83,7 +83,7 @@ class Value:
 
 
 Quantity = Value | str | float
-"""What parts accept for a value: a :class:`Value`, the name of a variable, or a number."""
+"""What parts accept for a value: a `Value`, the name of a variable, or a number."""
 
 
 def value(quantity: Quantity) -> Value:
@@ -111,9 +111,7 @@ class Face:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: faces in a frame of its own, whose origin is at (x, y, z) and which is turned by yaw, then pitch,
-    then roll [rad].
-    """
+    """A rigid body: faces in a frame with its origin at (x, y, z), turned by yaw, then pitch, then roll [rad]."""
 
     name: str
     faces: Sequence[Face]
@@ -180,9 +178,10 @@ class Strut:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force (fx, fy, fz) [N] drawn from a point: `at` in the frame of the body `on`, from the centre of the wheel
-    `on`, or from the road's origin where `on` is None. `role` gives its color and its words: of the ground on a tire,
-    of an actuator, of something on the body.
+    """A force (fx, fy, fz) [N] drawn from a point.
+
+    The point is `at` in the frame of the body `on`, the center of the wheel `on`, or the road's origin if `on` is None.
+    `role` gives its color and its description: of the ground on a tire, of an actuator, of something on the body.
     """
 
     name: str
@@ -204,9 +203,10 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Ground:
-    """The road under the wheels of one side, at `y`. Its height at a place x is the value of `output` when `input` is
-    x - `ahead`: the page queries it with the probe that it passes to the scene. A height that was never queried is
-    unknown.
+    """The road under the wheels of one side, at `y`.
+
+    Its height at a place x is the value of `output` when `input` is x - `ahead`: the page queries it with the probe
+    that it passes to the scene. A height that was never queried is unknown.
     """
 
     side: Side
@@ -226,8 +226,9 @@ class Ground:
 
 @dataclass(frozen=True)
 class Points:
-    """Heights of a road as somebody knows or expects them: the first at x, the next `spacing` [m] further, on the line
-    y; `count` of them count, by default all.
+    """Heights of a road as known or expected by a component, on the line y.
+
+    The first is at x, the next `spacing` [m] further. `count` of them are valid, by default all.
     """
 
     name: str
@@ -286,8 +287,9 @@ class Reading:
 
 @dataclass(frozen=True)
 class Trench:
-    """A box cut into level ground, under the wheels of one side or of both; dimensions [m] are values, since they may
-    be changed.
+    """A box cut into level ground, under the wheels of one side or both.
+
+    Dimensions [m] are values, since they may be changed.
     """
 
     start: Quantity
@@ -302,8 +304,9 @@ class Trench:
 
 @dataclass(frozen=True)
 class Relief:
-    """Ground whose outline over x is known (x, z) [m] from point to point, level ahead of the first and after the last;
-    two at one x are a wall. One point is level ground.
+    """Ground with a known outline (x, z) [m] from point to point, level ahead of the first and after the last.
+
+    Two points at one x are a wall. One point is level ground.
     """
 
     points: Sequence[tuple[Quantity, Quantity]]
@@ -319,9 +322,7 @@ class Relief:
 
 @dataclass(frozen=True)
 class Trace:
-    """The height z [m] over the past, as on paper that is drawn backwards from (x, y) at `speed` [m/s]; for what stands
-    on one place.
-    """
+    """History of the height z [m] at a fixed place, drawn backwards from (x, y) at `speed` [m/s]."""
 
     name: str
     role: TraceRole
@@ -342,9 +343,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class Scene:
-    """What one system looks like. The camera follows the body `follow`; `width` [m] of the road are in view, and
-    `force_scale` [N] are drawn as long as a metre. `what` names it in sentences, "HMMWV". `dimensions` are variables
-    whose values are in the picture as they were when it was made: where they are changed it says so.
+    """The picture of one system.
+
+    The camera follows the body `follow`; `width` [m] of the road are in view, and `force_scale` [N] are drawn as long
+    as a meter. `what` names the system in sentences, "HMMWV". `dimensions` are variables whose values are in the
+    picture as they were when it was made: if they change, the picture says so.
     """
 
     title: str
@@ -401,8 +404,10 @@ class Scene:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of all variables that the scene needs, each once: outputs, inputs and parameters, elements of arrays
-        too. Those of the road (`grounds`) are not among them: a page asks for them through its probe.
+        """Names of all variables that the scene needs, each once.
+
+        These are outputs, inputs and parameters, elements of arrays too. Those of the road (`grounds`) are not among
+        them: a page queries them through its probe.
         """
         return tuple(dict.fromkeys(name for v in _all_values(self) for name in v.terms))
 

@@ -136,9 +136,7 @@ CANCELLERS.append(_cancel)
 
 @cache
 def _libpython() -> str:
-    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" if it has no such
-    library.
-    """
+    """The library of this Python, for FMUs that expect it in their process (PythonFMU); "" if there is none."""
     name, folder = (str(sysconfig.get_config_var(n) or "") for n in ("INSTSONAME", "LIBDIR"))
     return next(
         (str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), ""
@@ -278,8 +276,7 @@ class IsolatedLibrary:
         return text
 
     def failing_function(self, function: str) -> str:
-        """The function that failed, where `function` was called: values that are set travel with the
-        step after them."""
+        """The function that failed in a call of `function`: values that are set are sent with the next step."""
         name = self._last_words[1] if self._last_words else fmi.text(self._ffi, self._client.link_failed(self._link))
         return name.removeprefix(f"fmi{self._version}") or function
 
@@ -308,8 +305,10 @@ class WorkerCrashed(Exception):  # noqa: N818
 
 
 def _exit_code(process: Any) -> int | None:
-    """How a process has ended, or ends within half a second; negative: by a signal. Where the system lets us, it stays
-    a zombie, so that nobody else can get the number by which its group is ended.
+    """Exit code of a process that has ended, or ends within half a second; negative: ended by a signal.
+
+    If the operating system permits, the process stays a zombie, so that no other process gets the number by which its
+    group is ended.
     """
     if not hasattr(os, "waitid"):
         with contextlib.suppress(subprocess.TimeoutExpired):

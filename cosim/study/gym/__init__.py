@@ -2,8 +2,8 @@
 
     from cosim.gym import SystemEnv
 
-``signals``: what a policy sees and does, with ranges and units, as spaces; ``environment``: one environment;
-``vector``: several that are stepped together; ``picture``: an episode as a figure. Nothing here knows a vehicle. Needs
+`signals`: what a policy sees and does, with ranges and units, as spaces; `environment`: one environment;
+`vector`: several that are stepped together; `picture`: an episode as a figure. Nothing here knows a vehicle. Needs
 the extra [learning].
 """
 

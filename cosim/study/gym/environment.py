@@ -40,15 +40,15 @@ Scenario = Mapping[str, Any]
 
 
 class EpisodeOver(CosimError, ResetNeeded):  # noqa: N818
-    """There is no episode, or it has ended: ``reset`` begins one."""
+    """There is no episode, or it has ended: `reset` begins one."""
 
 
 class Step:
     """One step of an environment, as a reward sees it.
 
-    ``step["car.body.az"]`` is the present value of a variable that is observed, set or recorded,
-    ``step.over("car.body.az")`` (m,) what it was since the step before, the present value last; ``step.action`` what
-    was set, in the variables' units, by name. ``time`` [s] is where the simulation stands, ``duration`` [s] how long
+    `step["car.body.az"]` is the present value of a variable that is observed, set or recorded,
+    `step.over("car.body.az")` (m,) what it was since the step before, the present value last; `step.action` what
+    was set, in the variables' units, by name. `time` [s] is where the simulation stands, `duration` [s] how long
     the step took of it.
     """
 
@@ -66,8 +66,9 @@ class Step:
         return self._simulation[name]
 
     def over(self, name: str) -> Array:
-        """Samples (m,) of a variable in this step, in its unit; the present one is the last. KeyError for one that is
-        not recorded.
+        """Samples (m,) of a variable in this step, in its unit; the present one is the last.
+
+        Raises KeyError for one that is not recorded.
         """
         column = self._columns.get(name)
         if column is None:
@@ -80,8 +81,9 @@ class Step:
 
 @dataclass(frozen=True)
 class EnvState:
-    """Where an environment stands, made by :meth:`SystemEnv.save`: system, number of steps, random numbers. It can be
-    pickled.
+    """State of an environment, from `SystemEnv.save`: system, number of steps, random numbers.
+
+    It can be pickled.
     """
 
     system: SystemState = field(repr=False)
@@ -95,38 +97,38 @@ class SystemEnv(gymnasium.Env[Array, Array]):
     """A system whose undriven inputs a policy drives.
 
     Args:
-        system: a :class:`cosim.System`, which the environment owns from then on, or a function that puts one together
-            (needed for :meth:`fork`).
-        actions: inputs that nothing drives, or tunable parameters, with their ranges: ``{"car.force": (-8, 8)}``,
-            ``{"car.force.*": (-2, 2, "kN")}``. -1 and 1 of the action space are the ends of a range.
+        system: a `cosim.System`, which the environment owns from then on, or a function that puts one together
+            (needed for `fork`).
+        actions: inputs that nothing drives, or tunable parameters, with their ranges: `{"car.force": (-8, 8)}`,
+            `{"car.force.*": (-2, 2, "kN")}`. -1 and 1 of the action space are the ends of a range.
         observations: outputs, with their ranges alike; one that is beyond its range is shown at its end, and named in
-            ``info["beyond"]``. Without a range (``["car.body.*"]``) it has its own unit and no bound.
-        reward: a function of a :class:`Step`.
+            `info["beyond"]`. Without a range (`["car.body.*"]`) it has its own unit and no bound.
+        reward: a function of a `Step`.
         step: time between two actions [s], a multiple of the system's tick; an action is held in between.
-        length: of an episode [s], after which it is truncated; a multiple of ``step``. None: it has no end.
-        terminated: conditions that end an episode, as ``stop_when`` of :meth:`cosim.System.run`: at the instant of the
-            system's own tick that fulfils one, within a step too. ``info["ended_by"]`` says which.
+        length: of an episode [s], after which it is truncated; a multiple of `step`. None: it has no end.
+        terminated: conditions that end an episode, as `stop_when` of `cosim.System.run`: at the instant of the
+            system's own tick that fulfils one, within a step too. `info["ended_by"]` says which.
         failure_reward: what a step is worth in which a component fails, or shows a value that is not finite: the
-            episode is terminated, with the message in ``info["error"]`` and the observation before. None:
+            episode is terminated, with the message in `info["error"]` and the observation before. None:
             ComponentError, since what a failure is worth to a policy only you can say.
-        scenario: a function of the environment's random numbers, seeded by ``reset(seed=...)``: parameters and start
-            values of the next episode by full name, such as a road's seed. ``reset(options={...})`` sets some by hand,
-            after these. ``info["scenario"]`` has them.
-        record: further variables that reward and :attr:`recording` need, names and patterns; what is observed or set is
+        scenario: a function of the environment's random numbers, seeded by `reset(seed=...)`: parameters and start
+            values of the next episode by full name, such as a road's seed. `reset(options={...})` sets some by hand,
+            after these. `info["scenario"]` has them.
+        record: further variables that reward and `recording` need, names and patterns; what is observed or set is
             recorded.
         record_interval: [s], default the smallest step of the system.
-        engine, allow_unconnected: as in :meth:`cosim.System.run`.
-        render_mode: None, or "plotly": :meth:`render` gives a plotly figure of the episode so far (needs the extra
+        engine, allow_unconnected: as in `cosim.System.run`.
+        render_mode: None, or "plotly": `render` gives a plotly figure of the episode so far (needs the extra
             [reports]).
 
-    The same actions after the same ``reset(seed=...)`` give bit-identical values. ``reset`` uses loaded FMUs and their
+    The same actions after the same `reset(seed=...)` give bit-identical values. `reset` uses loaded FMUs and their
     instances again. A system of its own is needed for each of two environments.
 
     Raises:
-        WiringError: names, ranges, units or connections that do not fit, see ``signals``; a scenario with an unknown
+        WiringError: names, ranges, units or connections that do not fit, see `signals`; a scenario with an unknown
             parameter.
         TimeError: a step or length that does not fit.
-        EpisodeOver: a step before the first ``reset``, or after the end.
+        EpisodeOver: a step before the first `reset`, or after the end.
         ActionError: an action that is not finite, of another shape or beyond -1 to 1.
     """
 
@@ -241,11 +243,11 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         """Begin an episode.
 
         Args:
-            seed: of the random numbers that ``scenario`` gets, from now on; None: they go on as they were.
+            seed: of the random numbers that `scenario` gets, from now on; None: they go on as they were.
             options: parameters and start values of this episode by full name, in place of those of the scenario.
 
         Returns:
-            The observation, and ``{"scenario": ...}``.
+            The observation, and `{"scenario": ...}`.
         """
         super().reset(seed=seed)
         given = dict(self._scenario(self.np_random)) if self._scenario is not None else {}
@@ -278,8 +280,8 @@ class SystemEnv(gymnasium.Env[Array, Array]):
 
         Returns:
             Observation, reward, whether the episode is terminated, whether it is truncated, and what is to be said:
-            ``ended_by`` (the condition, or the component that asked for the end), ``error`` and ``component`` (of a
-            failure), ``beyond`` (observations outside of their ranges).
+            `ended_by` (the condition, or the component that asked for the end), `error` and `component` (of a
+            failure), `beyond` (observations outside of their ranges).
         """
         simulation = self._simulation
         if simulation is None or self._over:
@@ -336,8 +338,9 @@ class SystemEnv(gymnasium.Env[Array, Array]):
     # Looking ahead.
 
     def save(self, *, travels: bool = True) -> EnvState:
-        """Where it stands: for :meth:`restore`, here or in an environment made in the same way, in another process too.
-        With ``travels=False`` for this environment alone, which is cheaper.
+        """Save the state, for `restore` here or in an environment made in the same way, also in another process.
+
+        With `travels=False` for this environment alone, which is cheaper.
         """
         if self._simulation is None:
             raise EpisodeOver("there is nothing to save before the first reset()")
@@ -350,8 +353,9 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         )
 
     def restore(self, state: EnvState) -> Array:
-        """Go back to a saved state, or to that of another environment; returns the observation there. The following
-        steps are bit-identical to those after the ``save``.
+        """Go back to a saved state, or to that of another environment; returns the observation there.
+
+        The following steps are bit-identical to those after the `save`.
         """
         simulation = self._simulation
         owner = state.system.owner
@@ -390,7 +394,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         return self._simulation.recording
 
     def render(self) -> Any:
-        """A plotly figure of the episode so far with ``render_mode="plotly"``, else None."""
+        """A plotly figure of the episode so far with `render_mode="plotly"`, else None."""
         if self.render_mode is None:
             return None
         from cosim.study.gym.picture import picture

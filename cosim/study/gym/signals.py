@@ -33,7 +33,7 @@ class Signals:
     """Variables in their order, with what -1 and 1 stand for.
 
     Attributes:
-        names: full names; ``units``: of each, by name.
+        names: full names; `units`: of each, by name.
         space: their space, (n,).
     """
 
@@ -54,14 +54,15 @@ class Signals:
         self._bounds = high.tolist()
 
     def scaled(self, values: Array) -> Array:
-        """Values (n,) in their units as an element of the space. What is beyond its range is shown at its end, as by a
-        sensor.
+        """Values (n,) in their units as an element of the space.
+
+        Values beyond its range are shown at its end, as by a sensor.
         """
         found: Array = (values - self._middle) * self._per
         return np.maximum(self._low, np.minimum(self._high, found))
 
     def beyond(self, values: Array) -> list[str]:
-        """Names of the values (n,) that :meth:`scaled` shows at the ends of their ranges although they are beyond."""
+        """Names of the values (n,) that `scaled` shows at the ends of their ranges although they are beyond."""
         off = np.abs((values - self._middle) * self._per) > self._high
         return [n for n, is_off in zip(self.names, off.tolist(), strict=True) if is_off]
 

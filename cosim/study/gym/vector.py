@@ -23,12 +23,11 @@ Flags = npt.NDArray[np.bool_]
 
 
 class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
-    """``count`` environments made by one function, in this process, one after the other: each is bit-identical to a
-    single one.
+    """`count` environments made by one function, run in turn in this process, each bit-identical to a single one.
 
     An environment whose episode has ended begins the next one at the following step, with reward 0 (gymnasium's
-    NEXT_STEP). Seeds of ``reset`` are ``seed``, ``seed + 1``, ... or a list of seeds. ``envs`` are the environments.
-    For processes: ``gymnasium.vector.AsyncVectorEnv([make] * count)``.
+    NEXT_STEP). Seeds of `reset` are `seed`, `seed + 1`, ... or a list of seeds. `envs` are the environments. For
+    processes: `gymnasium.vector.AsyncVectorEnv([make] * count)`.
 
     Raises:
         CosimError: an environment with different spaces.
@@ -60,8 +59,9 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in each; observations (count, n) and infos. ``options`` are those of
-        :meth:`SystemEnv.reset`, for all.
+        """Begin an episode in each environment; returns observations (count, n) and infos.
+
+        `options` are those of `SystemEnv.reset`, for all.
         """
         if seed is None or isinstance(seed, int | np.integer):
             seeds: Sequence[int | None] = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
@@ -80,7 +80,7 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
     def step(
         self, actions: Array
     ) -> tuple[Array, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
-        """One step of each with its row of ``actions`` (count, n)."""
+        """One step of each with its row of `actions` (count, n)."""
         given = np.asarray(actions)
         if given.shape != self.action_space.shape:
             raise ActionError(
@@ -102,12 +102,13 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
     # Looking ahead.
 
     def save(self, *, travels: bool = True) -> list[EnvState]:
-        """Where each stands, see :meth:`SystemEnv.save`."""
+        """Where each stands, see `SystemEnv.save`."""
         return [env.save(travels=travels) for env in self.envs]
 
     def restore(self, states: Sequence[EnvState]) -> Array:
-        """Go back to saved states, one for each; the observations (count, n) there. An episode that had ended there
-        begins from scratch with the next step.
+        """Go back to saved states, one for each environment; returns the observations (count, n) there.
+
+        An episode that had ended there begins from scratch with the next step.
         """
         if len(states) != self.num_envs:
             raise CosimError(f"{len(states)} states for {self.num_envs} environments")
@@ -116,7 +117,7 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
         return observed
 
     def render(self) -> tuple[Any, ...] | None:
-        """A picture of each, see :meth:`SystemEnv.render`."""
+        """A picture of each, see `SystemEnv.render`."""
         return None if self.render_mode is None else tuple(env.render() for env in self.envs)
 
     def close_extras(self, **_: Any) -> None:

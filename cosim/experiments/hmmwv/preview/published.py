@@ -44,7 +44,7 @@ DROPOUT = replace(on_track(FED), duration=3.6, dropout_start=0.7, dropout=0.2)
 
 
 def generated(error: float) -> Case:
-    """The known track with a speedometer that reads ``error`` [%] too high."""
+    """The known track with a speedometer that reads `error` [%] too high."""
     return Case("generated", road="track", duration=3.0, speedometer_error=error)
 
 

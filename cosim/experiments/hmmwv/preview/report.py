@@ -35,7 +35,7 @@ _FRONT = "distance of the front wheels [m]"
 
 
 def curves(study: Results, case: Case) -> dict[str, np.ndarray]:
-    """Signals of a run over time; ``front``: distance of the front wheels [m]."""
+    """Signals of a run over time; `front`: distance of the front wheels [m]."""
     found = {name: np.array(values) for name, values in study.signals(case).items()}
     return {**found, "front": found["x"] + study[case]["front"]}
 

@@ -39,8 +39,10 @@ _SENSED = (lambda c: c.preview == "sensed", "the sensed preview")
 
 @dataclass(frozen=True)
 class Case(AnyCase):
-    """One run: what the range sensors see on a car without control forces, or a known profile beside the loads of the
-    passive hydraulic car. ``noise`` scales all sensors' noise; with 0 the ranges are not rounded either.
+    """A run of the range sensors on a car without control forces, or of a known profile.
+
+    The known profile is compared with the loads of the passive hydraulic car. `noise` scales all sensors' noise; with 0
+    the ranges are not rounded either.
     """
 
     preview: str = option("sensed", choices=("sensed", "generated"), help="where the preview is from", always=True)
@@ -84,8 +86,9 @@ def structure(case: Case) -> tuple[object, ...]:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """Road, car, sensors, and the preview: sensed, where the road goes back to filter and correction, or known
-    beforehand and laid at the measured distance.
+    """Wire road, car, sensors and preview, which is sensed or known beforehand.
+
+    A sensed road is fed back to filter and correction; a known one is placed at the measured distance.
     """
     system = System()
     sensed = case.preview == "sensed"
@@ -166,7 +169,7 @@ METRICS = {
 def signals(run: Run) -> Row:
     """Signals over time, 5 ms apart and rounded [SI units].
 
-    ``rate`` is that of the buffered road, from two neighbouring preview heights; ``true rate`` is that of the true road
+    `rate` is that of the buffered road, from two neighbouring preview heights; `true rate` is that of the true road
     as the mean over the 30 ms ahead, which is what two neighbouring heights give.
     """
     r = run.recording
@@ -191,10 +194,10 @@ def _rounded(values: np.ndarray) -> list[float]:
 def measure(run: Run) -> Row:
     """Metrics of a run, from the signals as they are kept.
 
-    Sensed: ``lowest`` and ``highest`` sensed height [m] on the flat road after the first bump, ``spread`` [m] of the
-    buffered road about the true one in successive windows, ``rate_error`` [m/s] from where road is known under all
-    wheels, ``ahead`` [m] of the front axle that the sensors see, their ``resolution`` [m]. Generated: ``offsets`` [m],
-    how far after the known profile's bumps the car meets them. ``front`` [m] is the front axle ahead of the CG.
+    Sensed: `lowest` and `highest` sensed height [m] on the flat road after the first bump, `spread` [m] of the
+    buffered road about the true one in successive windows, `rate_error` [m/s] from where road is known under all
+    wheels, `ahead` [m] of the front axle that the sensors see, their `resolution` [m]. Generated: `offsets` [m],
+    how far after the known profile's bumps the car meets them. `front` [m] is the front axle ahead of the CG.
     """
     kept = {name: np.array(values) for name, values in signals(run).items()}
     front = run.start("car.wheel.fl.x")
@@ -218,9 +221,7 @@ def measure(run: Run) -> Row:
 
 
 def _offset(kept: dict[str, np.ndarray], place: int, front: float) -> float:
-    """From the known profile's crest to where the load of the front left wheel is largest [m], near one bump of the
-    track.
-    """
+    """Distance [m] from the crest of the known profile to the largest load of the front left wheel, near one bump."""
     at = FIRST_BUMP + (place - 1) + BUMP_LENGTH / 2 - front  # the CG with the front wheels on the crest
     near = np.abs(kept["x"] - at) < 1.0
     x, shown = kept["x"][near], kept["map"][near]

@@ -1,7 +1,6 @@
-"""Force tracking of paper 001: one corner of the standing HMMWV follows forces that are given to it (Figures 1.4 and
-1.8).
+"""Force tracking of paper 001: one corner of the standing HMMWV follows prescribed forces (Figures 1.4 and 1.8).
 
-A part of the experiment ``hmmwv``: ``runs``, ``published``, ``claims``, and the section of the report.
+A part of the experiment `hmmwv`: `runs`, `published`, `claims`, and the section of the report.
 """
 
 from cosim.experiments.hmmwv.tracking import published, runs

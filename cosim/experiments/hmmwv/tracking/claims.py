@@ -15,7 +15,7 @@ CLAIMS = ClaimList()
 
 
 def errors(study: Results, variant: str = "") -> dict[str, float]:
-    """Relative rms error by published signal: of the published controller, or of one of :data:`VARIANTS`."""
+    """Relative rms error by published signal: of the published controller, or of one of `VARIANTS`."""
     case = VARIANTS[variant or next(iter(VARIANTS))]
     return {s: error(study, replace(case, signal=s)) for s in PUBLISHED}
 

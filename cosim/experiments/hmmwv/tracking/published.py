@@ -1,5 +1,4 @@
-"""What paper 001 shows of its force tracking: the runs behind Figures 1.4 and 1.8, their variants, and
-its robustness."""
+"""Force tracking as published in paper 001: the runs behind Figures 1.4 and 1.8, their variants, and its robustness."""
 
 from __future__ import annotations
 
@@ -54,8 +53,7 @@ def error(study: Mapping[Case, Row], case: Case) -> float:
 
 
 def is_stable(study: Mapping[Case, Row], density: float, leakage: float) -> bool:
-    """Whether the error after a step dies away (at least halves), with another density and leakage in
-    the controller."""
+    """Whether the error after a step decays (at least halves), with another density and leakage in the controller."""
     row = study[robustness_case("step", density, leakage)]
     return bool(row["late"] < max(QUIET, row["early"] / 2))
 

@@ -211,11 +211,11 @@ METRICS = {
 def measure(run: Run) -> Row:
     """Metrics of a run, without its first half second.
 
-    ``error`` is the rms of force minus smoothed desired force over the rms of the latter. ``early`` and ``late`` are
+    `error` is the rms of force minus smoothed desired force over the rms of the latter. `early` and `late` are
     the rms of the error from 0.5 to 1 s and from 3.5 to 4 s, over the amplitude: after a step they tell whether it dies
-    away. ``voltage_jumps`` is the standard deviation of the change [V] of the valve's command from sample to sample.
-    ``flow_limit`` [l/min] and ``friction_force`` [N] are those of the FMUs. Of the filter alone see
-    :func:`measure_filter`.
+    away. `voltage_jumps` is the standard deviation of the change [V] of the valve's command from sample to sample.
+    `flow_limit` [l/min] and `friction_force` [N] are those of the FMUs. Of the filter alone see
+    `measure_filter`.
     """
     r = run.recording
     desired = r["tracking.force.smoothed"]
@@ -258,8 +258,9 @@ def measure_filter(t: np.ndarray, y: np.ndarray) -> Row:
 
 
 def signals(run: Run) -> Row:
-    """Desired force after smoothing, and force, over time [s, N], thinned so that peaks stay, and
-    rounded; of the filter every sample.
+    """Desired force after smoothing, and force, over time [s, N], rounded, and thinned so that peaks are kept.
+
+    The output of the filter keeps every sample.
     """
     r = run.recording
     if run.case.signal == FILTER:
