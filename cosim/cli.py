@@ -55,26 +55,38 @@ class Experiments(Commands):
 
 
 class Runs(Experiments):
+    """Commands that run a case of an experiment."""
+
     make = staticmethod(run_command)
 
 
 class Studies(Experiments):
+    """Commands that run the study of an experiment."""
+
     make = staticmethod(study_command)
 
 
 class Sweeps(Experiments):
+    """Commands that run a sweep over an experiment."""
+
     make = staticmethod(sweep_command)
 
 
 class Searches(Experiments):
+    """Commands that optimize an experiment."""
+
     make = staticmethod(optimise_command)
 
 
 class Exports(Experiments):
+    """Commands that export the system of an experiment."""
+
     make = staticmethod(export_command)
 
 
 class Drawings(Experiments):
+    """Commands that show the wiring of an experiment."""
+
     make = staticmethod(wiring_command)
 
 

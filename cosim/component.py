@@ -105,9 +105,11 @@ class Component(Protocol):
     def get(self, variables: Sequence[Variable]) -> list[Any]:
         """Present values."""
 
-    def enter_initialization(self, start: float, stop: float | None) -> None: ...
+    def enter_initialization(self, start: float, stop: float | None) -> None:
+        """Enter initialization mode at `start` [s]; `stop` [s] is the end of the simulation, if known."""
 
-    def exit_initialization(self) -> None: ...
+    def exit_initialization(self) -> None:
+        """Leave initialization mode; the component is ready for its first step."""
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         """Ports that read `inputs` from `u` and write `outputs` to `y`; both contiguous, one float per variable."""
@@ -115,14 +117,17 @@ class Component(Protocol):
     def save(self) -> Any:
         """A copy of the whole state, to be given to `restore` of the same instance."""
 
-    def restore(self, state: Any) -> None: ...
+    def restore(self, state: Any) -> None:
+        """Restore a state that `save` of the same instance returned."""
 
     def forget(self, state: Any) -> None:
         """Free a saved state."""
 
-    def terminate(self) -> None: ...
+    def terminate(self) -> None:
+        """End the simulation of the instance."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Free all resources; no other method may be called afterwards."""
 
 
 @runtime_checkable

@@ -274,6 +274,7 @@ def whole_parquet(path: Path) -> bool:
 
 
 def read_parquet(path: Path) -> Content:
+    """Read a Parquet file; raises FormatError if it is not a recording."""
     table = parquet_table(path)
     found = [
         (f.name, table.column(i).to_numpy(), (f.metadata or {}).get(b"unit", b"").decode())
@@ -373,6 +374,7 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def read_netcdf(path: Path) -> Content:
+    """Read a netCDF or HDF5 file; raises FormatError if it is not a recording."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -431,6 +433,7 @@ def write_mf4(file: IO[bytes], recorded: Recorded) -> None:
 
 
 def read_mf4(path: Path) -> Content:
+    """Read an MF4 file; raises FormatError if it is not a recording."""
     from asammdf import MDF
 
     with MDF(path) as mdf:

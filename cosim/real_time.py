@@ -40,6 +40,7 @@ class RealTime:
         self.lateness[bisect.bisect_left(EDGES, late)] += 1
 
     def copy(self) -> RealTime:
+        """A copy that later instants do not change."""
         return RealTime(self.factor, self.instants, self.overruns, self.worst, list(self.lateness))
 
     def within(self, seconds: float) -> float:

@@ -46,6 +46,7 @@ class Spool:
 
     @property
     def due(self) -> bool:
+        """Whether the last rows were written long enough ago that new ones should be."""
         return time.perf_counter() - self._since >= self.EVERY
 
     def add(self, times: Array, data: Array) -> None:

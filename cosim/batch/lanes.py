@@ -97,6 +97,7 @@ class Code(NamedTuple):
 
     @property
     def mask(self) -> str:
+        """C code of the condition in each lane."""
         return self.text if self.kind == "mask" else f"((mask)({self.lanes} != 0.0))"
 
 

@@ -68,6 +68,7 @@ class LaneSource:
 
     @property
     def continuous(self) -> bool:
+        """Whether the component is continuous."""
         return "is_continuous" in self.fields
 
     def size(self, role: str) -> int:
@@ -81,6 +82,7 @@ class LaneSource:
 
     @property
     def n_values(self) -> int:
+        """Number of values of an instance, from its parameters to its outputs."""
         return self.first("FMU_OUTPUT") + self.size("outputs")
 
     def name_of(self, role: str, slot: int) -> str:

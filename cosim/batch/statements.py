@@ -57,6 +57,8 @@ class Work:
 
 @dataclass(frozen=True)
 class Assignment:
+    """An assignment of a value to a name, a field or an element of an array."""
+
     target: Expression
     value: Expression
 
@@ -70,12 +72,16 @@ class Call:
 
 @dataclass(frozen=True)
 class If:
+    """Statements that are executed if a condition holds."""
+
     condition: Expression
     body: tuple[Statement, ...]
 
 
 @dataclass(frozen=True)
 class For:
+    """A statement that is repeated with an index from `begin` to `end`."""
+
     variable: str
     begin: int
     end: int

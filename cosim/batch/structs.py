@@ -171,6 +171,7 @@ class Structs:
     # What failed.
 
     def failure(self, copy: int) -> CopyFailure:
+        """The failure of a copy, with the message that a run of this copy alone would give."""
         found = self._failures[copy]
         member = self._plan.members[found.member].member
         t = self._exchange.base.seconds(found.tick)

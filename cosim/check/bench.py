@@ -36,14 +36,17 @@ class Bench:
 
     @property
     def model(self) -> Model:
+        """Content of the FMU's modelDescription.xml."""
         return self.fmu.model
 
     @property
     def version(self) -> str:
+        """Major FMI version, "2" or "3"."""
         return self.fmu.version
 
     @property
     def interface(self) -> Interface:
+        """The interface that is checked: Co-Simulation or Model Exchange."""
         return self.fmu.model.interfaces[self.kind]
 
     @property
@@ -238,6 +241,7 @@ def same(x: Any, y: Any, tolerance: float = EQUAL) -> bool:
 
 
 def shown(x: Any) -> str:
+    """A value as text for a message, numbers to nine digits."""
     if isinstance(x, bytes):
         return repr(x.decode("utf-8", "replace")[:40])
     return f"{x:.9g}" if isinstance(x, float) else str(x)
@@ -293,6 +297,7 @@ def attempt(call: Callable[[], Any]) -> Any:
 
 
 def good(status: int) -> bool:
+    """Whether a status is OK or Warning."""
     return status in (OK, WARNING)
 
 

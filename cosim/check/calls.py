@@ -119,9 +119,11 @@ class Fmu:
         return self._loaded[path]
 
     def has(self, kind: str, function: str) -> bool:
+        """Whether the library of an interface exports an FMI function, given without its prefix."""
         return hasattr(self.dll(kind), f"fmi{self.version}{function}")
 
     def instance(self, kind: str, **options: Any) -> Instance:
+        """A new instance of an interface; `options` are those of `Instance`."""
         return Instance(self, kind, **options)
 
     def groups(self, variables: Iterable[Var]) -> dict[str, list[Var]]:
@@ -363,16 +365,19 @@ class Instance:
             self.indicators = self.get_indicators()
 
     def terminate(self) -> None:
+        """Call Terminate."""
         self.must("Terminate")
         self.state = "terminated"
 
     def reset(self) -> None:
+        """Call Reset; the instance is instantiated at the start time again."""
         self.must("Reset")
         self.state = "instantiated"
         self.time = self.model.start_time
         self.next_event = math.inf
 
     def free(self) -> None:
+        """Free the instance, unless a call has returned Fatal."""
         if self.handle is not None and not self.fmu.fatal:
             f = self.raw("FreeInstance")
             f.restype = None
@@ -394,6 +399,7 @@ class Instance:
 
     @staticmethod
     def references(variables: Iterable[Var]) -> Any:
+        """Value references as an array in C."""
         found = [v.reference or 0 for v in variables]
         return (c.c_uint32 * max(1, len(found)))(*found)
 
@@ -534,6 +540,7 @@ class Instance:
 
     @property
     def saved(self) -> str:
+        """Name of a saved state in the function names of this FMI version."""
         return "FMUstate" if self.version == "2" else "FMUState"
 
     def save(self) -> Any:
@@ -544,9 +551,11 @@ class Instance:
         return state
 
     def restore(self, state: Any) -> None:
+        """Restore a saved state."""
         self.must(f"Set{self.saved}", state)
 
     def serialize(self, state: Any) -> bytes:
+        """A saved state as bytes; raises Refused if its size is more than this machine's memory."""
         size = c.c_size_t()
         self.must(f"Serialized{self.saved}Size", state, c.byref(size))
         if size.value > physical_memory():
@@ -557,6 +566,7 @@ class Instance:
         return data.raw[: size.value]
 
     def deserialize(self, data: bytes) -> Any:
+        """Make a saved state of bytes."""
         state = c.c_void_p()
         name = ("DeSerialize" if self.version == "2" else "Deserialize") + self.saved
         self.must(name, data, c.c_size_t(len(data)), c.byref(state))
@@ -573,21 +583,26 @@ class Instance:
         return list(data)[:n]
 
     def get_states(self) -> list[float]:
+        """Continuous states, in the order of their derivatives (Model Exchange)."""
         return self._vector("GetContinuousStates", self.model.n_states)
 
     def set_states(self, x: Sequence[float]) -> bool:
+        """Set the continuous states (Model Exchange); returns true."""
         self.must("SetContinuousStates", (c.c_double * max(1, len(x)))(*x), c.c_size_t(len(x)))
         return True
 
     def get_derivatives(self) -> list[float]:
+        """Derivatives of the continuous states (Model Exchange)."""
         return self._vector(
             "GetDerivatives" if self.version == "2" else "GetContinuousStateDerivatives", self.model.n_states
         )
 
     def get_nominals(self) -> list[float]:
+        """Nominal values of the continuous states (Model Exchange)."""
         return self._vector("GetNominalsOfContinuousStates", self.model.n_states)
 
     def get_indicators(self) -> list[float]:
+        """Event indicators (Model Exchange)."""
         return self._vector("GetEventIndicators", self.model.n_indicators)
 
     # ----------------------------------------------------------------------------------------------------- derivatives

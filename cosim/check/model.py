@@ -72,14 +72,17 @@ class Var:
 
     @property
     def is_float(self) -> bool:
+        """Whether it is a floating-point variable."""
         return self.type in FLOATS
 
     @property
     def is_number(self) -> bool:
+        """Whether it is a floating-point or integer variable."""
         return self.is_float or self.access == "Integer" or self.access in INTEGERS
 
     @property
     def key(self) -> tuple[int | None, str]:
+        """Value reference and type of access, which identify the value in FMI 2."""
         return self.reference, self.access
 
     def starts(self) -> list[Any] | None:
@@ -119,6 +122,7 @@ class Interface:
     says: dict[str, str]
 
     def can(self, *flags: str) -> bool:
+        """Whether any of these capability flags is true."""
         return any(self.says.get(f) in ("true", "1") for f in flags)
 
     @property
@@ -129,18 +133,22 @@ class Interface:
 
     @property
     def saves(self) -> bool:
+        """Whether instances can save and restore their states."""
         return self.can("canGetAndSetFMUstate", "canGetAndSetFMUState")
 
     @property
     def serializes(self) -> bool:
+        """Whether saved states can be serialized."""
         return self.saves and self.can("canSerializeFMUstate", "canSerializeFMUState")
 
     @property
     def directional(self) -> bool:
+        """Whether it provides directional derivatives."""
         return self.can("providesDirectionalDerivative", "providesDirectionalDerivatives")
 
     @property
     def adjoint(self) -> bool:
+        """Whether it provides adjoint derivatives."""
         return self.can("providesAdjointDerivatives")
 
     def wants_completed_steps(self, version: str) -> bool:
@@ -153,14 +161,17 @@ class Interface:
 
     @property
     def once(self) -> bool:
+        """Whether it can be instantiated only once per process."""
         return self.can("canBeInstantiatedOnlyOncePerProcess")
 
     @property
     def needs_tool(self) -> bool:
+        """Whether it needs the tool that made it."""
         return self.can("needsExecutionTool")
 
     @property
     def variable_step(self) -> bool:
+        """Whether communication steps may vary."""
         return self.can("canHandleVariableCommunicationStepSize")
 
 
@@ -195,9 +206,11 @@ class Model:
                 self.by_key.setdefault(key, v)
 
     def key(self, v: Var) -> int | None:
+        """Key of a variable: its position from 1 on in FMI 2, its value reference in FMI 3."""
         return v.position if self.version == "2" else v.reference
 
     def of(self, *causalities: str) -> list[Var]:
+        """Variables of these causalities."""
         return [v for v in self.variables if v.causality in causalities]
 
     def listed(self, group: str) -> list[Var]:
@@ -205,6 +218,7 @@ class Model:
         return [self.by_key[u.key] for u in self.structure if u.group == group and u.key in self.by_key]
 
     def state_of(self, derivative: Var) -> Var | None:
+        """The state of which a variable is the derivative; None if it is not a derivative."""
         return None if derivative.derivative is None else self.by_key.get(derivative.derivative)
 
     @property
@@ -215,14 +229,17 @@ class Model:
 
     @property
     def n_states(self) -> int:
+        """Number of continuous states, with all elements of arrays."""
         return sum(v.size for v in self.listed("Derivative"))
 
     @property
     def n_indicators(self) -> int:
+        """Number of event indicators."""
         return self.indicators if self.version == "2" else sum(v.size for v in self.listed("EventIndicator"))
 
     @property
     def start_time(self) -> float:
+        """Start time of the default experiment [s], by default 0."""
         return self.experiment.get("startTime", 0.0)
 
     @property

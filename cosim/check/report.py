@@ -42,6 +42,7 @@ class Result:
 
     @property
     def name(self) -> str:
+        """Id of the check, with its interface if it has one."""
         return f"{self.check.id} [{self.kind}]" if self.kind else self.check.id
 
 
@@ -126,6 +127,7 @@ def section(result: Result, report: Report) -> str:
 
 
 def to_json(reports: Sequence[Report]) -> str:
+    """Reports as JSON text."""
     return json.dumps([r.data() for r in reports], indent=2, ensure_ascii=False) + "\n"
 
 

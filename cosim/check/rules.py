@@ -78,6 +78,7 @@ class Check:
 
     @property
     def group(self) -> str:
+        """Group of the check, the first part of its id."""
         return self.id.partition(".")[0]
 
     def __reduce__(self) -> tuple[Any, ...]:  # by name: its function lives in every process
@@ -129,10 +130,12 @@ def check(
 
 
 def warning(text: str, line: int = 0) -> Finding:
+    """A finding of severity "warning"; `line` of modelDescription.xml, 0 for none."""
     return Finding(text, "warning", line)
 
 
 def note(text: str, line: int = 0) -> Finding:
+    """A finding of severity "note"; `line` of modelDescription.xml, 0 for none."""
     return Finding(text, "note", line)
 
 

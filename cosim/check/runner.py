@@ -77,6 +77,7 @@ class Options:
 
     @property
     def bytes(self) -> int:
+        """Memory limit [bytes], by default half of the machine's memory."""
         return self.memory if self.memory is not None else physical_memory() // 2
 
 

@@ -160,6 +160,7 @@ def time(bench: Bench) -> Found:
 
 
 def shown_time(t: float) -> str:
+    """A time [s] as text with nine digits."""
     return f"{t:.9g}"
 
 

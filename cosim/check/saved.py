@@ -133,6 +133,7 @@ def with_values(bench: Bench) -> Found:
 
 
 def shown_value(values: list[Any]) -> str:
+    """The first of several values as text with nine digits."""
     return f"{values[0]:.9g}"
 
 

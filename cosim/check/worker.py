@@ -313,6 +313,7 @@ def receive_answer(stream: BinaryIO) -> Answer | None:
 
 
 def send(stream: BinaryIO, data: bytes) -> None:
+    """Write data after its length, for `receive` at the other end."""
     stream.write(struct.pack("=Q", len(data)) + data)
     stream.flush()
 

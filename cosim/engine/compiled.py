@@ -136,18 +136,22 @@ class BoundEngine:
 
     @property
     def tick(self) -> int:
+        """Present tick of the engine."""
         return int(self._state.tick)
 
     @property
     def member(self) -> int:
+        """Index of the component that failed."""
         return int(self._state.member)
 
     @property
     def call(self) -> int:
+        """Number of the FMI call that failed: 0 for the step, above 0 for a set, below 0 for a get."""
         return int(self._state.call)
 
     @property
     def status(self) -> int:
+        """FMI status of the call that failed."""
         return int(self._state.status)
 
     def take_failure(self) -> BaseException:

@@ -120,6 +120,7 @@ class SystemCode:
 
     @property
     def distinct(self) -> list[Part]:
+        """Parts of the system, each FMU once."""
         return list(dict.fromkeys(self.parts.values()))
 
     @property

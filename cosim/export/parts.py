@@ -50,6 +50,7 @@ class Part:
 
     @property
     def version(self) -> int:
+        """Major FMI version of the FMU."""
         return int(self.fmu.major)
 
     @property
@@ -66,7 +67,7 @@ class Part:
         return {f"{self.name}/{n}": d for n, d in own.items() if n != "provenance.json" or len(own) > 1}
 
     def licences(self) -> dict[str, bytes]:
-        """Its licence texts, by path below `documentation/licenses/` of the system's FMU."""
+        """Its license texts, by path below `documentation/licenses/` of the system's FMU."""
         folders = ("documentation/licenses/", "licenses/")
         return {
             f"{self.name}/{n.removeprefix(f)}": d for f in folders for n, d in self.files.items() if n.startswith(f)

@@ -138,7 +138,7 @@ class _Exporter:
                 )
 
     def _token(self, files: dict[str, bytes]) -> str:
-        """A hash of all that determines behaviour and interface."""
+        """A hash of all that determines behavior and interface."""
         digest = hashlib.sha256()
         carried = [p.resource_files() for p in self.distinct if not p.linked]
         for content in (files, *carried):

@@ -30,6 +30,7 @@ class Exported:
 
     @property
     def name(self) -> str:
+        """Full name, `component.variable`."""
         return f"{self.member.name}.{self.variable.name}"
 
     @property
@@ -39,6 +40,7 @@ class Exported:
 
     @property
     def tunable(self) -> bool:
+        """Whether it is a tunable parameter."""
         return self.causality == "parameter" and self.variable.variability == "tunable"
 
     @property

@@ -236,6 +236,7 @@ def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str
 
 
 def text(ffi: Any, pointer: Any) -> str:
+    """A C string as text; "" for NULL."""
     return "" if pointer == ffi.NULL else ffi.string(pointer).decode("utf-8", "replace")
 
 

@@ -79,6 +79,7 @@ class Due:
 
     @property
     def next(self) -> float:
+        """Time of the next tick [s]; infinite if it is not known."""
         return math.inf if self.interval is None else float(self.base + self.count * self.interval)
 
 
@@ -117,6 +118,7 @@ class EventMode:
     # Initialization.
 
     def enter_initialization(self, start: float) -> None:
+        """Start the clocks at `start` [s]."""
         self.now, self._start, self.initializing = start, rational(start, "start time"), True
         self._later.clear()
 
@@ -175,6 +177,7 @@ class EventMode:
     # Values.
 
     def ports(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        """Ports that read `inputs` from `u` and write `outputs` to `y`, with events at the ticks of clocks."""
         self._inputs, self._outputs = self._grouped("Set", inputs), self._grouped("Get", outputs)
         self._u, self._y = u, y
         first = (
@@ -240,10 +243,12 @@ class EventMode:
     # What a saved state has beside that of the FMU.
 
     def saved(self) -> Any:
+        """State of the clocks, which is saved beside the FMU's own state."""
         held = {v: float(x) for g in self._outputs if g.clocks for v, x in zip(g.variables, g.buffer, strict=True)}
         return dict(self.due), self.now, self.next_event, dict(self._later), held
 
     def restore(self, state: Any) -> None:
+        """Restore a state that `saved` returned."""
         due, self.now, self.next_event, later, held = state
         self.due, self._later = dict(due), dict(later)
         for group in self._outputs:

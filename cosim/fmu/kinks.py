@@ -31,13 +31,17 @@ class Instance(Protocol):
 
     description: Description
 
-    def get(self, variables: Sequence[Variable]) -> list[Any]: ...
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        """Present values."""
 
-    def set(self, values: Mapping[Variable, Any]) -> None: ...
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        """Set values."""
 
-    def serialize(self) -> bytes: ...
+    def serialize(self) -> bytes:
+        """The present state as bytes."""
 
-    def deserialize(self, data: bytes) -> None: ...
+    def deserialize(self, data: bytes) -> None:
+        """Restore a state that `serialize` returned."""
 
 
 def refuse_kinks(

@@ -82,6 +82,7 @@ class Quirk:
     source: str
 
     def fits(self, tool: str, finding: str) -> bool:
+        """Whether the entry applies to a finding about an FMU of a tool."""
         return bool(_wildcard(self.tool).fullmatch(tool) and _wildcard(self.finding).fullmatch(finding))
 
 

@@ -63,6 +63,7 @@ _ROUNDING = 1e-6  # relative; differences of differences below it are none
 
 
 def name_of(signal: Signal) -> str:
+    """Full name of a signal, `component.variable`."""
     return f"{signal[0].name}.{signal[1].name}"
 
 

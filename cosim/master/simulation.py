@@ -220,8 +220,8 @@ class Simulation:
     ) -> str | None:
         """Run to the first base tick at or after `until` [s].
 
-        The run ends earlier at the first instant that fulfils one of `stop_when`, or where a component requests the end
-        of the simulation, which is over then. Returns the text of that condition or request, or None. Raises
+        The run ends earlier at the first instant that satisfies one of `stop_when`, or where a component requests the
+        end of the simulation, which is over then. Returns the text of that condition or request, or None. Raises
         ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can be
         continued).
 

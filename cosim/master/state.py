@@ -73,6 +73,7 @@ class SystemState:
 
     @property
     def time(self) -> float:
+        """Time of the state [s]."""
         return self.base.seconds(self.tick)
 
     def clock(self, name: str) -> Clock:

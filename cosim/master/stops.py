@@ -14,7 +14,7 @@ COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator
 
 @dataclass(frozen=True)
 class StopWhen:
-    """Stop at the first instant whose sample fulfils `name` `relation` `value`, e.g. StopWhen("car.x", ">=", 155.0)."""
+    """Stop at the first instant whose sample satisfies `name` `relation` `value`, as StopWhen("car.x", ">=", 155.0)."""
 
     name: str
     relation: str

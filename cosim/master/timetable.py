@@ -20,6 +20,7 @@ class Clock:
     offset: int = 0
 
     def due(self, tick: int) -> bool:
+        """Whether the clock ticks at a tick."""
         return tick >= self.offset and (tick - self.offset) % self.period == 0
 
     def next(self, tick: int) -> int:

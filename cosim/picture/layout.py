@@ -1,6 +1,6 @@
 """Where the components of a system are in a picture: in columns along the signals, from left to right.
 
-x points to the right and y down. Components of one column are ordered by where their neighbours are, so that few lines
+x points to the right and y down. Components of one column are ordered by where their neighbors are, so that few lines
 cross.
 """
 
@@ -33,10 +33,12 @@ class Box:
 
     @property
     def right(self) -> float:
+        """Right edge, in x."""
         return self.x + self.width
 
     @property
     def bottom(self) -> float:
+        """Lower edge, in y."""
         return self.y + self.height
 
 
@@ -176,7 +178,7 @@ def _feeds(m: Member, all_bundles: Sequence[Bundle]) -> bool:
 
 
 def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]) -> float:
-    """Mean place of a component's neighbours in the column beside it."""
+    """Mean place of a component's neighbors in the column beside it."""
     near = [
         place[o] for b in all_bundles for s, o in ((b.source, b.target), (b.target, b.source)) if s is m and o in place
     ]

@@ -60,7 +60,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Strut:
-    """Between a point of a body's frame and the centre of a wheel."""
+    """Between a point of a body's frame and the center of a wheel."""
 
     body: str
     at: tuple[float, float]
@@ -161,6 +161,7 @@ class Scene:
 
     @property
     def samples(self) -> int:
+        """Number of samples of every series."""
         return len(np.asarray(self.bodies[0].x))
 
     @property

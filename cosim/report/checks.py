@@ -46,32 +46,38 @@ def split_label(label: str, where: str = "label") -> tuple[str, str]:
 
 
 def assign(target: object, name: str, value: object) -> None:
+    """Set an attribute of a frozen dataclass."""
     object.__setattr__(target, name, value)
 
 
 def check_id(where: str, identifier: str) -> None:
+    """Raise ValueError unless an identifier can name a file."""
     if not _ID.fullmatch(identifier):
         raise ValueError(f"{where}: an id names a file; use lower-case letters, digits, '-' and '_' only")
 
 
 def check_choice(where: str, name: str, value: object, choices: object) -> None:
+    """Raise ValueError unless a value is one of the choices, a `Literal` type."""
     if value not in get_args(choices):
         raise ValueError(f"{where}: {name} {value!r} is not one of {', '.join(map(repr, get_args(choices)))}")
 
 
 def check_text(where: str, **texts: str) -> None:
+    """Raise ValueError for a text that is empty."""
     for name, text in texts.items():
         if not isinstance(text, str) or not text.strip():
             raise ValueError(f"{where}: '{name}' is empty")
 
 
 def check_unique(where: str, kind: str, names: Iterable[str]) -> None:
+    """Raise ValueError for names that appear more than once."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
 
 
 def items(where: str, name: str, values: Iterable[T], kind: type | tuple[type, ...]) -> tuple[T, ...]:
+    """Values as a tuple; raises ValueError unless all are of a kind."""
     if isinstance(values, str):
         raise ValueError(f"{where}: '{name}' is one text; give a list")
     items = tuple(values)
@@ -83,6 +89,7 @@ def items(where: str, name: str, values: Iterable[T], kind: type | tuple[type, .
 
 
 def curve(where: str, name: str, values: npt.ArrayLike) -> Array:
+    """Values as a read-only array (n,); raises ValueError if they are no list of numbers."""
     try:
         curve = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -103,6 +110,7 @@ def plain_value(where: str, value: object) -> Scalar:
 
 
 def plain_tree(where: str, value: object) -> object:
+    """The value with plain texts, Booleans, numbers and None in dicts and lists; raises ValueError for others."""
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):

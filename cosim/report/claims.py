@@ -74,6 +74,7 @@ class Claim:
 
     @property
     def reproduced(self) -> bool:
+        """Whether the verdict is "reproduced"."""
         return self.verdict == "reproduced"
 
 
@@ -141,10 +142,12 @@ class Distribution:
 
     @property
     def low(self) -> float:
+        """Smallest value."""
         return float(np.min(self.values))
 
     @property
     def high(self) -> float:
+        """Largest value."""
         return float(np.max(self.values))
 
     def quantile(self, q: float) -> float:
@@ -217,6 +220,7 @@ class Counts:
 
     @classmethod
     def of(cls, claims: Sequence[Claim]) -> Counts:
+        """Count the verdicts of these claims and checks."""
         found = Counter(c.verdict for c in claims)
         held, failed = found["holds"], found["does not hold"]
         return cls({v: found[v] for v in OUTCOMES}, held, held + failed)
@@ -228,6 +232,7 @@ class Counts:
 
     @property
     def reproduced(self) -> int:
+        """Number of published claims that are reproduced."""
         return self.verdicts["reproduced"]
 
 

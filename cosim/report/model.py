@@ -74,6 +74,7 @@ class Series:
 
     @property
     def x_values(self) -> Array:
+        """Values of x as an array (n,)."""
         return np.asarray(self.x, dtype=np.float64)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
@@ -250,6 +251,7 @@ class Report:
 
     @property
     def figures(self) -> list[Figure | Map]:
+        """All figures of the report and its sections, in order."""
         first = [] if self.figure is None else [self.figure]
         return [*first, *(figure for section in self.sections for figure in section.figures)]
 
@@ -260,10 +262,12 @@ class Report:
 
     @property
     def tables(self) -> list[Table]:
+        """All tables of the sections, in order."""
         return [table for section in self.sections for table in section.tables]
 
     @property
     def animations(self) -> list[Animation]:
+        """All animations of the report and its sections, in order."""
         first = [] if self.animation is None else [self.animation]
         return [*first, *(animation for section in self.sections for animation in section.animations)]
 

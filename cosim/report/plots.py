@@ -67,6 +67,8 @@ def dark_colors() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Look:
+    """Color, dash and marker of the series of one name."""
+
     color: str
     dash: str
     marker: str

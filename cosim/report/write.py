@@ -76,10 +76,12 @@ def write_report(report: Report, directory: str | os.PathLike[str]) -> Path:
 
 
 def figure_csv(identifier: str) -> str:
+    """Path of a figure's data below the folder of the report."""
     return f"figures/{identifier}.csv"
 
 
 def table_csv(identifier: str) -> str:
+    """Path of a table's data below the folder of the report."""
     return f"tables/{identifier}.csv"
 
 

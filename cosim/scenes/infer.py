@@ -113,7 +113,7 @@ class _Found:
     system: Wiring
     member: Member
     lengths: set[str] = field(default_factory=set, compare=False)
-    """Names of the parameters in metres that were read: the picture has their values as they are now."""
+    """Names of the parameters in meters that were read: the picture has their values as they are now."""
 
     @property
     def is_quarter(self) -> bool:
@@ -174,7 +174,7 @@ class _Found:
 
     @cached_property
     def x(self) -> dict[str, float]:
-        """Wheel centres ahead of the CG [m]."""
+        """Wheel centers ahead of the CG [m]."""
         given = {c: self._x(c) for c in self.corners}
         if None not in given.values():
             return {c: x for c, x in given.items() if x is not None}
@@ -226,7 +226,7 @@ class _Found:
         return None
 
     def wheel_height(self, corner: str) -> float:
-        """Of the wheel's centre above the road at rest [m]."""
+        """Of the wheel's center above the road at rest [m]."""
         known = self._rest_height(corner)
         if known is None and self.knows("disc.radius"):
             known = self.parameter("disc.radius") - self.static_squash(corner)

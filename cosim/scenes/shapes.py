@@ -426,7 +426,7 @@ def _angular_arch(x: float, top: float, sill: float, above: float, below: float)
 
 
 def _round_arch(x: float, centre: float, radius: float, sill: float) -> list[tuple[float, float]]:
-    """From the front to the rear: an arc about the wheel's centre, down to the sill."""
+    """From the front to the rear: an arc about the wheel's center, down to the sill."""
     begin = math.asin((sill - centre) / radius)
     angles = np.linspace(begin, math.pi - begin, 12)
     return [(x + radius * math.cos(a), centre + radius * math.sin(a)) for a in angles.tolist()]

@@ -53,6 +53,8 @@ class Transformation:
 
 @dataclass(frozen=True)
 class Connector:
+    """A connector of an element: a named input, output or parameter."""
+
     name: str
     kind: str
     type: str = ""  # "" where the file says none
@@ -75,6 +77,8 @@ class End:
 
 @dataclass(frozen=True)
 class Connection:
+    """A connection from one connector to another, with its transformation and the settings of this project."""
+
     start: End
     end: End
     line: int
@@ -98,6 +102,8 @@ class Value:
 
 @dataclass
 class Element:
+    """An element of a system: its connectors and the values that its bindings set."""
+
     name: str
     connectors: dict[str, Connector]
     values: list[list[Value]]  # of each binding, in their order
@@ -105,6 +111,8 @@ class Element:
 
 @dataclass
 class Component(Element):
+    """A component: an FMU in a system."""
+
     fmu: Path
     hint: Fraction | None = None  # for its step [s]
     own: dict[str, str] = field(default_factory=dict)  # what our annotation says
@@ -113,11 +121,15 @@ class Component(Element):
 
 @dataclass
 class Reference(Element):
+    """A signal dictionary reference: an element that stands for a dictionary of the system or of one around it."""
+
     dictionary: str
 
 
 @dataclass
 class System(Element):
+    """A system with its elements, connections and signal dictionaries."""
+
     elements: dict[str, Element]
     connections: list[Connection]
     dictionaries: dict[str, dict[str, Connector]]

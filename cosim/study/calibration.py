@@ -69,6 +69,7 @@ class SystemResponse:
         self._system, self._stop, self._interval, self._open = system, stop_time, interval, allow_unconnected
 
     def __call__(self, values: Mapping[str, float]) -> Array:
+        """Outputs (samples, outputs) of a run with these parameters, by full name."""
         for name, value in values.items():
             member, variable = self._system.members.split(name)
             member.set({variable: value})

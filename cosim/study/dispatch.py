@@ -221,11 +221,13 @@ class TaskQueue:
         self.left = left
 
     def peek(self) -> int | None:
+        """Number of the next task without taking it; None if there is none."""
         if self._next is None:
             self._next = next(self._numbers, None)
         return self._next
 
     def take(self) -> int:
+        """Take the next task and return its number."""
         found = self.peek()
         assert found is not None
         self._next = None

@@ -71,7 +71,7 @@ def module_name(file: str | Path) -> str:
 
 
 def _from_file(file: Path) -> ModuleType:
-    """The module of a file, which can import its neighbours, as when Python runs it."""
+    """The module of a file, which can import its neighbors, as when Python runs it."""
     file = file.absolute()
     if not file.is_file():
         others = sorted(p.name for p in file.parent.glob("*.py"))

@@ -33,10 +33,12 @@ class Member:
 
     @property
     def description(self) -> Description:
+        """Variables and capabilities of the component."""
         return self.component.description
 
     @property
     def discrete(self) -> bool:
+        """Whether the component is discrete."""
         return self.kind == "discrete"
 
     def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
@@ -84,10 +86,12 @@ class Connection:
 
     @property
     def source_name(self) -> str:
+        """Full name of the output, `component.variable`."""
         return f"{self.source.name}.{self.output.name}"
 
     @property
     def target_name(self) -> str:
+        """Full name of the input, `component.variable`."""
         return f"{self.target.name}.{self.input.name}"
 
     def __str__(self) -> str:
@@ -118,6 +122,7 @@ def indices(name: str) -> tuple[int, ...]:
 
 
 def article(word: str) -> str:
+    """The word with its indefinite article."""
     return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
 
 

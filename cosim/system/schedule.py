@@ -32,13 +32,16 @@ class Schedule:
 
     @property
     def continuous(self) -> tuple[Member, ...]:
+        """Continuous components in the order of their groups."""
         return tuple(m for group in self.groups for m in group.members)
 
     @property
     def members(self) -> tuple[Member, ...]:
+        """All components in the order of execution, the discrete ones first."""
         return self.discrete + self.continuous
 
     def time_base(self, start: Fraction) -> TimeBase:
+        """The base of the tick, with time [s] counted from `start`."""
         return TimeBase(self.tick, start)
 
     def __str__(self) -> str:

@@ -28,7 +28,7 @@ MATCH_TOLERANCE = 5e-3  # relative, on the response objective
 def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> Match:
     """The control weight at which a controller's response objective equals `target`.
 
-    J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbours bracket
+    J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbors bracket
     the target; the crossing nearest to 1e-7 is then refined in log R. Of two at the same distance the one is taken that
     lies where a J that rises with R has it.
     """

@@ -85,6 +85,7 @@ class Comparison:
         return 8 * _seconds(self.speed_kmh)
 
     def __call__(self, runner: Any) -> dict[str, list[Row]]:
+        """Run the controllers at their weights."""
         explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
         laws = [replace(explicit, controller=c) for c in MATCHED]
         return {
@@ -112,6 +113,7 @@ class History:
         return 12 * _seconds(self.speed_kmh)
 
     def __call__(self, runner: Any) -> list[Row]:
+        """Signals and values of the case of each car."""
         explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
         laws = [replace(explicit, controller=c) for c in MATCHED]
         cases = [replace(explicit, controller="passive"), explicit]

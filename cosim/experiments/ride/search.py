@@ -1,6 +1,6 @@
 """Speeds at which a car reaches a limit: 6 W of absorbed power over a course, 2.5 g at the seat over a half-round.
 
-A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has
+A search steps from a guess toward the limit, by as much as its runs say that the value rises with speed, until it has
 a run below the limit and one above it, and narrows that down: where it expects the limit by a straight line on
 logarithmic scales, or in the middle when that has not halved the interval. A run that is near the limit is followed by
 one on the other side of it, so that most intervals are narrow at once. It ends where the interval is `TOLERANCE`
@@ -153,6 +153,7 @@ class SpeedLimit:
         return f"{limits}-{replace(self.case, speed_kmh=1.0).label}"
 
     def __call__(self, runner: Any) -> Row:
+        """Search the speed [km/h] at the limit of each metric, for every seed."""
         runs: dict[tuple[int, float], Row] = {}
         speeds: dict[str, list[float | None]] = {m: [] for m in self.metrics}
         why: dict[str, list[str]] = {m: [] for m in self.metrics}

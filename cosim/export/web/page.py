@@ -195,7 +195,7 @@ def _headed(shown: PageSystem, code: SystemCode) -> str:
 
 
 def _licences(codes: Sequence[SystemCode]) -> str:
-    """Every licence text of what the page holds, each once."""
+    """Every license text of what the page holds, each once."""
     texts: dict[bytes, str] = {}
     for part in {p.name: p for code in codes for p in code.distinct}.values():
         for name, content in sorted(part.licences().items()):

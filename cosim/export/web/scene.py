@@ -75,6 +75,7 @@ class Value:
 
     @property
     def at_rest(self) -> float:
+        """The value at rest; if none was given, the offset."""
         return self.offset if self.rest is None else self.rest
 
     def of(self, variables: Mapping[str, float]) -> float:
@@ -133,7 +134,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel, its centre at (x, y, z).
+    """A wheel, its center at (x, y, z).
 
     `radius` is that of the unloaded tire, which the ground presses in by `squash` [m] (0 or less: it is in the air),
     from straight below or from the point `contact` (x, z). `turn` [rad] grows while it rolls ahead; `heading` [rad] is
@@ -164,7 +165,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Strut:
-    """A spring with its damper from a point of a body's frame to a point beside the centre of a wheel."""
+    """A spring with its damper from a point of a body's frame to a point beside the center of a wheel."""
 
     body: str
     at: tuple[float, float, float]

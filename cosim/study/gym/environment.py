@@ -107,7 +107,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         step: time between two actions [s], a multiple of the system's tick; an action is held in between.
         length: of an episode [s], after which it is truncated; a multiple of `step`. None: it has no end.
         terminated: conditions that end an episode, as `stop_when` of `cosim.System.run`: at the instant of the
-            system's own tick that fulfils one, within a step too. `info["ended_by"]` says which.
+            system's own tick that fulfills one, within a step too. `info["ended_by"]` says which.
         failure_reward: what a step is worth in which a component fails, or shows a value that is not finite: the
             episode is terminated, with the message in `info["error"]` and the observation before. None:
             ComponentError, since what a failure is worth to a policy only you can say.

@@ -169,8 +169,8 @@ METRICS = {
 def signals(run: Run) -> Row:
     """Signals over time, 5 ms apart and rounded [SI units].
 
-    `rate` is that of the buffered road, from two neighbouring preview heights; `true rate` is that of the true road
-    as the mean over the 30 ms ahead, which is what two neighbouring heights give.
+    `rate` is that of the buffered road, from two neighboring preview heights; `true rate` is that of the true road
+    as the mean over the 30 ms ahead, which is what two neighboring heights give.
     """
     r = run.recording
     if run.case.preview == "generated":
