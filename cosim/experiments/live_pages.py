@@ -1,4 +1,7 @@
-"""Experiments that have a live web page, and these pages: `python -m cosim.experiments.live_pages FOLDER`."""
+"""The experiments that show themselves as a live web page, and these pages.
+
+`python -m cosim.experiments.live_pages FOLDER`
+"""
 
 from __future__ import annotations
 
