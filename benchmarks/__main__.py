@@ -1,5 +1,6 @@
-"""``python -m benchmarks [--json FILE] [--old FOLDER]``: all benchmarks, as ratios measured in one run. Needs the FMUs
-(``build-fmus``).
+"""``python -m benchmarks [--json FILE] [--old FOLDER]``: all benchmarks, as ratios measured in one run.
+
+Needs the FMUs (``build-fmus``).
 """
 
 from __future__ import annotations

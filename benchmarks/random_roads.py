@@ -1,5 +1,6 @@
-"""The passive full car over 2 s of random roads: seed and class of the road, mass and speed vary. An experiment for
-sweeps.
+"""The passive full car over 2 s of random roads: seed and class of the road, mass and speed vary.
+
+An experiment for sweeps.
 """
 
 import numpy as np

@@ -20,9 +20,10 @@ _REPLACEMENT = "\ufffd"
 
 
 def c_string(text: str) -> str:
-    """A string literal of C99 with the bytes of the text in UTF-8. What the compiler would read otherwise is an octal
-    escape, and ``?`` is escaped, since two of them begin a trigraph. A zero byte, which would end the string, is
-    replaced.
+    """A string literal of C99 with the bytes of the text in UTF-8.
+
+    What the compiler would read otherwise is an octal escape, and ``?`` is escaped, since two of them begin a trigraph.
+    A zero byte, which would end the string, is replaced.
     """
     return '"' + "".join(map(_c_byte, text.replace("\0", _REPLACEMENT).encode("utf-8", "replace"))) + '"'
 

@@ -209,8 +209,9 @@ def ticks(component: Model) -> Fraction:
 
 
 def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False) -> str:
-    """The complete ``model.c`` of a component; deterministic for a given CasADi version. ``clocks``: of FMI 3.0, a
-    discrete component may be sampled by a clock.
+    """The complete ``model.c`` of a component; deterministic for a given CasADi version.
+
+    ``clocks``: of FMI 3.0, a discrete component may be sampled by a clock.
     """
     functions = written_functions(component)
     headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]

@@ -27,8 +27,10 @@ class DisplayUnit:
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as FMI declares it: ``value_SI = factor * value + offset`` in base units. ``exponents`` follow
-    :data:`BASE_UNITS`; None where an FMU does not define its unit."""
+    """A unit as FMI declares it: ``value_SI = factor * value + offset`` in base units.
+
+    ``exponents`` follow :data:`BASE_UNITS`; None where an FMU does not define its unit.
+    """
 
     name: str
     exponents: tuple[int, ...] | None = None

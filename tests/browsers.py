@@ -16,8 +16,9 @@ PLACE = Path(__file__).parents[1] / "build" / "pages"
 
 
 def looked_at(script: Path, *arguments: str | Path) -> Any:
-    """What a script for Node.js prints as JSON (see `script_output`). Skips the test where something is not installed,
-    and says what.
+    """What a script for Node.js prints as JSON (see `script_output`).
+
+    Skips the test where something is not installed, and says what.
     """
     try:
         return script_output(script, *arguments)

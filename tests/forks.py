@@ -32,8 +32,9 @@ def continued(
     stop: Sequence[StopWhen] = (),
     **options: Any,
 ) -> Recording:
-    """The recording from a state on, of a system that is built here. The simulation is advanced to each of `until` in
-    turn.
+    """The recording from a state on, of a system that is built here.
+
+    The simulation is advanced to each of `until` in turn.
     """
     with build(*arguments) as system, system.initialize(state=state, allow_unconnected=True, **options) as simulation:
         assert simulation.time == state.time

@@ -29,6 +29,7 @@ VERSION = "" if shutil.which("gcc") is None else subprocess.check_output(["gcc",
 
 def kept_object(source: Path, include: Path, *told: str, sanitizers: Sequence[str] = FLAGS) -> Path:
     """One C file compiled; both FMI versions and all FMUs share most of theirs, from one test run to the next too.
+
     Thousands of lines of equations are optimized little: with -O1 compiling them takes twice as long, with -O0 running
     them does.
     """

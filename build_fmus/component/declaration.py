@@ -119,8 +119,9 @@ class Declaration:
         return sum(v.size for v in self.of(role))
 
     def vector(self, role: Role, values: Mapping[str, float] | None = None) -> np.ndarray:
-        """Start values of a role as one vector; hidden and calculated elements are 0. Elements that are in ``values``,
-        by name, have that value instead; KeyError for a name that no element has.
+        """Start values of a role as one vector; hidden and calculated elements are 0.
+
+        Elements that are in ``values``, by name, have that value instead; KeyError for a name that no element has.
         """
         out = np.zeros(self.size(role))
         for v in self.of(role):

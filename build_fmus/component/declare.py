@@ -403,8 +403,9 @@ class Component:
 
     @_declares
     def initial_value(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
-        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start. Returns its
-        symbol.
+        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start.
+
+        Returns its symbol.
         """
         if self.kind != "discrete":
             raise DeclarationError(
@@ -784,8 +785,9 @@ class Component:
         self.description, self.notes, self._model = words(self.description), tuple(map(words, self.notes)), None
 
     def model(self) -> Model:
-        """The frozen model, which everything else reads. The first call ends the declaration; later ones return the
-        same model.
+        """The frozen model, which everything else reads.
+
+        The first call ends the declaration; later ones return the same model.
 
         Raises:
             DeclarationError: a state without derivative or update.

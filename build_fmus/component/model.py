@@ -21,8 +21,9 @@ with extras.needed("build", extras.BUILDING):
 
 @dataclass(frozen=True, eq=False)
 class Model(Declaration):
-    """What a builder has declared, and everything derived from it. Nothing of it changes, so nothing derived gets out
-    of date.
+    """What a builder has declared, and everything derived from it.
+
+    Nothing of it changes, so nothing derived gets out of date.
     """
 
     @cached_property

@@ -15,8 +15,10 @@ import scipy.linalg
 
 @dataclass(frozen=True)
 class SampledModel:
-    """Car and noise at one sample time [s]. ``E`` and ``F`` are the effect of road rates that are held
-    over a sample."""
+    """Car and noise at one sample time [s].
+
+    ``E`` and ``F`` are the effect of road rates that are held over a sample.
+    """
 
     A: np.ndarray
     B: np.ndarray

@@ -135,8 +135,9 @@ def absorbed_power_series(
 
 
 def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float, response: tuple[Section, ...] = HUMAN_RESPONSE) -> float:
-    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`. Donahue and Hedrick,
-    (1.19).
+    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`.
+
+    Donahue and Hedrick, (1.19).
     """
     return float(np.mean(absorbed_power_series(az_m_s2, rate_hz, response)))
 

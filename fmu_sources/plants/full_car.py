@@ -235,6 +235,7 @@ def _corners(p: Any, g: Any) -> Corners:
 
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
     """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+
     Corners learn the ``rest`` of their wheels [m].
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll

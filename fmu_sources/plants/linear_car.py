@@ -115,8 +115,10 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
 
 
 def _by_input(column: Mapping[str, int], standing: np.ndarray, rolling: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of heights, their rates and forces. A road rises under a wheel at slope x speed: its rate acts as the
-    slope does per m/s, less what a slope does to a car that stands.
+    """Columns of heights, their rates and forces.
+
+    A road rises under a wheel at slope x speed: its rate acts as the slope does per m/s, less what a slope does to a
+    car that stands.
     """
     heights, slopes, forces = (
         [column[n.format(k)] for k in CORNERS] for n in ("road.{}.height", "road.{}.slope", "force.{}")

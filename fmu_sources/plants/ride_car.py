@@ -41,8 +41,9 @@ def _numbers_004(corners: list[str]) -> list[str]:
 
 
 def _numbers_003(corners: list[str]) -> list[str]:
-    """As :func:`_numbers_004`. Roll and pitch have the other sign there; the paper counts the right wheel of an axle
-    first.
+    """As :func:`_numbers_004`.
+
+    Roll and pitch have the other sign there; the paper counts the right wheel of an axle first.
     """
     printed = [f"a{axle}{side}" for axle in (1, 2, 3) for side in "rl"]
     body = ["003 (3.13)", "003 (3.14), roll of the other sign", "003 (3.15), pitch of the other sign"]

@@ -64,8 +64,9 @@ _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle fi
 
 
 def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Component:
-    """Car of a vehicle file with hardpoints. All ``z`` count from where the car of the file rests on a road at height
-    0.
+    """Car of a vehicle file with hardpoints.
+
+    All ``z`` count from where the car of the file rests on a road at height 0.
     """
     c = Component(
         name,

@@ -26,8 +26,9 @@ LONGEST_WINDOW = 3.0  # s, what the FMU has memory for
 
 
 def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> Component:
-    """Comfort figures of a vertical acceleration. The same numbers come from `fmu_sources.models.comfort` for a
-    finished recording.
+    """Comfort figures of a vertical acceleration.
+
+    The same numbers come from `fmu_sources.models.comfort` for a finished recording.
 
     ``period``: sample time [s].
     """

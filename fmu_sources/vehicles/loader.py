@@ -189,8 +189,9 @@ def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """All that a vehicle file says, with what it builds on. A file without a name is called as the file is, not as what
-    it builds on.
+    """All that a vehicle file says, with what it builds on.
+
+    A file without a name is called as the file is, not as what it builds on.
     """
     data: dict[str, Any] = {}
     for file in reversed(vehicle_files(path)):

@@ -58,8 +58,9 @@ def check(
     alone: str = "",
     vectors: Sequence[str] = HERE,
 ) -> None:
-    """Compare, in two pieces; on each kind of vectors, and with one and two threads. `alone`: members that run one by
-    one.
+    """Compare, in two pieces; on each kind of vectors, and with one and two threads.
+
+    `alone`: members that run one by one.
     """
     copies = len(next(iter(start.values())))
     single = [apart(system, start, c, stop, record, interval) for c in range(copies)]

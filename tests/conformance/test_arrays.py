@@ -59,8 +59,10 @@ def test_dimensions_hold_the_elements(both: tuple[Path, Library]) -> None:
 
 
 def test_same_numbers(both: tuple[Path, Library]) -> None:
-    """Inputs held, because FMPy takes no signals for array inputs of different shapes. To rounding, because the step
-    sizes it passes are differences of times."""
+    """Inputs held, because FMPy takes no signals for array inputs of different shapes.
+
+    To rounding, because the step sizes it passes are differences of times.
+    """
     path, scalars = both
     steps, h, row = 60, scalars.step, scalars.stimulus.row(20)
     start: dict[str, Any] = {}

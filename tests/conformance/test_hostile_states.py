@@ -185,8 +185,9 @@ def test_parameters_and_selectors_outside_their_range(fmu: Library) -> None:
 
 @pytest.mark.parametrize("name", [n for n in PROBE_NAMES if n == "ProbeQpDaqp"])
 def test_active_rows_of_daqp(fmu: Library) -> None:
-    """Its memory: the number of active rows, then each row by its number with a sign. Three variables, five rows: room
-    for four that are active.
+    """Its memory: the number of active rows, then each row by its number with a sign.
+
+    Three variables, five rows: room for four that are active.
     """
     with running(fmu) as a:
         state = State(a.serialize())

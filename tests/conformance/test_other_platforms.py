@@ -94,8 +94,9 @@ def bits(values: np.ndarray) -> str:
 
 
 def stimulus_of(path: Path, model: Model) -> Signals:
-    """The inputs of the documentation; those of a system, which has none, swing. Without inputs: long enough for any
-    profile over time.
+    """The inputs of the documentation; those of a system, which has none, swing.
+
+    Without inputs: long enough for any profile over time.
     """
     with zipfile.ZipFile(path) as z:
         name = f"documentation/{path.stem}_in.csv"

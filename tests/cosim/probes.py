@@ -10,8 +10,10 @@ INITIAL = -1.0
 
 
 class Probe(PythonComponent):
-    """`y` is the instant its latest step has reached: its begin if discrete, its end if continuous. `log` holds
-    (begin of the step, value of `u` then) in milliseconds."""
+    """`y` is the instant its latest step has reached: its begin if discrete, its end if continuous.
+
+    `log` holds (begin of the step, value of `u` then) in milliseconds.
+    """
 
     inputs = ("u",)
     outputs = ("y",)

@@ -34,8 +34,11 @@ def lag(result, hops):
 
 @pytest.mark.parametrize(("kind", "seidel", "steps"), [("discrete", 0, 0), ("continuous", 0, 3), ("continuous", 1, 1)])
 def test_a_chain_of_three_foreign_fmus(foreign, kind, seidel, steps):
-    """Discrete: no lag. Continuous: a step takes one step; side by side that adds up to one per hop, in a
-    Gauss-Seidel group the whole chain takes one."""
+    """Discrete: no lag.
+
+    Continuous: a step takes one step; side by side that adds up to one per hop, in a Gauss-Seidel group the whole chain
+    takes one.
+    """
     with chain(foreign, kind) as system:
         if seidel:
             system.group("line", ["first", "second", "third"])

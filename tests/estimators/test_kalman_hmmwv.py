@@ -265,8 +265,10 @@ class Truth:
         self.measured = exact + SIGMA * rng.standard_normal(exact.shape)
 
     def drive(self, component, with_road=False, **parameters):
-        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tires
-        take tension."""
+        """Estimates, their sigmas and the poses over the run.
+
+        The car of this truth is linear: its tires take tension.
+        """
         if component.name == "KalmanHmmwv":
             parameters = {"tires__lift_off": 0, **parameters}
         run = Run(component, **parameters)

@@ -95,8 +95,9 @@ def vehicle(run: Case) -> tuple[Row, Row]:
 
 
 def corner(case: tracking.runs.Case) -> tuple[Row, Row]:
-    """Metrics and signals as of a good law. The loop is unstable above a density of 1.1; the filter is at 1 after 23
-    ms.
+    """Metrics and signals as of a good law.
+
+    The loop is unstable above a density of 1.1; the filter is at 1 after 23 ms.
     """
     if case.signal == FILTER:
         t = np.arange(0, 1.0, 1e-3)

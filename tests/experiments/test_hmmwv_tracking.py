@@ -96,8 +96,11 @@ def test_a_plain_exchange_lags_by_half_a_step(bench):
 
 @pytest.mark.parametrize(("exchange", "radius"), [("0.5 ms", 1.026), ("1 ms", 1.14)])
 def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, radius):
-    """Ride car and four actuators, valves shut. Jacobi: the check warns before anything is run, and the run diverges.
-    Gauss-Seidel, car first: no warning at 0.5 ms, and it stays where it is."""
+    """Ride car and four actuators, valves shut.
+
+    Jacobi: the check warns before anything is run, and the run diverges. Gauss-Seidel, car first: no warning at 0.5 ms,
+    and it stays where it is.
+    """
     corners = ("fl", "fr", "rl", "rr")
     with System() as system:
         system.add("car", fmus.path("RideCarHmmwv"), step=exchange, start={"wheel.fl.vz": 1e-3})

@@ -50,8 +50,9 @@ def failure(module: ModuleType, case: bytes) -> str | None:
 
 
 def memory() -> float:
-    """The most memory that this program has had [MB]. What `getrusage` tells goes on counting from the process that
-    started it, which may be large: the tests' own.
+    """The most memory that this program has had [MB].
+
+    What `getrusage` tells goes on counting from the process that started it, which may be large: the tests' own.
     """
     try:
         status = Path("/proc/self/status").read_text()

@@ -1,5 +1,6 @@
-"""Hostile FMUs: a bad deed in some phase, isolated, in a system of some kind. The host lives, and the end is a sentence
-or a recording.
+"""Hostile FMUs: a bad deed in some phase, isolated, in a system of some kind.
+
+The host lives, and the end is a sentence or a recording.
 """
 
 from __future__ import annotations

@@ -137,8 +137,9 @@ _TOKEN = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|\S', re.DOTALL)
 
 
 def tokens(code: str) -> tuple[list[str], list[str]]:
-    """What a compiler of C99 reads: all tokens, with `""` for strings, and the strings. Whatever is left of a string is
-    a token, too.
+    """What a compiler of C99 reads: all tokens, with `""` for strings, and the strings.
+
+    Whatever is left of a string is a token, too.
     """
     code = re.sub(r"\?\?([=/'()!<>-])", lambda m: _TRIGRAPHS[m[1]], code).replace("\\\n", "")
     found = [m[0] for m in _TOKEN.finditer(code) if not m[0].startswith(("/*", "//"))]

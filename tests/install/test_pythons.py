@@ -1,5 +1,6 @@
-"""The wheel under every Python that the project names: installed from PyPI as a user would, an FMU built and run. `make
-test-pythons`.
+"""The wheel under every Python that the project names: installed from PyPI as a user would, an FMU built and run.
+
+`make test-pythons`.
 """
 
 from __future__ import annotations

@@ -28,8 +28,9 @@ def model(car):
 
 @pytest.fixture
 def anywhere(car):
-    """The car at random states, forces and road, with its outputs by name, its derivatives and its inputs. Its tires
-    take tension: the model is that of a car on the road.
+    """The car at random states, forces and road, with its outputs by name, its derivatives and its inputs.
+
+    Its tires take tension: the model is that of a car on the road.
     """
     evaluator = Evaluator(car.model(), {"tires.lift_off": False})
     rng = np.random.default_rng(3)

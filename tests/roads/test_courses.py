@@ -57,8 +57,10 @@ def test_every_course_becomes_a_road(path: Path) -> None:
 
 @pytest.mark.parametrize("path", named("Detrended RMS"), ids=lambda p: p.stem)
 def test_the_rms_is_that_of_the_header(path: Path) -> None:
-    """Of the stretch that the header names. It gives the rms of the data before they were sampled: 1.3 %
-    off at most."""
+    """Of the stretch that the header names.
+
+    It gives the rms of the data before they were sampled: 1.3 % off at most.
+    """
     text = comments(path)
     told, length, begin = (
         float(re.search(rf"{words} = ([\d.]+)", text)[1])  # type: ignore[index]

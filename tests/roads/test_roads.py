@@ -285,6 +285,7 @@ def test_opencrg_heights_are_those_of_the_grid(tmp_path, form):
 
 def test_opencrg_reference_line_channels(tmp_path):
     """Slope belongs to the piece before a cross-section, the first value is not used; banking rises to the left.
+
     Heading and curvature move the road on the map, not its heights over the distance along it.
     """
     grid, slope = random_grid(), np.linspace(0, 0.1, 21)

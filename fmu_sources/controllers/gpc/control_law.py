@@ -117,8 +117,9 @@ def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLi
 
 @dataclass(frozen=True, eq=False)
 class GpcLaw:
-    """The receding-horizon control law: u(t) from histories and, with preview, from the disturbance ahead. (15), (19),
-    (21).
+    """The receding-horizon control law: u(t) from histories and, with preview, from the disturbance ahead.
+
+    (15), (19), (21).
 
     The four gains are always those of the optimisation itself. What a variant does with them:
 

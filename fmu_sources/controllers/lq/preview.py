@@ -301,8 +301,9 @@ class _Fixed:
 
 
 class _Designed:
-    """A control law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right
-    wheels are those of the left ones with the sides changed.
+    """A control law that is designed when the FMU is initialized, of weights that are parameters.
+
+    Gains of the right wheels are those of the left ones with the sides changed.
     """
 
     def __init__(self, c: Component, plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> None:

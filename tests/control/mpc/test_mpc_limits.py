@@ -45,8 +45,9 @@ def documented() -> dict[tuple[str, str], int]:
 
 
 def check(name: str, names: list[str], outputs: np.ndarray, limit: int) -> np.ndarray:
-    """Iterations within the limit; commands finite, within force and rate, and kept after a failure. Returns the
-    status.
+    """Iterations within the limit; commands finite, within force and rate, and kept after a failure.
+
+    Returns the status.
     """
     column = {n: k for k, n in enumerate(names)}
     status = outputs[:, column["solver.status"]]
