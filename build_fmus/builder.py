@@ -159,6 +159,9 @@ def build(
     """Build the named entries and what they need, as far as they are not up to date.
 
     Args:
+        catalog: name -> entry.
+        names: of the entries to build.
+        options: of the build.
         sources: :func:`source_hash` of the code that makes components.
         task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
             module-level function or a picklable object.

@@ -18,8 +18,9 @@ Array = npt.NDArray[np.float64]
 
 
 def nearest(name: object, known: Iterable[object]) -> list[str]:
-    """The nearest of the known names, then at most two that are about as near; those that hold `name` where all are
-    far.
+    """The best match among the known names, and at most two that are about as close.
+
+    Without a close match: the names that contain `name`, at most three.
     """
     given, candidates = str(name), [str(k) for k in known]
     best = difflib.get_close_matches(given, candidates, n=1, cutoff=0.5)
@@ -92,8 +93,10 @@ def whole_number(what: str, value: int, *, least: int = 1, error: type[Exception
 
 
 def finite(what: str, values: Array, *, sampled: bool = False, error: type[Exception] = ValueError) -> None:
-    """Refuse an array in which a value is not finite; the message names the first one by its indices, and by its sample
-    where the first axis is time (`sampled`)."""
+    """Refuse an array with a value that is not finite.
+
+    The message names the first such value by its indices, and by its sample where the first axis is time (`sampled`).
+    """
     bad = np.argwhere(~np.isfinite(values))
     if not len(bad):
         return

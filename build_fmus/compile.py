@@ -104,8 +104,9 @@ class Toolchain:
         self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
-        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``;
-        ``loads``: it opens other libraries itself.
+        """Link objects to a shared library without undefined symbols; loaders know it by the name of ``output``.
+
+        ``loads``: the library opens other libraries itself.
 
         The system's mathematical library is not linked: the objects carry their own (:mod:`build_fmus.mathematics`).
         """
@@ -118,8 +119,10 @@ class Toolchain:
         self._run([*flags, *map(str, objects), *more, "-o", str(output)])
 
     def _loader(self) -> list[str]:
-        """Flags for the functions that open libraries: until glibc 2.34 they are in a library of their own, which must
-        be named for these older systems also where a newer glibc links.
+        """Flags for the functions that open libraries.
+
+        Until glibc 2.34 they are in a library of their own, which must be named for these older systems also where a
+        newer glibc links.
         """
         ours = "ziglang" not in self.version and host_platform.libc_ver()[0] == "glibc"
         return ["-Wl,--no-as-needed", "-l:libdl.so.2", "-Wl,--as-needed"] if ours else ["-ldl"]
@@ -208,8 +211,9 @@ def included_headers(source: Path, include: Sequence[Path]) -> list[Path]:
 
 
 class ObjectCache:
-    """Compiled objects and libraries by content hash, themselves checked by a hash of their bytes; safe for concurrent
-    builds (files appear atomically).
+    """Compiled objects and libraries by content hash; each is checked by a hash of its bytes.
+
+    Safe for concurrent builds: files appear atomically.
     """
 
     def __init__(self, directory: Path) -> None:

@@ -1,5 +1,6 @@
-"""Completion of command lines in shells, from the declaration of the options: a script for each shell, and what fits
-what is typed.
+"""Shell completion of command lines, from the declaration of the options.
+
+Makes the completion script of each shell, and the completions of what is typed.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ complete -c suspension-fmus -a '(__cosim)'
 
 
 def fitting(command: Any, words: Sequence[str]) -> list[str]:
-    """What the last of ``words`` may become: commands, options, or the names that an option takes; nothing where it may
-    be a file.
+    """Completions of the last of ``words``: commands, options or the values of an option.
+
+    Empty where the word may be a file.
 
     Args:
         command: of click, with all below it.

@@ -30,6 +30,7 @@ def model_description(
     """The model description as UTF-8 XML.
 
     Args:
+        component: model of the FMU.
         fmi: 2 or 3.
         token: instantiation token (GUID in FMI 2.0) compiled into the binary.
         sources: C files below ``sources/`` (FMI 2.0 lists them here).
@@ -142,8 +143,9 @@ def _root(component: Model, version: str, **identity: str) -> etree._Element:
 
 
 def root_element(name: str, description: str, version: str, **identity: str) -> etree._Element:
-    """``fmiModelDescription`` of an FMU that this software has made; ``identity`` is its token under the name of the
-    version.
+    """``fmiModelDescription`` of an FMU that this software has made.
+
+    ``identity`` is its token under the name that the version gives it.
     """
     return etree.Element(
         "fmiModelDescription",
@@ -185,9 +187,10 @@ def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: floa
 
 
 def _annotation(parent: etree._Element, component: Model) -> None:
-    """What FMI has no place for: the kind of component, where values come from, and constants that a source and its
-    target must agree on. All in one place, by name: beside each variable a source would stand once per element of an
-    array.
+    """Annotation with what FMI has no place for.
+
+    The kind of component, where values come from, and constants that a source and its target must agree on. All in one
+    place, by name: beside each variable a source would stand once per element of an array.
     """
     attributes: dict[str, str] = {"kind": component.kind}
     if component.sample_time is not None:

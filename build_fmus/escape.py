@@ -36,8 +36,9 @@ def _c_byte(byte: int) -> str:
 
 
 def c_comment(text: str) -> str:
-    """Text of a declaration for a comment of C, which it neither ends nor continues: for what the author of a component
-    writes, not for names from outside.
+    """Text of a declaration for a comment of C, which it neither ends nor continues.
+
+    For texts that the author of a component writes, not for names from outside.
     """
     plain = re.sub(r"[\x00-\x1f\x7f\\]", " ", text)
     return re.sub(r"\?(?=\?)|\*(?=/)|/(?=\*)", r"\g<0> ", plain)
@@ -60,8 +61,9 @@ def c_number(x: float) -> str:
 
 
 def xml(text: str) -> str:
-    """Text for an element or attribute of lxml, which escapes the rest: characters that XML cannot contain are
-    replaced.
+    """Text for an element or attribute of lxml: characters that XML cannot contain are replaced.
+
+    lxml escapes the rest.
     """
     return NO_XML.sub(_REPLACEMENT, text)
 

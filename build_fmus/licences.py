@@ -65,10 +65,10 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
 
 
 def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, uses_casadi: bool) -> list[Part]:
-    """Parts by others among the files of ``sources/``, by their path below it; ``solvers`` are those of quadratic
-    programs.
+    """Third-party parts among the files of ``sources/``, by their path below it.
 
-    ``uses_casadi``: whether the equations are partly in the code of CasADi's generator.
+    ``solvers`` are those of quadratic programs; ``uses_casadi``: whether the equations are partly in the code of
+    CasADi's generator.
     """
     parts = [_fmi_headers(files), *([_casadi()] if uses_casadi else [])]
     if musl := [n for n in files if n.startswith(f"{mathematics.FOLDER}/")]:

@@ -21,8 +21,7 @@ _HEADER = re.compile(rb'^#include "(fmu_math|equations|libm|\w+_data)\.h"', re.M
 
 
 def math_files(sources: Iterable[bytes]) -> dict[str, bytes]:
-    """C files and headers of the functions that C ``sources`` call and of those that these call, by path in
-    ``sources/``.
+    """C files and headers of the functions that C ``sources`` call, directly or not, by path in ``sources/``.
 
     In musl each function and table lies in a file of its own name, so names that are called lead to the files.
     """

@@ -38,8 +38,13 @@ def build_fmu(
     """Compile and pack one component for one FMI version. The component's declaration ends with this.
 
     Args:
-        fmi: 2 or 3. ``arrays`` and ``clocks`` apply to 3 only.
-        clocks: a discrete component can be sampled in event mode, at the ticks of a periodic clock, and as otherwise.
+        component: to build.
+        fmi: 2 or 3.
+        platforms: that the FMU gets binaries for.
+        cache: of compiled objects and libraries.
+        arrays: array variables instead of scalar elements (FMI 3.0 only).
+        clocks: a discrete component can be sampled in event mode, at the ticks of a periodic clock, and as otherwise
+            (FMI 3.0 only).
 
     Raises:
         DeclarationError: the declaration is incomplete, or an expression does not have the dimension that is declared.

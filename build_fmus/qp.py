@@ -113,8 +113,9 @@ class Daqp:
 
 @dataclass(frozen=True)
 class Osqp:
-    """Operator-splitting solver OSQP with a fixed step size: its accuracy and speed depend on ``rho`` and on the
-    scaling.
+    """Operator-splitting solver OSQP with a fixed step size.
+
+    Its accuracy and speed depend on ``rho`` and on the scaling.
 
     Attributes:
         rho: step size, in the scaled problem.

@@ -46,10 +46,10 @@ class CompiledPrograms:
         self._library.setup(self._scratch.ctypes.data)
 
     def solve(self, data: np.ndarray, *, commit: bool = True) -> np.ndarray:
-        """Solutions (z, multipliers, status, iterations, residual of each program) for ``data`` (q, l, u, case of
-        each).
+        """Solve the programs for ``data`` (q, l, u, case of each).
 
-        ``commit=False`` leaves the warm starts as they are.
+        Returns (z, multipliers, status, iterations, residual) of each. ``commit=False`` leaves the warm starts as they
+        are.
         """
         data = np.ascontiguousarray(data, dtype=float)
         if data.shape != (self._n_data,):

@@ -97,8 +97,9 @@ def _mixed(z: np.ndarray) -> np.ndarray:
 
 
 def code(of: RandomProfiles, n_parameters: int, place: int) -> str:
-    """C code of ``profiles(at)``, which gives the values of the symbol; their memory lies at ``place`` of what
-    functions work in.
+    """C code of ``profiles(at)``, which gives the values of the symbol.
+
+    They are stored at ``place`` of the work memory of the functions.
     """
     settings, spectra = FUNCTIONS
     return f"""static const double *profiles(const FmuArguments *at) {{

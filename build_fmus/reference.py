@@ -49,8 +49,9 @@ def _csv(time: np.ndarray, values: np.ndarray, names: list[str]) -> str:
 
 
 class _Called:
-    """A CasADi function with arrays of its own for its dense arguments and results: the numbers of a call with arrays,
-    in a thirtieth of the time where the function is small.
+    """A CasADi function with arrays of its own for its dense arguments and results.
+
+    Same numbers as a call with arrays, in a thirtieth of the time where the function is small.
     """
 
     def __init__(self, function: Any) -> None:

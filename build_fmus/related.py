@@ -1,5 +1,6 @@
-"""What lies in an FMU beside its model, in the words of standards: which files are reference results (FMI-LS-REF), what
-it is made of and by which compiler (CycloneDX).
+"""Related files of an FMU, as standards define them: its reference results and its bill of materials.
+
+FMI-LS-REF lists the files with reference results; CycloneDX says of what the FMU is made and by which compiler.
 
 Of FMI-LS-REF there is no release yet. The manifest follows its draft 1.0.0-beta.1, which has no checksums of files; the
 experiments file follows the draft of the format that it refers to, MA-HS-Experiments, which has no versions.
@@ -49,8 +50,10 @@ class Related:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run with known results: times [s], and paths of the inputs (None: there are none) and results in
-    the archive."""
+    """A run with known results: times [s], and paths of inputs and results in the archive.
+
+    Inputs None: there are none.
+    """
 
     stop: float
     step: float
@@ -70,6 +73,7 @@ def files(
     """The files below ``extra/`` of the FMU ``name``, by their path in the archive.
 
     Args:
+        name: of the FMU.
         content: all other files of the archive.
         parts: third-party code in it.
         compilers: of the binaries, by their path.

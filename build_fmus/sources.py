@@ -1,5 +1,4 @@
-"""What code depends on: the modules of this project that it imports, with the data files beside them,
-and their hash."""
+"""Dependencies of code: the modules of this project that it imports, the data files beside them, and their hash."""
 
 from __future__ import annotations
 
@@ -16,9 +15,10 @@ _ROOT = Path(__file__).resolve().parents[1]
 
 
 def imported(modules: Iterable[str | Path]) -> list[Path]:
-    """Files behind ``modules`` (their files): themselves, all that they import of this project and from beside them,
-    directly or not, and data files: those of the project's packages these lie in, and those that a user's module names
-    in its text.
+    """The files of ``modules``, of all modules that they import, directly or not, and of their data.
+
+    Imports count where they lead into this project or to files beside the importing module. Data files are those of the
+    packages of this project that the modules lie in, and those that a user's module names in its text.
 
     Imports are read, not run, wherever they stand in a file; what is imported under a name made at run time is not
     seen.
@@ -88,8 +88,9 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
 
 @cache
 def _files(name: str, folder: Path | None = None) -> tuple[Path, ...]:
-    """Files that importing a dotted name runs, from a file in ``folder``; a last part that is no module is what a
-    module holds.
+    """Files that importing a dotted name runs, from a file in ``folder``.
+
+    A last part that is no module counts as a name in a module.
     """
     parts = name.split(".")
     root = _ROOT if parts[0] in PACKAGES else folder

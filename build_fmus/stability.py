@@ -62,8 +62,10 @@ def step_matrix(matrix: np.ndarray, velocity_of: np.ndarray, h: float) -> np.nda
 
 @dataclass(frozen=True)
 class Instability:
-    """What a solver step cannot follow: the eigenvalue [1/s] of largest modulus, where, and the longest step [s] that
-    would do at all points, None when there is none."""
+    """What a solver step cannot follow: the eigenvalue [1/s] of largest modulus, and where.
+
+    Also the longest step [s] that is stable at all points; None when there is none.
+    """
 
     point: str
     eigenvalue: complex
@@ -132,8 +134,10 @@ def matrices_by_point(component: Model, parameters: np.ndarray | None = None) ->
 
 
 def _unstable(component: Model, step: float, matrix: np.ndarray) -> np.ndarray:
-    """Eigenvalues [1/s] that the solver cannot follow with this step; solver semi_implicit: the fastest
-    as a stand-in."""
+    """Eigenvalues [1/s] that the solver cannot follow with this step.
+
+    Solver semi_implicit: the fastest one stands for all.
+    """
     if not matrix.size:
         return np.zeros(0)
     eigenvalues, solver = np.linalg.eigvals(matrix), component.solver

@@ -50,14 +50,16 @@ def name_of(argument: str, option: str = "") -> str:
     """A value's name: ``--preview-error`` of a command, ``preview_error`` in Python.
 
     Args:
+        argument: its name in Python.
         option: without its dashes, where it is not the argument's name.
     """
     return argument if _options is None else f"--{option or argument.replace('_', '-')}"
 
 
 def given(**values: Any) -> str:
-    """Values as the user gives them: ``--controller zero --hold`` to a command, ``controller='zero', hold=True`` in
-    Python.
+    """Values as the user gives them to a command or in Python.
+
+    ``--controller zero --hold`` to a command, ``controller='zero', hold=True`` in Python.
     """
     if _options is None:
         return ", ".join(f"{name}={value!r}" for name, value in values.items())

@@ -114,10 +114,10 @@ def _verbosity_options() -> list[Any]:
 
 
 class Command(TyperCommand):
-    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has
-    its own.
+    """A command that Ctrl-C ends with a message, and whose help lists choices.
 
-    ``headings``: of groups of options in its help -> the names of their parameters; what is in none comes last.
+    It has ``-v`` and ``-q``, unless it declares its own. ``headings``: of groups of options in its help -> the names of
+    their parameters; options in no group come last.
     """
 
     headings: Mapping[str, Collection[str]] = {}
@@ -224,6 +224,7 @@ def show(*items: RenderableType, as_is: bool = False) -> None:
     """Print to standard output: as wide as the terminal, and into a pipe or a file with nothing wrapped or cut.
 
     Args:
+        *items: to print.
         as_is: not wrapped in a terminal either, so that it can be copied from there.
 
     Raises:
@@ -241,6 +242,8 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
     """Run a command line: expected failures end with one message, not a traceback.
 
     Args:
+        program: name of the command, for messages.
+        app: runs the command line.
         expected: classes of failures that are a user's.
         interrupted: what Ctrl-C ends with, unless it comes with a text of its own.
     """
@@ -270,10 +273,10 @@ def _drop_output() -> None:
 
 
 def open_closed_streams() -> None:
-    """Give standard streams that were closed before the program began (``>&-``) their descriptors, so that no other
-    file gets them.
+    """Open standard streams that were closed before the program began (``>&-``).
 
-    Input is empty, output that is written to is an error, and messages are lost.
+    So no other file gets their descriptors. Input is empty, output that is written to is an error, and messages are
+    lost.
     """
     for number, flags in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
@@ -287,7 +290,7 @@ def open_closed_streams() -> None:
 
 
 def escape_unprintable() -> None:
-    """From now on output shows what the terminal's encoding lacks as escapes (``\\xe4``), instead of failing on it."""
+    r"""From now on output shows what the terminal's encoding lacks as escapes (``\xe4``), instead of failing on it."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -107,9 +107,7 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
 
 
 def no_preview_lq(vehicle: Vehicle) -> str:
-    """Why there is no preview LQ controller of a vehicle, as the end of a sentence about its file; empty when there is
-    one.
-    """
+    """Why a vehicle has no preview LQ controller, as the end of a sentence about its file; empty when it has one."""
     from fmu_sources.vehicles import RideCar
 
     if not isinstance(vehicle, RideCar):
@@ -144,8 +142,9 @@ def weights_name(weights: Path, vehicle: Path | None = None) -> str:
 
 
 def road_name(road: Path, vehicle: Path | str | None = None) -> str:
-    """Name of the road of a user's file; with a vehicle that of the vehicle's file too, since wheels and preview are
-    the vehicle's.
+    """Name of the road FMU of a user's road file.
+
+    With a vehicle the name holds the vehicle's file too, since wheels and preview are the vehicle's.
     """
     return f"Road{catalog_suffix(road)}{'' if vehicle is None else catalog_suffix(Path(vehicle))}"
 
@@ -343,6 +342,7 @@ def _family(
     Args:
         parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs
             in the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
+        vehicle: the vehicle file.
         called: what the vehicle is called.
         words: of a user's vehicle, which makes texts about published vehicles texts about this one.
         about: end of all summaries.

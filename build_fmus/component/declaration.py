@@ -148,9 +148,7 @@ class Declaration:
 
     @property
     def value_sources(self) -> dict[str, str]:
-        """Names of the intermediate values, in the order of ``functions["values"]``, with the sources of their
-        equations.
-        """
+        """Names of the intermediate values with the sources of their equations, ordered as ``functions["values"]``."""
         return {name: source for name, (_, source) in self.values.items()}
 
 

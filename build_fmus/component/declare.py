@@ -145,16 +145,19 @@ class Component:
     ) -> Component:
         """Make a component of a linear controller, filter or plant.
 
-        ``system`` is a ``control.StateSpace`` or a tuple of matrices (A, B, C, D). With a sample time ``x[k+1] = A x[k]
-        + B u[k]``, ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt = A x + B u`` in continuous time;
-        states start at 0. Its matrices become tunable parameters of the names A, B, C, D, those that are there;
-        elements of D that are 0 stay 0.
+        With a sample time ``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt
+        = A x + B u`` in continuous time; states start at 0. The matrices become tunable parameters of the names A, B,
+        C, D, those that are there; elements of D that are 0 stay 0.
 
         Args:
+            name: of the FMU.
+            system: a ``control.StateSpace`` or a tuple of matrices (A, B, C, D).
+            description: one line for the model description.
+            source: where the matrices come from.
             sample_time: period [s]; needed for sampled matrices, and of systems that do not tell their own.
-            inputs, outputs: FMU name -> unit (None: no unit), in the order of the columns of B and the rows of C. By
-                default the names of the system's signals, with the names and units of the FMU where it is a model that
-                ``cosim`` has linearized.
+            inputs: FMU name -> unit (None: no unit), in the order of the columns of B. By default the names of the
+                system's signals, with the names and units of the FMU where it is a model that ``cosim`` has linearized.
+            outputs: likewise, in the order of the rows of C.
             options: as of :class:`Component`.
 
         Raises:
@@ -263,8 +266,9 @@ class Component:
 
     @property
     def period(self) -> Any:
-        """Symbol of the sample time [s] of a discrete component, for equations: as a constant, so that it has its
-        dimension.
+        """Symbol of the sample time [s] of a discrete component, for equations.
+
+        It is a constant with a symbol, so that it has its dimension.
         """
         if self.sample_time is None:
             raise DeclarationError(
@@ -418,15 +422,17 @@ class Component:
 
     @_declares
     def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for
-        readers of the C.
+        """Declare ``d state/dt = expression`` (continuous components).
+
+        ``source``: paper and number of the equation, for readers of the C code.
         """
         self._relate(state, expression, "continuous", "derivative", source)
 
     @_declares
     def update(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """``state`` after the sample instant ``= expression`` (discrete components); ``source`` as of
-        :meth:`derivative`.
+        """Declare that ``state`` becomes ``expression`` after the sample instant (discrete components).
+
+        ``source``: as of :meth:`derivative`.
         """
         self._relate(state, expression, "discrete", "update", source)
 
@@ -505,14 +511,15 @@ class Component:
         Declares the outputs ``NAME.status``, ``NAME.iterations`` and ``NAME.residual``. The solver starts from the last
         solution, which is part of the instance's state; during initialization nothing is committed. With large matrices
         in ``linear``, ``lower``, ``upper``, declare the component with ``symbols=ca.MX``: SX would write one statement
-        per element.
+        per element. In these three a scalar is repeated.
 
         Args:
             name: prefix of the outputs.
             hessians: constant H (n, n), symmetric positive definite, one per case.
             constraints: constant A (m, n), one per case or a single one for all.
-            linear, lower, upper: q (n,), l (m,), u (m,) as expressions of time, states, inputs and parameters; a scalar
-                is repeated. Bounds of 1e30 and beyond do not bind.
+            linear: q (n,), an expression of time, states, inputs and parameters.
+            lower: l (m,), such an expression too. Bounds of 1e30 and beyond do not bind.
+            upper: u (m,), likewise.
             case: expression for the case 0, 1, ... (rounded, clipped).
             backend: :class:`~build_fmus.qp.Daqp` (default) or :class:`~build_fmus.qp.Osqp` with its settings; of
                 several the first is used, and the others tell the settings when another one is chosen at build time.
@@ -584,17 +591,17 @@ class Component:
         nodes: tuple[int, int],
         wave_numbers: tuple[float, float],
     ) -> tuple[Any, Any]:
-        """Two random profiles of heights [m], left and right, that follow from parameters: sums of waves with random
-        phases.
+        """Two random height profiles [m], left and right, as functions of parameters: sums of waves of random phase.
 
         The FMU computes them in each instance, again when a parameter changes (:mod:`build_fmus.random_profiles`).
         Declare the component with ``symbols=ca.MX``. Discrete components only, one pair for each.
 
         Args:
             name: begins their names in the C code.
-            seed, length: expressions of parameters: a whole number from 0 on, and what the profiles cover at least [m].
+            seed: expression of parameters, a whole number from 0 on.
             spectra: of the wave number [cycles/m], one-sided power spectral densities [m3] of half the sum and half the
                 difference of both profiles; expressions of it and of parameters.
+            length: expression of parameters, what the profiles cover at least [m].
             step: distance between nodes [m].
             nodes: least and largest number of nodes, powers of two: of those between, the first that covers the length
                 is taken. The profiles have waves at multiples of 1 / (nodes step).
@@ -652,8 +659,9 @@ class Component:
 
     @_declares
     def operating_point(self, name: str, values: Mapping[str, float]) -> None:
-        """Name a point (state or input -> value, the others as at the start) where the build also checks solver
-        stability.
+        """Name a point (state or input -> value) where the build also checks solver stability.
+
+        States and inputs that are not given are as at the start.
         """
         known = self._element_names("state", "input")
         for n in values:
@@ -827,8 +835,9 @@ class Component:
         return self._model
 
     def check_dimensions(self) -> Dimensions:
-        """Refuse expressions that do not scale as the units of their variables do, which builds do too; tell what was
-        checked.
+        """Refuse expressions that do not scale as the units of their variables do, and tell what was checked.
+
+        Builds make this check too.
 
         Raises:
             DeclarationError: naming variables, their units, and the powers of base units that they really have.

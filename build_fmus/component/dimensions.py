@@ -152,8 +152,9 @@ def _quotient(a: Exponents, b: Exponents) -> Exponents:
 
 @dataclass(frozen=True)
 class _Row:
-    """One scalar that is compared: its name and unit for messages, exponents (None: unknown), whether it is a real
-    number.
+    """One scalar that is compared.
+
+    ``name`` and ``unit`` are for messages; ``exponents`` None: unknown; ``real``: whether it is a real number.
     """
 
     name: str

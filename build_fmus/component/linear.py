@@ -54,8 +54,9 @@ def linearized(d: Declaration, jacobians: ca.Function, x: np.ndarray, u: np.ndar
 
 @dataclass(frozen=True)
 class StateSpace:
-    """A, B, C, D of a component that is declared by them, with the names and units of its signals; sample time [s],
-    None: continuous.
+    """Matrices A, B, C, D of a linear component, with the names and units of its signals.
+
+    Sample time [s]; None: continuous.
     """
 
     A: np.ndarray
@@ -67,8 +68,9 @@ class StateSpace:
     outputs: Mapping[str, str | None]
 
     def declare_in(self, c: Any, source: str) -> None:
-        """Declare inputs, states, outputs and equations in the empty builder ``c``; the matrices become tunable
-        parameters.
+        """Declare inputs, states, outputs and equations in the empty builder ``c``.
+
+        The matrices become tunable parameters.
         """
         u = ca.vertcat(*(c.input(name, unit, "input of the control law") for name, unit in self.inputs.items()))
         y = ca.DM.zeros(len(self.outputs), 1)

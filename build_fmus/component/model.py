@@ -1,5 +1,6 @@
-"""The frozen model of a component: its declaration, and all that is derived from it, each computed when first asked
-for.
+"""The frozen model of a component: its declaration and all that is derived from it.
+
+Each derived value is computed on first use.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Model(Declaration):
 
     @cached_property
     def functions(self) -> dict[str, ca.Function]:
-        """The component's functions, all of them with dense column vectors:
+        """The component's functions; arguments and results are dense column vectors.
 
         ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
         ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and

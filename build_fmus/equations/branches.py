@@ -59,8 +59,9 @@ _CHEAP = frozenset(
 
 
 def guards(graph: Graph, roots: Iterable[int], needed: Iterable[int]) -> dict[int, Guard]:
-    """For each operation under conditions which these are, of those ``needed`` for ``roots``; none where some are on
-    vectors.
+    """The conditions of each operation that stands under some, of those ``needed`` for ``roots``.
+
+    Empty where an operation works on vectors.
     """
     found: dict[int, frozenset[Branch]] = dict.fromkeys(roots, frozenset())
     order = sorted(needed, reverse=True)  # operands have smaller numbers than what uses them
@@ -124,8 +125,9 @@ class Block:
 
 
 def arranged(under: Sequence[Guard], needs: Sequence[frozenset[int]]) -> list[int | Block]:
-    """Lines by their numbers, those under conditions in blocks: as few of them as what lines ``needs`` of earlier ones
-    allows.
+    """Lines by their numbers; lines under conditions are in blocks.
+
+    There are as few blocks as possible where each line stands after the lines that it ``needs``.
     """
 
     def place(lines: list[int], level: int) -> list[int | Block]:

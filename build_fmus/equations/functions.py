@@ -173,8 +173,9 @@ class Functions:
         return _INPUTS.get(function, ("t", "x", "u", "p", *further))
 
     def _named(self, read: Mapping[str, list[Result] | None]) -> tuple[dict[int, Name], dict[int, str]]:
-        """What nodes are called, and constant arrays: intermediate values, then outputs, then derivatives or next
-        states.
+        """Names of nodes, and names of constant arrays.
+
+        Intermediate values come first, then outputs, then derivatives or next states.
         """
         c, nodes = self._component, self._graph.nodes
         names: dict[int, Name] = {}

@@ -55,11 +55,11 @@ class Index(NamedTuple):
 
 @dataclass(frozen=True)
 class Value:
-    """How a node is written: ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a
-    row.
+    """How a node is written in C.
 
-    ``length`` is how many characters it takes, about; ``reads`` are the work arrays and named numbers that it is read
-    from. A plain value lies somewhere and needs no calculation.
+    ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a row. ``length`` is the
+    approximate number of characters; ``reads`` are the work arrays and named numbers that it is read from. A plain
+    value is stored and needs no calculation.
     """
 
     at: Callable[[Index], Text]
@@ -71,8 +71,9 @@ class Value:
 
 @dataclass(frozen=True)
 class Name:
-    """What a node is called, where its equation comes from, and whether it gets a line although it is used once at the
-    end.
+    """Name of a node, with the source of its equation.
+
+    Says also whether the node gets a line of its own although it is used only once, at the end.
     """
 
     name: str
@@ -82,10 +83,10 @@ class Name:
 
 @dataclass(frozen=True)
 class Target:
-    """Where a result goes: ``struct`` over ``pointer``, or an array where there is none; sources of equations and
-    comments by element.
+    """Where a result goes: ``struct`` over ``pointer``, or an array where there is no struct.
 
-    ``array`` is the same as an array; ``zero_first``: all elements become 0 before those that are not.
+    ``sources`` of equations and ``comments`` are by element. ``array`` is the same as an array; ``zero_first``: all
+    elements become 0 before those that are not.
     """
 
     pointer: str
@@ -127,10 +128,10 @@ class Tables:
 
 @dataclass
 class _Line:
-    """Lines of code, with the work arrays and named numbers that they write and read; ``@`` stands for the place of the
-    array they begin.
+    """Lines of code, with the work arrays and named numbers that they write and read.
 
-    ``kind`` is the type of a number whose line does not say it, because that depends on where the number is read.
+    ``@`` stands for the position of the array that they begin. ``kind`` is the type of a number whose line does not say
+    it, because that depends on where the number is read.
     """
 
     lines: list[str]
@@ -154,8 +155,10 @@ class Statements:
         *,
         branches: bool = True,
     ) -> None:
-        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays;
-        ``branches``: whether what only one value of a choice needs stands under its condition.
+        """Prepare the statements of functions over ``graph``.
+
+        ``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays; ``branches``:
+        whether code that only one value of a choice needs stands under its condition.
         """
         self._branches = branches
         self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
@@ -564,8 +567,9 @@ class Statements:
     # ------------------------------------------------------------------ branches
 
     def _in_branches(self) -> list[str]:
-        """All lines, those under conditions in blocks; a number that is read outside of its block is declared before
-        it.
+        """All lines, those under conditions in blocks.
+
+        A number that is read outside of its block is declared before it.
         """
         place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
         needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]

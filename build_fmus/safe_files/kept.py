@@ -66,8 +66,10 @@ def _digest(name: str, value: Any) -> str:
 
 
 def keep_file(directory: Path, key: str, suffix: str, make: Callable[[Path], None]) -> Path:
-    """Keep the file that ``make`` writes to the path it is given, under a name made of ``key`` and its
-    content's hash."""
+    """Keep the file that ``make`` writes to the path it is given.
+
+    Its name is made of ``key`` and the hash of its content.
+    """
     directory.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=directory) as folder, named(directory, folder):
         made = Path(folder) / f"{key}{suffix}"

@@ -22,11 +22,11 @@ def write(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 @contextmanager
 def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write (``mode`` and ``options`` as of ``open``) that appears under ``path`` when the block ends without
-    error.
+    """A file to write that appears under ``path`` when the block ends without error.
 
-    Until then an older file stays as it is; after an error nothing is left of the new one. The folder is made. A link
-    stays a link; what is no regular file (``/dev/stdout``) is written directly.
+    ``mode`` and ``options`` are as of ``open``. Until the end an older file stays as it is; after an error nothing is
+    left of the new one. The folder is made. A link stays a link; what is no regular file (``/dev/stdout``) is written
+    directly.
 
     Raises:
         OSError: it cannot be written, with ``filename`` set (a full disk has no name of its own).
@@ -50,8 +50,10 @@ def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Ite
 
 @contextmanager
 def named(path: str | os.PathLike[str], temporary: str | os.PathLike[str] | None = None) -> Iterator[None]:
-    """Around work on ``path``: an OSError that names no file (a full disk), or the ``temporary`` one,
-    names this path."""
+    """Around work on ``path``: an OSError without a file name (a full disk) gets this path.
+
+    So does one that names the ``temporary`` file.
+    """
     try:
         yield
     except OSError as error:

@@ -115,6 +115,7 @@ def kalman_hmmwv(
     Args:
         car: the ride car; the filter's model is its linear model.
         sensors: noise and places of the sensors, and what is assumed of the road.
+        name: of the FMU.
         period: sample time [s].
     """
     filters = [

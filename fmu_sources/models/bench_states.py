@@ -16,8 +16,10 @@ STATES = ("suspension.deflection", "body.vz", "tire.deflection", "wheel.vz")
 
 
 def bench_model(car: Component) -> Linearization:
-    """The quarter car in the states of paper 002, equation (3): inputs ``force`` and ``road.rate``,
-    outputs the states."""
+    """The quarter car in the states of paper 002, equation (3).
+
+    Inputs are ``force`` and ``road.rate``, outputs the states.
+    """
     car_in_states = relative_model(car, STATES, forces=["force"], heights=["road.height"], rates=["road.rate"])
     return car_in_states.linearization()
 

@@ -52,8 +52,9 @@ LOWEST_RATE = 100.0  # Hz, for accelerations that a rider feels up to some 10 Hz
 
 @dataclass(frozen=True)
 class Section:
-    """``(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)``, exact at ``frequency`` [Hz] when made digital; of
-    first order where ``b[2]`` and ``a[2]`` are 0.
+    """Section ``(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)`` of a filter.
+
+    Exact at ``frequency`` [Hz] when made digital; of first order where ``b[2]`` and ``a[2]`` are 0.
     """
 
     b: tuple[float, float, float]
@@ -137,7 +138,7 @@ def absorbed_power_series(
 def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float, response: tuple[Section, ...] = HUMAN_RESPONSE) -> float:
     """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`.
 
-    Donahue and Hedrick, (1.19).
+    Source: Donahue and Hedrick, (1.19).
     """
     return float(np.mean(absorbed_power_series(az_m_s2, rate_hz, response)))
 

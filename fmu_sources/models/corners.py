@@ -1,10 +1,8 @@
-"""Corners of vehicles: their names, their axles, the order that all vectors over wheels have, and declarations per
-corner.
+"""Corners of vehicles: names, axles, the order of all vectors over wheels, and declarations per corner.
 
 The variables of a car are in the order of kinds: all heights, then all velocities, not corner by corner. Its equations
-are those of one
-corner, four or six times. A :class:`Corner` holds what belongs to one of them, and :meth:`Corners.each` declares one
-kind after the other::
+are those of one corner, four or six times. A :class:`Corner` holds what belongs to one of them, and
+:meth:`Corners.each` declares one kind after the other::
 
     corners = Corners(TWO_AXLES)
     corners.each(z=lambda k: c.state(f"wheel.{k}.z", "m", "height of the wheel"))

@@ -1,5 +1,6 @@
-"""Kinematics of a double wishbone: from hardpoints to where wheel, arms, spring and damper are at every travel of the
-wheel.
+"""Kinematics of a double wishbone, from its hardpoints.
+
+Gives the positions of wheel, arms, spring and damper at every travel of the wheel.
 
 Two arms turn about axes of the chassis, the upright hangs on their ball joints, and a rod of fixed length holds its
 steering arm: one degree of freedom. Its coordinate is the travel of the wheel centre, vertical and relative to the
@@ -79,14 +80,18 @@ class Position:
 
     @property
     def camber(self) -> float:
-        """Angle [rad] that the wheel's plane has leant since design, positive where its top leans
-        outwards (ISO 8855)."""
+        """Angle [rad] that the wheel's plane has leant since design.
+
+        Positive where its top leans outwards (ISO 8855).
+        """
         return float(-np.arcsin(self.turn[2, 1]))
 
     @property
     def toe(self) -> float:
-        """Angle [rad] of the wheel's plane with the direction of travel, positive where the left wheel
-        points outwards."""
+        """Angle [rad] of the wheel's plane with the direction of travel.
+
+        Positive where the left wheel points outwards.
+        """
         return float(np.arctan2(-self.turn[0, 1], self.turn[1, 1]))
 
 
@@ -225,8 +230,9 @@ class Arm:
 
 @dataclass(frozen=True)
 class Spline:
-    """Uniform cubic B-splines over ``knots`` [m]: a function is a coefficient per knot, linear functions have their own
-    values.
+    """Uniform cubic B-splines over ``knots`` [m]: a function is one coefficient per knot.
+
+    Linear functions have their own values as coefficients.
     """
 
     first: float
@@ -247,8 +253,9 @@ class Spline:
     def basis(
         distance: Any, largest: Callable[[Any, Any], Any] = np.maximum, size: Callable[[Any], Any] = np.abs
     ) -> Any:
-        """Value of a basis function at a distance from its knot, in steps; ``largest`` and ``size`` of other libraries
-        for symbols.
+        """Value of a basis function at a distance from its knot, in steps.
+
+        ``largest`` and ``size``: maximum and absolute value, those of other libraries for symbols.
         """
         away = size(distance)
         wide, narrow = largest(0, 2 - away), largest(0, 1 - away)

@@ -50,10 +50,9 @@ def relative_inputs(c: Component, car: Component) -> Any:
 
 
 def force_outputs(c: Component, forces: Sequence[Any]) -> None:
-    """Add what all higher-level controllers of this car have in common: ``body.az`` among the inputs, forces within a
-    limit.
+    """Add what all higher-level controllers of this car have in common.
 
-    ``forces``: expressions in the order of :data:`FORCES`.
+    ``body.az`` among the inputs, and forces within a limit. ``forces``: expressions in the order of :data:`FORCES`.
     """
     if not c.declares("body.az"):
         c.input("body.az", "m/s2", "vertical acceleration of the CG")

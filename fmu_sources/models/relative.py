@@ -82,7 +82,9 @@ def relative_model(
         car: continuous component.
         states: names of the relative states; more than the car's own states are allowed where roads differ from wheel
             to wheel in a way that no motion of the car can follow.
-        forces, heights, rates: names of its inputs; heights and rates in the same order.
+        forces: names of its force inputs.
+        heights: names of its inputs for road heights.
+        rates: names of its inputs for their rates, in the same order.
 
     Raises:
         ValueError: an output or input that is missing; a car whose relative motion depends on absolute heights.

@@ -42,8 +42,9 @@ class Disc:
         return self.radius - ca.sqrt(ca.fmax(0, self.radius**2 - (int(offset) * self.step) ** 2))
 
     def area(self, height: Any, profile: Any) -> Any:
-        """Area [m2] of the disc below a profile: ``height`` of its centre [m] above the middle of the profile, whose
-        heights count from there.
+        """Area [m2] of the disc below a profile.
+
+        ``height`` of the disc's centre [m] is above the middle of the profile, whose heights count from there.
         """
         lowest = height - self.radius
         return self.step * sum(ca.fmax(0, profile[i] - lowest - self._rise(n)) for i, n in enumerate(self._offsets))

@@ -1,8 +1,7 @@
-"""A car's body with six degrees of freedom, and what drives it: what nonlinear full cars have in common, whatever their
-suspension.
+"""A car's body with six degrees of freedom, and its drive: the common part of nonlinear full cars.
 
-Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down, yaw positive to the
-left. Velocities of the CG are in road axes, rates about body axes.
+Suspensions are not in it. Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose
+down, yaw positive to the left. Velocities of the CG are in road axes, rates about body axes.
 """
 
 from __future__ import annotations
@@ -55,8 +54,9 @@ class FreeBody:
 
 
 def road_and_force_inputs(c: Component, corners: Corners) -> None:
-    """Declare height and slope of the road under each wheel and the force of each actuator: `road`, `slope` and `force`
-    of a corner.
+    """Declare height and slope of the road under each wheel and the force of each actuator.
+
+    They are `road`, `slope` and `force` of a corner.
     """
     lifts = "positive lifts the body and pushes the wheel down"
     corners.each(
@@ -86,8 +86,9 @@ def start_position(c: Component) -> Any:
 
 
 def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any) -> FreeBody:
-    """Declare the states of a body that starts at ``x`` and ``z`` [m], ``roll`` and ``pitch`` [rad], with ``speed``
-    [m/s] along the road.
+    """Declare the states of a body.
+
+    It starts at ``x`` and ``z`` [m], ``roll`` and ``pitch`` [rad], with ``speed`` [m/s] along the road.
     """
     at = c.state("x", "m", "distance of the CG along the road", start=x, output=True, nominal=10.0)
     beside = c.state("y", "m", "lateral position of the CG, positive left", output=True)
@@ -110,8 +111,9 @@ def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any)
 
 
 def course_steering(gains: Any, body: FreeBody, target_y: Any) -> Any:
-    """The driver's steering angle [rad] towards ``target_y`` [m]; ``gains`` are parameters of lateral offset, heading
-    and yaw rate.
+    """The driver's steering angle [rad] towards ``target_y`` [m].
+
+    ``gains`` are parameters of lateral offset, heading and yaw rate.
     """
     course = gains.offset_gain * (target_y - body.y) - gains.heading_gain * body.angles[2]
     return limit(course - gains.yaw_rate_gain * body.yaw_velocity, gains.max_angle)
@@ -121,6 +123,8 @@ def body_motion(c: Component, body: FreeBody, acceleration: Any, angular: Any, s
     """Declare the derivatives of a body's states.
 
     Args:
+        c: the component.
+        body: its states.
         acceleration: of the CG (3,) [m/s2], road axes.
         angular: acceleration (3,) [rad/s2] about the body axes.
         sources: where the one and the other come from.
@@ -141,7 +145,10 @@ def body_outputs(c: Component, body: FreeBody, acceleration: Any, angular: Any, 
     """Declare speed, accelerations of the CG and about the body axes, and those at the driver's seat.
 
     Args:
-        acceleration, angular: as in :func:`body_motion`.
+        c: the component.
+        body: its states.
+        acceleration: as in :func:`body_motion`.
+        angular: as in :func:`body_motion`.
         omega: angular velocity (3,) [rad/s], road axes.
         seat: parameters with the seat's position from the CG.
     """

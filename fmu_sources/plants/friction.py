@@ -22,8 +22,9 @@ def declare_friction(c: Component) -> Any:
 
 
 def friction_force(friction: Any, velocity: Any, acting: Any) -> Any:
-    """Friction force [N] that opposes ``velocity`` [m/s]: F_f v / sqrt(v^2 + v_s^2), of the sign of v. It only
-    dissipates.
+    """Friction force [N] that opposes ``velocity`` [m/s]: F_f v / sqrt(v^2 + v_s^2).
+
+    It has the sign of v, so it only dissipates.
     """
     return ca.if_else(acting, friction.force * velocity / ca.sqrt(velocity**2 + friction.speed**2), 0)
 

@@ -214,8 +214,10 @@ class _Rest:
 
 
 def _corners(p: Any, g: Any) -> Corners:
-    """Corners with their position relative to the CG [m], parameters of the axle, static load of the strut [N], and
-    whether they steer.
+    """Corners of the car.
+
+    Each has its position relative to the CG [m], parameters of the axle, static load of the strut [N], and whether it
+    steers.
     """
     to_front = p.body.cg_position * p.body.wheelbase
     to_rear = p.body.wheelbase - to_front
@@ -234,7 +236,9 @@ def _corners(p: Any, g: Any) -> Corners:
 
 
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
-    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+    """Rest position on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+
+    Corners get the ``rest`` of their wheels [m].
 
     Corners learn the ``rest`` of their wheels [m].
 

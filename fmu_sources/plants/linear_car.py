@@ -1,5 +1,8 @@
-"""The linear ride car of a nonlinear one: its motion near rest in the coordinates of a ride car, by the nonlinear car's
-own derivatives.
+"""The linear ride car of a nonlinear car: its motion near rest in the coordinates of a ride car.
+
+It follows from the nonlinear car's own derivatives. Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body
+height, roll, pitch, and one height per wheel. With the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest,
+and ``q = P x``,
 
 Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body height, roll, pitch, and one height per wheel. With
 the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P x``,
@@ -62,8 +65,9 @@ class RideMotion:
 
 
 def at_rest(car: Model, values: Mapping[str, float], speed: float = 0.0) -> Linearization:
-    """The linear model of a nonlinear car that rests on a level road, with other ``values`` of parameters, at a
-    ``speed`` [m/s].
+    """The linear model of a nonlinear car that rests on a level road.
+
+    With other ``values`` of parameters, at a ``speed`` [m/s].
     """
     return car.linearize(u=car.vector("input", {"target.speed": speed}), p=car.vector("parameter", values))
 
@@ -148,8 +152,10 @@ def _outputs_at_rest(car: Model, values: Mapping[str, float], outputs: Sequence[
 
 
 def linear_values(vehicle: WishboneCar) -> dict[str, float]:
-    """Parameters with which the car of a file has a linear model at rest: tires press on the road only, and both rates
-    of a damper are their mean, by which it takes the same energy from a motion that is the same up and down.
+    """Parameters with which the car of a file has a linear model at rest.
+
+    Tires press on the road only. Both rates of a damper are their mean, by which it takes the same energy from a motion
+    that is the same up and down.
     """
     values = dict(WITHOUT_SLIP)
     for name in ("front", "rear"):
@@ -171,10 +177,10 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 
 
 def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
-    """Ride car with seven degrees of freedom whose matrices are those of
-    :func:`~fmu_sources.plants.wishbone_car.wishbone_car` near rest.
+    """Ride car with seven degrees of freedom, linearized near rest.
 
-    Inputs, states and outputs are those of :func:`~fmu_sources.plants.ride_car.ride_car`, by name and sign.
+    Its matrices are those of :func:`~fmu_sources.plants.wishbone_car.wishbone_car` near rest. Inputs, states and
+    outputs are those of :func:`~fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
     shown = (
         "seat.ax",

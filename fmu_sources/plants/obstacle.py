@@ -25,10 +25,10 @@ _ALIKE = 1e-7  # contacts whose directions differ by less count as one
 
 @dataclass(frozen=True)
 class Touch:
-    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground (0 where there
-    is no solid), its share.
+    """One possible contact of a disc: penetration [m] (negative: distance), normal and share.
 
-    ``share`` is 1 for a contact by itself, and less where two solids that meet at an obtuse corner push the same way.
+    The normal of the ground points outwards (0 where there is no solid). ``share`` is 1 for a contact by itself, and
+    less where two solids that meet at an obtuse corner push the same way.
     """
 
     depth: Any
@@ -76,8 +76,7 @@ class Outline:
         return height
 
     def disc(self, x: Any, z: Any, radius: Any) -> list[Touch]:
-        """Contacts of a disc centred above the ground at (x, z), one for each straight piece, most of
-        them not there."""
+        """Possible contacts of a disc centred above the ground at (x, z), one for each straight piece."""
         offsets = self._offsets(x, z)
         last = len(offsets) - 1
         solids: list[tuple[Any, Any, Any, Any]] = []  # closed here?, depth, nx, nz

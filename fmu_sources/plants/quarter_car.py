@@ -16,10 +16,10 @@ def quarter_car(
     source: str = "001 equation (1.1)",
     masses: tuple[str, str] = ("001 (1.1), forces on m_s", "001 (1.1), forces on m_u"),
 ) -> Component:
-    """Sprung and unsprung mass above one tire, paper 001 equation (1.1), paper 002 (1), (2), with friction as an
-    option.
+    """Sprung and unsprung mass above one tire, with friction as an option.
 
-    Equation (2) of paper 002 is printed without the spring between the masses; its matrices (6) and (7) have it.
+    Source: paper 001 equation (1.1), paper 002 (1), (2). Equation (2) of paper 002 is printed without the spring
+    between the masses; its matrices (6) and (7) have it.
 
     Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
     ``masses``: equations of the sprung and of the unsprung mass.

@@ -34,8 +34,10 @@ _SOURCES = {
 
 
 def _numbers_004(corners: list[str]) -> list[str]:
-    """Equations of the accelerations of body height, roll, pitch and wheels; only (7) is readable in the
-    copy at hand."""
+    """Equation numbers of the accelerations of body height, roll, pitch and wheels.
+
+    Only (7) is readable in the copy at hand.
+    """
     others = "004, one of equations (1) to (6)"
     return [others, "004 (7)", others, *(others for _ in corners)]
 

@@ -1,5 +1,6 @@
-"""What every ride car shows, whatever its equations: inputs at the corners, heave, roll, pitch and wheels, and the
-outputs of these.
+"""The interface of every ride car: inputs at the corners, and states and outputs of body and wheels.
+
+These are heave, roll, pitch and wheels. The interface does not depend on the equations.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ def ride_inputs(c: Component, corners: Corners) -> None:
 
 
 def ride_states(c: Component, corners: Corners) -> tuple[list[Any], list[Any]]:
-    """Declare positions (height [m], roll and pitch [rad] of the body, heights of the wheels [m]) and their rates,
-    which are outputs too.
+    """Declare positions and their rates, which are outputs too.
+
+    Positions are height [m], roll and pitch [rad] of the body, and heights of the wheels [m].
     """
     angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
     turning: dict[str, Any] = {**angle, "display_unit": "deg/s"}
@@ -48,8 +50,9 @@ def ride_states(c: Component, corners: Corners) -> tuple[list[Any], list[Any]]:
 
 
 def ride_outputs(c: Component, corners: Corners, acceleration: Sequence[Any], seat_ax: Any, seat_az: Any) -> None:
-    """Declare accelerations (in the order of :func:`ride_states`) and what corners have: ``travel`` and ``travel_rate``
-    of the suspension, ``deflection`` of the tire [m], and ``tire_force`` [N].
+    """Declare accelerations (in the order of :func:`ride_states`) and the outputs of corners.
+
+    Those are ``travel`` and ``travel_rate`` of the suspension, ``deflection`` of the tire [m], and ``tire_force`` [N].
     """
     az, roll_acceleration, pitch_acceleration, *wheel_az = acceleration
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")

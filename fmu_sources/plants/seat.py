@@ -21,8 +21,9 @@ SEAT_NOTE = (
 
 
 def of_rigid_body(acceleration: Any, angular_acceleration: Any, angular_velocity: Any, arm: Any) -> Any:
-    """Acceleration (3,) [m/s2] of a point at ``arm`` (3,) [m] from one whose ``acceleration`` (3,) is given, all in the
-    same axes.
+    """Acceleration (3,) [m/s2] of a point at ``arm`` (3,) [m] from a point with known ``acceleration`` (3,).
+
+    All are in the same axes.
     """
     centripetal = ca.cross(angular_velocity, ca.cross(angular_velocity, arm))
     return acceleration + ca.cross(angular_acceleration, arm) + centripetal

@@ -375,10 +375,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
 
 def _wheels(p: Any, g: Any, small: _Small) -> Corners:
-    """The wheels: position relative to the CG [m], parameters, static load of the strut [N] and compression of the tire
-    [m] at rest.
+    """The wheels: position relative to the CG [m], parameters, and their loads at rest.
 
-    The body rests level, its weight spread as on springs under a rigid plane.
+    Loads are the static load of the strut [N] and the compression of the tire [m]. The body rests level, its weight
+    spread as on springs under a rigid plane.
     """
     wheels = Corners(THREE_AXLES)
     wheels.each(

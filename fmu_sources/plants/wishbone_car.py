@@ -1,5 +1,6 @@
-"""Car on double wishbones: body with six degrees of freedom, wheels on the paths that their hardpoints give, tables,
-enveloping tires.
+"""Car on double wishbones: body with six degrees of freedom, wheels on the paths of their hardpoints.
+
+Suspension tables and enveloping tires belong to it.
 
 Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where
 the wheel centre is and how the upright is turned are functions of q, splines that
@@ -447,11 +448,11 @@ def _at(p: Any, path: str) -> Any:
 
 
 def _move(k: Corner, q: Any) -> None:
-    """Give a corner what its travel decides, with first and second derivatives ``_d``, ``_dd``: ``centre`` of the wheel
-    from the CG, ``lean`` of the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of
-    the ``spindle``, lengths of spring and damper.
+    """Give a corner the values that its travel decides, with first and second derivatives ``_d``, ``_dd``.
 
-    Beyond the knots everything continues along its tangent.
+    They are ``centre`` of the wheel from the CG, ``lean`` of the upright (rotation vector), ``turning`` (angular
+    velocity per travel rate), direction of the ``spindle``, lengths of spring and damper. Beyond the knots everything
+    continues along its tangent.
     """
     axle = k.geometry
     t = (q - axle.first) / axle.step
@@ -497,8 +498,10 @@ def _basis(distance: Any) -> tuple[Any, Any, Any]:
 
 
 def _inertia(k: Corner, p: Any) -> None:
-    """Give a corner its ``mass``, moments and momenta about the CG as functions of its travel, with
-    their derivatives."""
+    """Give a corner its ``mass``, and moments and momenta about the CG as functions of its travel.
+
+    Moments and momenta come with their derivatives.
+    """
     axle = k.geometry
     solids = [(p.wheel.mass, ca.SX.zeros(3), 1), (p.upright.mass, axle.upright, 1)]
     for arm in (axle.upper, axle.lower):
@@ -539,8 +542,9 @@ def _mirrored(k: Corner, place: Any) -> Any:
 
 
 def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
-    """A point of the upright, ``place`` from the wheel centre at design on the left: from the CG, and its derivatives
-    by the travel.
+    """Position of a point of the upright from the CG, and its first and second derivative by the travel.
+
+    ``place``: of the point from the wheel centre, at design, on the left side.
     """
     arm = _mirrored(k, place)
     a, b, d = k.lean, k.lean_d, k.lean_dd
@@ -558,8 +562,9 @@ def _body_inertia(p: Any) -> tuple[Any, Any, Any]:
 
 
 def _strut(k: Corner, p: Any, *, moving: bool = True) -> None:
-    """Give a corner its ``spring_force`` and ``strut``, the generalized force of spring, stops and damper on the travel
-    [N].
+    """Give a corner its ``spring_force`` and ``strut``.
+
+    ``strut`` is the generalized force of spring, stops and damper on the travel [N].
     """
     axle, stops = k.geometry, p.suspension.stop
     compression = axle.spring.free_length - k.spring_length
@@ -661,9 +666,10 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
 
 
 def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
-    """What must vanish at rest on a level road: vertical force, pitch moment, generalized forces of front and rear
-    travel. Then heights of the wheel centres, and deflections of the tires. ``unknown``: height of the CG, pitch,
-    travels. A rolling tire that toes in presses against the road.
+    """Residuals of the rest on a level road, heights of the wheel centres, and deflections of the tires.
+
+    The residuals vanish at rest: vertical force, pitch moment, generalized forces of front and rear travel.
+    ``unknown``: height of the CG, pitch, travels. A rolling tire that toes in presses against the road.
     """
     height, pitch = unknown[0], unknown[1]
     turn = rotation(0, pitch, 0)
@@ -713,8 +719,10 @@ def _plane(corners: Corners, p: Any) -> _Plane:
 
 
 def _solve(matrix: Any, right: Any) -> Any:
-    """Solution of a small dense system, Gaussian elimination without exchange of rows: for positive
-    definite matrices."""
+    """Solution of a small dense system with a positive definite matrix.
+
+    By Gaussian elimination without exchange of rows.
+    """
     n = matrix.shape[0]
     a = [[matrix[i, j] for j in range(n)] + [right[i]] for i in range(n)]
     for i in range(n):
@@ -728,8 +736,9 @@ def _solve(matrix: Any, right: Any) -> Any:
 
 
 def _saturation(p: Any, drive: Any, side: Any) -> Any:
-    """What divides forces that would grow linearly with slip, given per load, so that they stay within the friction
-    ellipse.
+    """Divisor that keeps forces within the friction ellipse.
+
+    Without it the forces, given per load, would grow linearly with slip.
     """
     return ca.sqrt(1 + (drive / p.tire.longitudinal_friction) ** 2 + (side / p.tire.lateral_friction) ** 2)
 

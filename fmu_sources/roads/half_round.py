@@ -1,5 +1,4 @@
-"""A half-round: the obstacle of mobility tests, a half cylinder that lies across the road, as a rolling
-wheel meets it."""
+"""A half-round as a rolling wheel meets it: the half cylinder across the road of mobility tests."""
 
 from __future__ import annotations
 
@@ -11,8 +10,9 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class RolledHalfRound:
-    """Path of a disc of ``wheel`` [m] radius over a half cylinder of ``height`` [m] radius at ``place`` [m]: an arc
-    about its axis.
+    """Path of a disc of ``wheel`` [m] radius over a half-round: an arc about its axis.
+
+    The half cylinder has a radius of ``height`` [m] and lies at ``place`` [m].
     """
 
     height: Any

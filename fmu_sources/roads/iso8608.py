@@ -40,8 +40,9 @@ def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
 
 
 def sum_of_waves(waves: np.ndarray) -> np.ndarray:
-    """Heights over one period, of 2 (m + 1) points, of waves (m,): complex amplitudes, the k-th with k + 1 waves in the
-    period.
+    """Heights at 2 (m + 1) points over one period, from waves (m,): complex amplitudes.
+
+    The k-th has k + 1 waves in the period.
     """
     count = 2 * (len(waves) + 1)
     return np.asarray(np.fft.irfft(np.concatenate([[0], count / 2 * waves, [0]]), count))

@@ -29,8 +29,10 @@ class WheelPosition:
 
 @dataclass(frozen=True)
 class RoadScan:
-    """What range sensors see of both tracks: ``count`` heights ``step`` m apart, the first ``start`` m
-    ahead of the CG."""
+    """What range sensors see of both tracks.
+
+    ``count`` heights ``step`` m apart, the first ``start`` m ahead of the CG.
+    """
 
     start: float
     step: float
@@ -56,10 +58,10 @@ class RoadScan:
 
 @dataclass(frozen=True)
 class RoadContact:
-    """What a tire that envelops short obstacles touches: ``count`` heights ``step`` m apart along it, the middle one
-    under the wheel.
+    """What a tire that envelops short obstacles touches.
 
-    The slope under such a wheel is that over the next ``slope_base`` metres.
+    ``count`` heights ``step`` m apart along it, the middle one under the wheel. The slope under such a wheel is that
+    over the next ``slope_base`` metres.
     """
 
     step: float

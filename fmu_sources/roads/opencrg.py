@@ -1,9 +1,8 @@
-"""Heights of two wheel tracks from an OpenCRG file, read and evaluated by pyopencrg: binary (KRBI, KDBI) and ASCII
-(LRFI, LDFI).
+"""Heights of two wheel tracks from an OpenCRG file: binary (KRBI, KDBI) and ASCII (LRFI, LDFI).
 
-Slope and banking of the reference line and the file's own modifiers count. Its heading does not matter here: distance
-is measured along the reference line, on which the car drives. What is done here is to refuse what the library would
-pass over or guess, and to say where in the file it stands.
+pyopencrg reads and evaluates the file. Slope and banking of the reference line and the file's own modifiers count. Its
+heading does not matter here: distance is measured along the reference line, on which the car drives. This module
+refuses what the library would pass over or guess, and says where in the file it stands.
 """
 
 from __future__ import annotations
@@ -101,8 +100,9 @@ def _check_header(path: Path, header: Any) -> None:
 
 
 def _check_sides(path: Path, head: dict[str, float], positions: list[float], sections: int) -> None:
-    """What the header says of the positions across, which count from right to left, fits together: else the sides may
-    be swapped.
+    """Check that the header's statements about the lateral positions fit together.
+
+    They count from right to left. Otherwise the sides may be swapped.
     """
     right, left, apart = (head.get(f"LONG_SECTION_V_{n}") for n in ("RIGHT", "LEFT", "INCREMENT"))
     swapped = "v counts to the left, so left and right are swapped"
@@ -150,8 +150,10 @@ def _cross_sections(head: dict[str, float]) -> int | None:
 
 
 def _check_data(path: Path, header: Any) -> None:
-    """The data are whole cross-sections, as many as announced, and all of them numbers, `*` or NaN for
-    what is missing."""
+    """Check that the data are whole cross-sections, as many as announced.
+
+    All of them are numbers, or `*` or NaN for what is missing.
+    """
     channels = len(header.kd_def)
     announced = _cross_sections(_numbers(path, header.struct))
     binary = header.fmt in _BINARY

@@ -41,8 +41,9 @@ class _Chosen:
 
 
 def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, radius: float) -> Component:
-    """The synthetic RMS courses and a half-round under wheels of ``radius`` [m], or with 0 as they are, for tires that
-    envelop; see :mod:`~fmu_sources.roads.rms_course`.
+    """The synthetic RMS courses and a half-round, under wheels of ``radius`` [m].
+
+    With 0 the heights are as they are, for tires that envelop; see :mod:`~fmu_sources.roads.rms_course`.
     """
     track = np.mean([w.y for w in layout.wheels if w.side == "left"]) - np.mean(
         [w.y for w in layout.wheels if w.side == "right"]

@@ -28,11 +28,11 @@ def road_random(
     nodes: tuple[int, int] = NODES,
     decay: float = DECAY,
 ) -> Component:
-    """Random road of ISO 8608: class (which starts at number ``roughness``, 0 for A), seed, length and more are
-    parameters.
+    """Random road of ISO 8608 with class, seed, length and more as parameters.
 
-    ``nodes`` bounds the memory of an instance, 16 bytes for each of the larger number, and with it the length.
-    ``decay``: start value of how fast what both tracks share falls with wave number.
+    The class starts at number ``roughness``, 0 for A. ``nodes`` bounds the memory of an instance, 16 bytes for each of
+    the larger number, and with it the length. ``decay``: start value of how fast what both tracks share falls with wave
+    number.
     """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
     width = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0

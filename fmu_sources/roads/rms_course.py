@@ -1,5 +1,6 @@
-"""Synthetic courses with the roughness of a proving ground's RMS courses, on which absorbed power and the 6 W speed are
-judged.
+"""Synthetic courses with the roughness of a proving ground's RMS courses.
+
+Absorbed power and the 6 W speed are judged on them.
 
 Three courses of a proving ground in Michigan, detrended, of nominally 1, 2 and 4 inches rms and 1000 ft long, were
 measured; they are data of others. Here are Gaussian profiles of the same detrended rms and spectrum: sums of waves with
@@ -34,8 +35,9 @@ KNOTS = (0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.32, 0.5, 0.8, 1.3, 2.2, 4.5, 9.0)
 
 @dataclass(frozen=True)
 class RmsCourse:
-    """``rms`` [m] of the detrended heights; ``density`` [m] at :data:`KNOTS`, of the spectrum over the square of the
-    rms.
+    """``rms`` [m] of the detrended heights, and ``density`` [m] at :data:`KNOTS`.
+
+    The density is that of the spectrum over the square of the rms.
     """
 
     rms: float
@@ -66,11 +68,10 @@ def course_spectrum(course: str, n: np.ndarray) -> np.ndarray:
 
 
 def course_heights(course: str, seed: int, track: float, *, alike: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Heights [m] of the left and the right track every :data:`STEP` from 0 to :data:`LENGTH`, both periodic and of
-    exactly the rms.
+    """Heights [m] of the left and the right track every :data:`STEP` from 0 to :data:`LENGTH`.
 
-    ``track`` [m] is the distance of the sides, which counts where they are not ``alike``. The left one is the same in
-    either.
+    Both are periodic and of exactly the rms. ``track`` [m] is the distance of the sides, which counts where they are
+    not ``alike``. The left one is the same in either.
     """
     whole_number("seed of a course", seed, least=0)
     count = round(LENGTH / STEP)
@@ -86,8 +87,9 @@ def course_heights(course: str, seed: int, track: float, *, alike: bool = True) 
 
 
 def driven(heights: np.ndarray, radius: float) -> np.ndarray:
-    """A course (n,) with :data:`RAMP` before and behind it, as a wheel of ``radius`` [m] rolls over it [m], rounded to
-    1e-6 m.
+    """Heights [m] of a wheel of ``radius`` [m] that rolls over a course (n,), rounded to 1e-6 m.
+
+    :data:`RAMP` is added before and behind the course.
     """
     ramp = round(RAMP / STEP)
     grown = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)

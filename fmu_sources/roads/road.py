@@ -177,8 +177,9 @@ def road(
 def _contact(
     c: Component, contact: RoadContact, shape: Shape, x: Any, position: dict[str, Any], common: Callable[..., Any]
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, Any]]]:
-    """By corner, the heights [m] along the tire above that under the wheel; height under the wheel [m], and slope over
-    the next metres.
+    """Heights along the tire by corner, and height and slope under the wheel.
+
+    Those along the tire [m] are above that under the wheel [m]; the slope is over the next metres.
     """
     offsets = (np.arange(contact.count) - contact.count // 2) * contact.step
     places = c.constant("contact.places", offsets, "m", "heights along a tire", source="road layout")

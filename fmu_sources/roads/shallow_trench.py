@@ -1,5 +1,6 @@
-"""A trench too shallow to catch a wheel, with rounded edges, given by formulas: exact at every position (paper 003,
-5.3).
+"""A trench too shallow to catch a wheel, with rounded edges (paper 003, 5.3).
+
+It is given by formulas, so it is exact at every position.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ from fmu_sources.plants.free_body import MAX_SPEED
 
 
 def speed_command(name: str = "SpeedCommand") -> Component:
-    """A driver's foot: the speed goes to the target as fast as the limits let it; distance by the trapezoidal rule,
-    which is exact for it.
+    """A driver's foot: the speed goes to the target as fast as the limits let it.
+
+    The distance is integrated by the trapezoidal rule, which is exact for it.
     """
     c = Component(
         name,

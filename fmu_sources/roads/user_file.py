@@ -74,8 +74,9 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
 
 
 def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance, left and right height [m] of a road file; of OpenCRG at ``half_track`` [m] to both sides of the
-    reference line.
+    """Distance, left and right height [m] of a road file.
+
+    Of OpenCRG at ``half_track`` [m] to both sides of the reference line.
 
     Raises:
         RoadError: as :func:`road_from_file`.

@@ -1,5 +1,4 @@
-"""Encoders of the quarter-car bench: quantised positions, and the velocities that a filter makes of them
-(paper 002)."""
+"""Encoders of the quarter-car bench: quantised positions, and velocities by a filter (paper 002)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""The preview buffer of paper 001 (section 1.5): road heights by distance, from where they are sensed to the last
-wheel.
+"""The preview buffer of paper 001 (section 1.5).
+
+Road heights by distance, from where they are sensed to the last wheel.
 """
 
 from __future__ import annotations
@@ -37,8 +38,10 @@ def preview_buffer(
 
     Args:
         layout: wheels, and number and spacing [s] of the preview heights, as for the road that it stands in for.
+        name: of the FMU.
         period: sample time [s].
-        cell, cells: size of a cell [m] and their number, for each side.
+        cell: size of a cell [m].
+        cells: their number, for each side.
         max_speed: speed [m/s] up to which the whole horizon lies in the buffer.
 
     Raises:
@@ -208,8 +211,9 @@ def _slot(index: Any, cells: int) -> Any:
 def _written(
     c: Component, side: str, x: Any, *, cell: Any, tiny: Any, cells: int, forgetting: Any, fade: Any
 ) -> tuple[Any, Any, Any, Any]:
-    """Memory of one side with this sample in it: heights, whether measured, the foremost cell, and whether this is
-    valid.
+    """Memory of one side with this sample in it.
+
+    Heights, whether measured, the foremost cell, and whether this is valid.
     """
     place = c.input(f"sensed.{side}.x", "m", f"distance along the road at which the {side} sensor sees it")
     height = c.input(f"sensed.{side}.height", "m", f"height of the road there, {side}")

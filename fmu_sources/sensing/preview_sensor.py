@@ -36,6 +36,7 @@ def preview_sensor(
     Args:
         sensors: geometry of the mount.
         vehicle: its quarter car, at each wheel, is the model of the external tire compensation.
+        name: of the FMU.
         period: sample time [s].
     """
     c = Component(

@@ -1,5 +1,6 @@
-"""White Gaussian noise in plain double arithmetic: the same numbers on every platform with the same mathematical
-library.
+"""White Gaussian noise in plain double arithmetic.
+
+The numbers are the same on every platform with the same mathematical library.
 
 Uniform numbers come from the combined multiple recursive generator MRG32k3a (L'Ecuyer, Operations Research 47, 1999),
 which was made for doubles: every product stays below 2^53, so nothing is rounded. Pairs of them become pairs of normal

@@ -1,5 +1,6 @@
-"""Ride comfort during a run: absorbed power by both definitions (Donahue, Hedrick; equation 1.19, and ride-quality
-literature) and ISO 2631-1.
+"""Ride comfort during a run: absorbed power by both definitions, and ISO 2631-1.
+
+Source: Donahue and Hedrick, equation (1.19), and ride-quality literature.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The sensors of paper 001 (Tables 1.5 and 1.6): what the computer of a real HMMWV learns of the car and
-of the road."""
+"""The sensors of paper 001 (Tables 1.5 and 1.6): what a real HMMWV's computer measures of car and road."""
 
 from __future__ import annotations
 
@@ -28,6 +27,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     Args:
         sensors: places, noise and data of both range sensors.
         scan: where the road gives the heights of its surface (`RoadLayout.scan` of the road).
+        name: of the FMU.
     """
     c = Component(
         name,

@@ -74,8 +74,9 @@ def numbers(
     display_unit: str | None = None,
     nominal: float | None = None,
 ) -> Any:
-    """Declare a field of type :class:`Numbers`: ``size`` of them (None: two at least), ``increasing`` where a table
-    counts on it.
+    """Declare a field of type :class:`Numbers`.
+
+    ``size``: how many (None: two at least); ``increasing``: where a table relies on it.
     """
     declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
     return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]

@@ -52,22 +52,22 @@ class ArxModel:
 
     @property
     def order(self) -> int:
-        """p."""
+        """Order p."""
         return int(self.alpha.shape[0])
 
     @property
     def outputs(self) -> int:
-        """m."""
+        """Number m of outputs."""
         return int(self.alpha.shape[1])
 
     @property
     def controls(self) -> int:
-        """rc."""
+        """Number rc of controls."""
         return int(self.beta.shape[2])
 
     @property
     def disturbances(self) -> int:
-        """rd."""
+        """Number rd of disturbances."""
         return int(self.delta.shape[2])
 
     def simulate(

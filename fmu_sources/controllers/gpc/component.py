@@ -116,8 +116,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
 
 
 def gain_parameters(law: GpcLaw) -> dict[str, np.ndarray]:
-    """FMU parameters that give a controller FMU of the control law's variant, order and horizon this control law's
-    gains.
+    """FMU parameters that give a GPC controller FMU the gains of this control law.
+
+    The FMU has the control law's variant, order and horizon.
     """
     gains = {"gain.y": law.gain_y, "gain.u": law.gain_u}
     if law.variant != "implicit":

@@ -117,7 +117,9 @@ def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLi
 
 @dataclass(frozen=True, eq=False)
 class GpcLaw:
-    """The receding-horizon control law: u(t) from histories and, with preview, from the disturbance ahead.
+    """The receding-horizon control law, equations (15), (19), (21).
+
+    It gives u(t) from histories and, with preview, from the disturbance ahead.
 
     (15), (19), (21).
 
@@ -170,17 +172,17 @@ class GpcLaw:
 
     @property
     def outputs(self) -> int:
-        """m."""
+        """Number m of outputs."""
         return int(self.gain_y.shape[1]) // self.order
 
     @property
     def controls(self) -> int:
-        """rc."""
+        """Number rc of controls."""
         return int(self.gain_y.shape[0])
 
     @property
     def disturbances(self) -> int:
-        """rd."""
+        """Number rd of disturbances."""
         return int(self.gain_d.shape[1]) // self.order
 
     @property

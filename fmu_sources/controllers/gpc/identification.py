@@ -60,8 +60,10 @@ class DesignSettings:
 
 @dataclass(frozen=True)
 class IdentificationData:
-    """Samples at 100 Hz, trimmed: commands u (n, 4) [N], responses y (n, 3) [g, deg, deg], road heights
-    d (n, 4) [m]."""
+    """Samples at 100 Hz, trimmed.
+
+    Commands u (n, 4) [N], responses y (n, 3) [g, deg, deg], road heights d (n, 4) [m].
+    """
 
     u: np.ndarray
     y: np.ndarray

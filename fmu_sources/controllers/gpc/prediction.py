@@ -22,10 +22,12 @@ from fmu_sources.controllers.gpc.arx import ArxModel
 
 @dataclass(frozen=True, eq=False)
 class MultiStepPredictor:
-    """Matrices of the multi-step prediction (6), (18), (20):
+    """Matrices of the multi-step prediction (6), (18), (20).
 
-    [y(t) ... y(t+h_p-1)] = tau [u(t) ... u(t+h_c-1)] + alpha [y(t-1) ...] + beta [u(t-1) ...]
-                            + delta [d(t-1) ...] + gamma [d(t) ... d(t+h_p-1)]
+    Prediction::
+
+        [y(t) ... y(t+h_p-1)] = tau [u(t) ... u(t+h_c-1)] + alpha [y(t-1) ...] + beta [u(t-1) ...]
+                                + delta [d(t-1) ...] + gamma [d(t) ... d(t+h_p-1)]
 
     Controls from t+h_c on are zero, as in (7).
     """

@@ -1,5 +1,6 @@
-"""Linear-quadratic regulator of the quarter-car bench (paper 002), on the states of
-:mod:`fmu_sources.models.bench_states`.
+"""Linear-quadratic regulator of the quarter-car bench (paper 002).
+
+Its states are those of :mod:`fmu_sources.models.bench_states`.
 """
 
 from __future__ import annotations

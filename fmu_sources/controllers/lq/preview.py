@@ -63,6 +63,7 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
     """The linear model of a ride car with road heights as disturbances, derived from its declaration.
 
     Args:
+        car: the ride car.
         parameters: others than those it is declared with, in their order.
 
     Raises:
@@ -126,9 +127,12 @@ def preview_lq(
     """The controller FMU for a ride car.
 
     Args:
+        car: the ride car.
         weights: of the index; with ``tunable`` those at first.
+        name: of the FMU.
         period: sample time [s].
-        preview_count, preview_step: points and spacing [s] of the preview inputs; the spacing is a multiple of period.
+        preview_count: number of points of the preview inputs.
+        preview_step: their spacing [s], a multiple of the period.
         memory: longest delay of the rear wheels [s] that is remembered.
         tunable: the weights are parameters, and the FMU designs its control law when it is initialized.
 
@@ -371,8 +375,9 @@ _LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1
 
 
 def weight_parameters(weights: PreviewLqWeights) -> dict[str, float]:
-    """Parameters of a tunable control law for these weights: ``weight.acceleration.heave``, ``weight.tire.front``,
-    ...
+    """Parameters that set these weights of a tunable control law: name -> value.
+
+    Names are ``weight.acceleration.heave``, ``weight.tire.front``, ...
     """
     return {_parameter(name): value for name, value in weights.by_name().items()}
 

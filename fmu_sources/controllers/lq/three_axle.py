@@ -1,5 +1,4 @@
-"""Linear-quadratic regulator of the 6x6 with a pitch reference (paper 003, section 4.2), evaluated every
-millisecond."""
+"""Linear-quadratic regulator of the 6x6 with a pitch reference (paper 003, section 4.2), every millisecond."""
 
 from __future__ import annotations
 

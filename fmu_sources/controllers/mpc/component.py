@@ -1,7 +1,7 @@
-"""Model predictive control as a discrete component: the declarations of a control law, and the whole controller
-of a plant.
+"""Model predictive control as a discrete component.
 
-The package (:mod:`fmu_sources.controllers.mpc`) has an overview and an example.
+Here are the declarations of a control law, and the whole controller of a plant. The package
+(:mod:`fmu_sources.controllers.mpc`) has an overview and an example.
 """
 
 from __future__ import annotations
@@ -61,12 +61,11 @@ class Preview:
 
 @dataclass(frozen=True)
 class MpcSolution:
-    """Symbols of a control law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack``
-    eps.
+    """Symbols of a control law and of its prediction.
 
-    What it expects to come of it: ``planned`` (nu, prediction), inputs from now on, one period apart; ``predicted``
-    (ny, prediction), outputs from the next period on, in the order of ``mpc.outputs``. When the last command is kept,
-    both are those of keeping it.
+    ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps; ``planned`` (nu,
+    prediction), inputs from now on, one period apart; ``predicted`` (ny, prediction), outputs from the next period on,
+    in the order of ``mpc.outputs``. When the last command is kept, both are those of keeping it.
     """
 
     command: Any
@@ -91,8 +90,12 @@ def add_mpc(
 ) -> MpcSolution:
     """Add the control law to a component: its quadratic program, and the command that follows from it.
 
+    The command obeys the rate bounds, and the input bounds as far as these let it. When the program has no solution or
+    the solver did not end, the last command is kept, clipped to the bounds of now.
+
     Args:
         c: discrete component with ``symbols=ca.MX`` and the sample time of the model.
+        mpc: the control law.
         state: (n,) state of ``mpc.model`` now.
         previous: (nu,) command of the step before, as :func:`previous_command` declares it. The caller updates it.
         disturbance: (nw, last + 2) from now on; None for 0.
@@ -100,9 +103,6 @@ def add_mpc(
         case: number of the case.
         backend: solver, or several of which the first is used; the default of the build when None.
         solver: prefix of the outputs ``.status``, ``.iterations`` and ``.residual``.
-
-    The command obeys the rate bounds, and the input bounds as far as these let it. When the program has no solution or
-    the solver did not end, the last command is kept, clipped to the bounds of now.
 
     Raises:
         MpcError: the component's sample time is not the model's, or it is not made of MX symbols.
@@ -154,8 +154,10 @@ def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
 
 
 def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") -> Any:
-    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``; disturbances (nw, last + 2)
-    of the model.
+    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``.
+
+    Returns:
+        Disturbances (nw, last + 2) of the model.
 
     Raises:
         MpcError: see :meth:`Preview.grid`; a disturbance without an input, or an input for one that is not there.

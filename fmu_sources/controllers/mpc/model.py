@@ -112,8 +112,9 @@ class MpcModel:
             period: sample time [s].
             inputs: names of the inputs that are controlled, zero-order hold.
             outputs: names of the outputs to predict (weighted, bounded or measured).
-            disturbances: what may be known ahead. Between samples the height is linear (``hold="foh"``) or held
-                (``"zoh"``), and the rate is (w(k+1) - w(k)) / period.
+            disturbances: what may be known ahead.
+            hold: between samples the height of a disturbance is linear (``"foh"``) or held (``"zoh"``), and the rate is
+                (w(k+1) - w(k)) / period.
 
         Raises:
             MpcError: a name that the linearization does not have.
@@ -205,7 +206,10 @@ class Filter:
 
     @classmethod
     def second_order(cls, frequency: float, damping: float, *, gain: float = 1.0, rate: bool = False) -> Filter:
-        """gain w^2 / (s^2 + 2 z w s + w^2); with ``rate`` gain s / (s^2 + 2 z w s + w^2). ``frequency`` w [rad/s]."""
+        """Transfer function gain w^2 / (s^2 + 2 z w s + w^2), with z the ``damping`` and w the ``frequency`` [rad/s].
+
+        With ``rate`` gain s / (s^2 + 2 z w s + w^2).
+        """
         w = frequency
         A = np.array([[0.0, w], [-w, -2 * damping * w]])
         c = np.array([0.0, gain / w]) if rate else np.array([gain, 0.0])
@@ -221,8 +225,10 @@ class Filter:
 
 
 def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> Linearization:
-    """``lin`` with a filter upstream of each named input; filter states are ``NAME.filter[i]``, after
-    those of ``lin``."""
+    """``lin`` with a filter upstream of each named input.
+
+    Filter states are ``NAME.filter[i]``, after those of ``lin``.
+    """
     A, B, C, D, states = lin.A, lin.B.copy(), lin.C, lin.D.copy(), list(lin.states)
     for name in names:
         j = position("input of the plant", name, lin.inputs)

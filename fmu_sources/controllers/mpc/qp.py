@@ -39,8 +39,9 @@ def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: 
 
 @dataclass(frozen=True)
 class QpExpressions:
-    """What changes from step to step: columns of the program, and ``free`` (ny, prediction), the outputs without any
-    move.
+    """What changes from step to step in the quadratic program.
+
+    Columns of the program, and ``free`` (ny, prediction), the outputs without any move.
     """
 
     linear: Any

@@ -128,8 +128,10 @@ def cases() -> dict[Choice, Case]:
 
 
 def three_axle_mpc(model: MpcModel) -> Mpc:
-    """Weights, bounds and horizon on a model with the names of :data:`MEASURED`; cases as :func:`cases`
-    numbers them."""
+    """Weights, bounds and horizon on a model with the names of :data:`MEASURED`.
+
+    Cases are as :func:`cases` numbers them.
+    """
     forces = tuple(
         Input(
             n,

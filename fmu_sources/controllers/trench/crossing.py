@@ -210,8 +210,10 @@ def trench_crossing(
 
 
 def _edge(beyond: Any, radius: Any) -> Any:
-    """Road that lowers a wheel as an edge does, its centre ``beyond`` the edge: 0 before it, -radius
-    when it has none."""
+    """Height [m] of a wheel over a falling edge, its centre ``beyond`` [m] past it.
+
+    0 before the edge, -radius where the wheel no longer touches it.
+    """
     depth = radius - ca.sqrt(ca.fmax(0, radius**2 - ca.fmax(0, beyond) ** 2))
     return -depth
 

@@ -1,5 +1,7 @@
-"""The optimal control law in continuous time: Theorem 1, and its feed-forward for a disturbance that is linear
-between nodes."""
+"""The optimal control law in continuous time (Theorem 1).
+
+With its feed-forward for a disturbance that is linear between nodes.
+"""
 
 from __future__ import annotations
 
@@ -74,12 +76,14 @@ class ContinuousLq:
 
 @dataclass(frozen=True, eq=False)
 class FohWeights:
-    """Weights of the nodes w_j = w(t + j step) when w is linear between them and known up to node n:
+    """Weights of the nodes w_j = w(t + j step) when w is linear between them and known up to node n.
+
+    The feed-forward is::
 
         u_ff = direct w_0 + sum_{j<n} interior[j] w_j + end[n] w_n  (+ tail[n] w_n with hold_tail)
 
-    `end[n]` is the rising half of the hat at the horizon, 0 for n = 0. `tail[n]` is what w gives from the horizon on
-    if it stays at w_n; without it w is taken to be 0 there. `direct` is 0 unless D' W F is not.
+    `end[n]` is the rising half of the hat at the horizon, 0 for n = 0. `tail[n]` is what w gives from the horizon on if
+    it stays at w_n; without it w is taken to be 0 there. `direct` is 0 unless D' W F is not.
     """
 
     step: float  # s

@@ -14,7 +14,7 @@ MODE_TOLERANCE = 1e-9  # of the modal tests, relative to the size of the balance
 
 
 def check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
-    """Theorem 1's conditions: (A, B) stabilizable and (A_n, T) detectable, with Q_n = T' T. (14)"""
+    """Check the conditions of Theorem 1, (14): (A, B) stabilizable and (A_n, T) detectable, with Q_n = T' T."""
     mode = hidden_mode(plant.A, plant.B)
     if mode is not None:
         eigenvalue, shape = mode

@@ -1,5 +1,6 @@
-"""The optimal control law of a controller with a sample time, exact for commands and disturbances that are held in
-between.
+"""The optimal control law of a controller with a sample time.
+
+Exact for commands and disturbances that are held between samples.
 """
 
 from __future__ import annotations
@@ -50,8 +51,10 @@ class SampledLq:
         return self.A_cd.T @ self.P @ self.Ed + self.N_xw - self.K.T @ self.N_uw
 
     def preview_gains(self, count: int) -> Array:
-        """(count, nu, nw): G_0 = Rb^-1 (Bd' P Ed + N_uw), G_j = Rb^-1 Bd' (A_cd')^(j-1) [A_cd' P Ed +
-        N_xw - K' N_uw]."""
+        """Gains G_j of the disturbance j samples ahead, (count, nu, nw).
+
+        G_0 = Rb^-1 (Bd' P Ed + N_uw), G_j = Rb^-1 Bd' (A_cd')^(j-1) [A_cd' P Ed + N_xw - K' N_uw].
+        """
         gains = np.zeros((whole_number("count", count), *self.N_uw.shape))
         gains[0] = linalg.solve(self.Rb, self.Bd.T @ self.P @ self.Ed + self.N_uw, assume_a="pos")
         gain, v = linalg.solve(self.Rb, self.Bd.T, assume_a="pos"), self._drive

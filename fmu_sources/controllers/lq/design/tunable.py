@@ -1,5 +1,6 @@
-"""The designs of this folder as CasADi expressions of the weights, so that an FMU designs its control law when it is
-initialized.
+"""The designs of this folder as CasADi expressions of the weights.
+
+With them an FMU designs its control law when it is initialized.
 
 Riccati equations are solved by structure-preserving doubling (Chu, Fan, Lin: "A structure-preserving doubling algorithm
 for continuous-time algebraic Riccati equations", 2005; with Guo and Xu for discrete ones, 2004): a fixed number of
@@ -31,9 +32,11 @@ _HALVINGS, _TERMS = 8, 8  # of the step before the exponential series, and what 
 
 @dataclass(frozen=True, eq=False)
 class TunableTaps:
-    """Feedback ``K`` (controls, states) of the sampled control law, and feed-forward of the continuous one for a
-    disturbance that is linear between nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count *
-    disturbances), node after node.
+    """Gains of a tunable control law as expressions.
+
+    Feedback ``K`` (controls, states) of the sampled control law, and feed-forward of the continuous one for a
+    disturbance that is linear between nodes (see :class:`FohWeights`): of each kind (controls, count * disturbances),
+    node after node.
 
     ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does
     not fail where weights have no control law, or none that double precision finds: what it gives then solves nothing.
@@ -58,8 +61,9 @@ def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) 
 
 
 def _indices(plant: LinearPlant) -> list[QuadraticIndex]:
-    """Of a weight of 1 on each output and control, one after the other, and all others 0; with :data:`_REGULAR` on
-    every control besides.
+    """Indices with a weight of 1 on one output or control and 0 on all others, for each in turn.
+
+    Every control has the weight :data:`_REGULAR` besides.
     """
     outputs = len(plant.outputs)
     rows = np.eye(outputs + len(plant.controls))
@@ -113,8 +117,9 @@ def _sampled_gain(plant: LinearPlant, weights: ca.MX, period: float) -> tuple[ca
 
 
 def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16), solved by the
-    doubling of its Cayley transform.
+    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16).
+
+    The equation is solved by the doubling of its Cayley transform.
     """
     (n, nu), nw = plant.B.shape, plant.E.shape[1]
     indices = _indices(plant)
@@ -149,8 +154,10 @@ def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[c
 
 
 def _exponentials(M: ca.MX) -> list[ca.MX]:
-    """exp(M), and the sums of M^i / (i + 1)! and M^i / (i + 2)!: series of a small part of M, which is
-    doubled again."""
+    """exp(M), and the sums of M^i / (i + 1)! and M^i / (i + 2)!.
+
+    They are series of a small part of M, which is doubled again.
+    """
     one, part = ca.MX.eye(M.shape[0]), M / 2**_HALVINGS
     series = []
     for k in range(3):
