@@ -1,9 +1,8 @@
-"""Passive full cars simulated per second and core: as scalars by the engine, and as copies of one batch, on each
-kind of vectors.
+"""Passive full cars simulated per second and core: as scalars by the engine, and as copies of one batch.
 
-Simulated time of all copies over the processor time of their steps, so that other work on the machine hardly counts and
-the number of threads does not. Initialization, which is the same for both, is measured separately. Every copy has a
-mass and a speed of its own.
+The batch is measured on each kind of vectors. Simulated time of all copies over the processor time of their steps, so
+that other work on the machine hardly counts and the number of threads does not. Initialization, which is the same for
+both, is measured separately. Every copy has a mass and a speed of its own.
 """
 
 from __future__ import annotations
@@ -43,8 +42,9 @@ SYSTEMS = {
 
 
 def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
-    """Simulated time over processor time of the steps of some runs by the engine, and the processor time of an
-    initialization [s].
+    """Simulated time over processor time of the steps of some runs by the engine.
+
+    Also the processor time of an initialization [s].
     """
     begun = stepped = 0.0
     for mass in np.linspace(2500.0, 5000.0, runs):

@@ -1,8 +1,8 @@
-"""A chain of three trivial FMUs, made from the standard's headers alone: what the engine, other masters and a container
-cost.
+"""Cost of a chain of three trivial FMUs in the engine, in other masters and in a container.
 
-The FMUs do nothing to speak of, so this is the least that an exchange can cost. FMU Manipulation Toolbox puts the chain
-into one FMU, which a C program steps by 0.1 s, 100 inner steps at a time; Ecos runs it by itself.
+The FMUs are made from the standard's headers alone and compute next to nothing, so this is the least that an exchange
+can cost. FMU Manipulation Toolbox puts the chain into one FMU, which a C program steps by 0.1 s, 100 inner steps at a
+time; Ecos runs it by itself.
 """
 
 from __future__ import annotations

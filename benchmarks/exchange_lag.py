@@ -32,8 +32,9 @@ FELT = "body.az"
 
 
 def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
-    """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2]; the wiring as flat
-    lists.
+    """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2].
+
+    The wiring is given as flat lists.
     """
     paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, ROAD), "car": fmus.path(PLANT)}
     paths["controller"] = fmus.path(CONTROLLERS[CONTROLLER] or "")
@@ -112,8 +113,10 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
 
 
 def measure(distance: float = TRAVEL) -> dict[str, float]:
-    """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the
-    largest command."""
+    """Differences over ``distance`` [m].
+
+    Those of commands are relative to the range from the least to the largest command.
+    """
     duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the controller
     recorded, wired = by_master(FmuSet(), duration)
     master, jacobi = recorded, by_fmpy(wired, duration)

@@ -56,9 +56,7 @@ SYSTEMS: dict[str, tuple[Callable[[FmuSet], list[Wired]], int]] = {
 
 
 def measure(old: Path, new: Path = Path("fmus"), turns: int = 7) -> dict[str, float]:
-    """For each system microseconds per step of 1 ms with the FMUs of both folders, and how many times as fast the new
-    ones are.
-    """
+    """Microseconds per step of 1 ms of each system with the FMUs of both folders, and the speedup of the new ones."""
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as tmp:
         for i, (name, (make, steps)) in enumerate(SYSTEMS.items()):

@@ -1,5 +1,6 @@
-"""What it costs to keep an FMU in another process: one small FMU, in this process and isolated, beside a bare exchange
-of one number.
+"""Cost of keeping an FMU in another process.
+
+One small FMU, in this process and isolated, beside a bare exchange of one number.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What a step of a learning environment costs, as a multiple of simulating the same time with the same recording in one
-run.
+"""Cost of a step of a learning environment.
+
+As a multiple of simulating the same time with the same recording in one run.
 """
 
 from __future__ import annotations

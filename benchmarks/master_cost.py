@@ -1,5 +1,6 @@
-"""Cost of the engine and of the Python master per FMU step, beside FMPy's wrapper calls and a bare C loop over the same
-FMUs, in one run.
+"""Cost of the engine and of the Python master per FMU step, in one run.
+
+Beside FMPy's wrapper calls and a bare C loop over the same FMUs.
 
 All exchange the same variables of the same FMUs in the same order; the bare loop is the time the FMUs themselves need,
 so the difference to it is what a master adds. All times are of the processor, so that other work on the machine hardly
@@ -65,8 +66,9 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
 
 
 def time_master(system: System, steps: int, record: str, **options: Any) -> float:
-    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``, at 10 Hz unless ``options`` of the run
-    say otherwise.
+    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``.
+
+    At 10 Hz unless ``options`` of the run say otherwise.
     """
     options = {"record_interval": "100 ms", "allow_unconnected": True, **options}
     with system.initialize(record=[record], **options) as simulation:
@@ -120,8 +122,9 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
 
 
 def bare_program(components: list[Wired], steps: int, folder: Path, length: float = 1e-3) -> Path:
-    """A program in ``folder`` that runs the same loop in C, with steps of ``length`` [s], and prints the seconds it
-    took, compiled with the host toolchain.
+    """A C program in ``folder`` that runs the same loop with steps of ``length`` [s] and prints its seconds.
+
+    It is compiled with the host toolchain.
     """
     template = jinja2.Template((Path(__file__).parent / "bare_loop.c.j2").read_text())
     items: list[dict[str, Any]] = []
@@ -165,8 +168,9 @@ def compare(
     repeats: int,
     more: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, float]:
-    """Best of ``repeats`` of every loop over one system, and of ``more`` programs that run it and print their seconds,
-    all in turn.
+    """Best of ``repeats`` of every loop over one system, all in turn.
+
+    ``more``: programs that run it too and print their seconds.
     """
     loops: dict[str, Callable[[], float]] = {
         "engine": lambda: time_master(system, steps, record, engine="compiled"),

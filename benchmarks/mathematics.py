@@ -56,8 +56,9 @@ def trajectory(fmu: Path) -> np.ndarray:
 
 
 def measure(names: tuple[str, ...] = NAMES) -> dict[str, float]:
-    """For each FMU the time per step, the ratio to that with the system's library, and the largest difference of an
-    output in parts of its largest value.
+    """Time per step of each FMU, and its ratio to the time with the system's library.
+
+    Also the largest difference of an output, relative to its largest value.
     """
     results: dict[str, float] = {}
     for name in names:

@@ -39,8 +39,10 @@ CHOICES: dict[str, Backend] = {
 
 @dataclass(frozen=True)
 class Loop:
-    """One scenario: bumps ``scale`` times as high as on the published track, ``glitches`` [part of the samples]
-    with every measured state at plus or minus 0.1 m, 1 m/s or 1 rad/s."""
+    """One scenario: bumps ``scale`` times as high as on the published track.
+
+    In ``glitches`` [part of the samples] every measured state is at plus or minus 0.1 m, 1 m/s or 1 rad/s.
+    """
 
     scale: float
     preview: bool
@@ -78,8 +80,10 @@ class _Member:
 
 
 class _Watched:
-    """The solver of a controller: counts the samples at OSQP's limit, and calls an unfinished iterate a
-    solution if it should."""
+    """The solver of a controller: counts the samples at OSQP's limit.
+
+    It calls an unfinished iterate a solution if it should.
+    """
 
     def __init__(self, law: Evaluator, choice: str) -> None:
         program = law.component.programs[0]

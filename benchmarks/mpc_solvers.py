@@ -1,5 +1,6 @@
-"""Solvers of the MPC's quadratic programs: time per step, residual, command compared with that of an independent
-solver.
+"""Solvers of the MPC's quadratic programs: time per step, residual, and error of the command.
+
+The command is compared with that of an independent solver.
 
 The programs are those of published runs: a controller's inputs are recorded from a co-simulation and fed to its Python
 evaluation, which gives the data of each step. The C code that is timed is that of the FMUs. Each run is repeated and
@@ -73,8 +74,9 @@ def problems(
     limit: float,
     parameters: dict[str, float] | None = None,
 ) -> Problems:
-    """Programs of recorded runs; each input is looked up under its own name, or has the value given beside the
-    recording.
+    """Programs of recorded runs.
+
+    Each input is looked up under its own name, or has the value given beside the recording.
     """
     declared = make(name)
     declared.choose_backend("daqp")
@@ -150,8 +152,11 @@ def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
 
 
 def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
-    """Every published run of paper 001 under MPC, on hydraulic actuators: all places of the bumps and all stretches off
-    road, with and without preview, with true and with estimated states, and with the preview of the range sensors."""
+    """Every published run of paper 001 under MPC, on hydraulic actuators.
+
+    All places of the bumps and all stretches off road, with and without preview, with true and with estimated states,
+    and with the preview of the range sensors.
+    """
     runs = Runner(HMMWV, FmuSet())
     recordings = []
     variants = [("mpc", "true", "generated"), ("mpc", "estimated", "generated"), ("mpc-preview", "true", "generated")]

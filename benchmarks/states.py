@@ -1,5 +1,6 @@
-"""What it costs to save, to take along and to continue a state, and what stepping by hand and pacing cost: the corner
-of the HMMWV, six FMUs.
+"""Cost of saving, carrying and continuing a state, and of stepping by hand and pacing.
+
+The system is the corner of the HMMWV, six FMUs.
 
 Costs are processor times as parts of what it takes to simulate a millisecond of the same system. How late paced
 instants begin depends on what else the machine does; the numbers are those of one run.
@@ -82,8 +83,9 @@ def measure() -> dict[str, float]:
 
 
 def by_hand() -> dict[str, float]:
-    """Stepping by hand at 1 kHz, and what a paced run adds: processor time as a part of the clock's millisecond;
-    lateness.
+    """Processor time of stepping by hand at 1 kHz, and what a paced run adds, as parts of the clock's millisecond.
+
+    Also the lateness of the paced run.
     """
     with runpy.run_path(str(CORNER))["corner"]() as system:
         with system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True) as simulation:

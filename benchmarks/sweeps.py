@@ -1,11 +1,10 @@
-"""Runs per second of a sweep: this study on local processes and on Dask, a pool written by hand, and FMPy in a Dask bag
-as its example does it.
+"""Runs per second of a sweep in this project, in a pool written by hand, and in FMPy's example.
 
     python -m benchmarks.sweeps [--runs 400]
 
-One FMU, since FMPy's example (``fmpy.examples.parameter_variation``) has one: the full car alone over 2 s in steps of 1
-ms, mass and CG height vary, the outcome is the mean of two outputs. Two workers each. They take turns, since other
-things run on most machines.
+This study runs on local processes and on Dask; FMPy in a Dask bag, as its example does it. One FMU, since that example
+(``fmpy.examples.parameter_variation``) has one: the full car alone over 2 s in steps of 1 ms, mass and CG height vary,
+the outcome is the mean of two outputs. Two workers each. They take turns, since other things run on most machines.
 """
 
 from __future__ import annotations
@@ -113,8 +112,9 @@ def _one(point: tuple[float, ...]) -> list[float]:
 
 
 def by_fmpy(_: int, points: Points) -> Any:
-    """As ``fmpy.examples.parameter_variation``: a bag in ten chunks, an instance for each chunk that is reset for each
-    run.
+    """As ``fmpy.examples.parameter_variation``: a bag in ten chunks.
+
+    Each chunk has an instance that is reset for each run.
     """
     path = str(FmuSet(fmi=2).path(FMU))
     description = fmpy.read_model_description(path)

@@ -1,7 +1,7 @@
-"""Systems of the live pages: in WebAssembly beside the same systems run by the engine, taking turns, and the sizes of
-the pages.
+"""Systems of the live pages in WebAssembly, beside the same systems run by the engine; sizes of the pages.
 
-``python -m benchmarks.web_pages``. WebAssembly runs in wasmtime, whose compiler makes about what browsers make.
+``python -m benchmarks.web_pages``. Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
+browsers make.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ TITLE = "live pages: sizes, and systems in WebAssembly"
 
 
 def measure() -> dict[str, float]:
-    """Sizes [MB]; simulated time per processor time of each system of a first group, native and in WebAssembly, the
-    best of some rounds.
+    """Sizes [MB], and simulated time per processor time of each system, native and in WebAssembly.
+
+    For the systems of a first group, the best of some rounds.
     """
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:

@@ -1,8 +1,8 @@
-"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves, and
-``cosim/fmu/published.toml``, the names by which the master finds built FMUs.
+"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
 
-build-fmus
-python docs/write_fmus.py
+Writes ``cosim/fmu/published.toml`` too, the names by which the master finds built FMUs.
+
+build-fmus python docs/write_fmus.py
 
 Their variables are in pages that are made of the FMUs where they are read: the documentation inside each FMU, the site
 (``write_site.py``), the release's ``docs/reference/fmus.md``.
@@ -41,8 +41,9 @@ in `documentation/index.html` in the FMU, on its page of the site (`make docs`),
 
 
 def sections(fmus: Path, names: Iterable[str] | None = None) -> dict[str, str]:
-    """What each FMU has, by its name (of the whole catalog unless ``names`` are given); ``fmus`` is the folder with
-    ``fmi3/``.
+    """What each FMU has, by its name (of the whole catalog unless ``names`` are given).
+
+    ``fmus`` is the folder with ``fmi3/``.
     """
     found = {}
     catalog = default_catalog()

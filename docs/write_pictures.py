@@ -1,5 +1,4 @@
-"""Take the pictures of the live pages and of the reports that the documentation shows: ``images/live`` and
-``images/reports``.
+"""Take the pictures of the live pages and of the reports: ``images/live`` and ``images/reports``.
 
 make pictures
 

@@ -1,5 +1,6 @@
-"""Write the comparison of ``FullCarHmmwvPublic`` with Project Chrono's model and with rigid bodies into
-``reference/public-hmmwv.md``.
+"""Write the comparison of ``FullCarHmmwvPublic`` with other models into ``reference/public-hmmwv.md``.
+
+The others are Project Chrono's model and rigid bodies.
 
     python docs/write_public_hmmwv.py                       # half-rounds, also with rigid bodies: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses (third-party data)

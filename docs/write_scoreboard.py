@@ -1,5 +1,6 @@
-"""Write the deliberate faults that each checker finds, and its errors for FMUs without a fault, into
-``reference/check-scoreboard.md``.
+"""Write ``reference/check-scoreboard.md``: the deliberate faults that each checker finds, and its false errors.
+
+The latter are its errors for FMUs without a fault.
 
     python docs/write_scoreboard.py              # everything: a minute
     python docs/write_scoreboard.py NAME ...     # the rows of these faults; the others stay as they are
@@ -94,8 +95,9 @@ def faulty(names: Iterable[str], folder: Path) -> list[str]:
 
 
 def coded(name: str, versions: tuple[int, ...]) -> str:
-    """The row of a fault in the code: its description is that of the FMU without a fault, so what only reads notices
-    nothing.
+    """The row of a fault in the code.
+
+    Its description is that of the FMU without a fault, so what only reads notices nothing.
     """
     cells = [FOUND if name in FAULTS else MISSED, *[MISSED] * (len(CHECKERS) - 1)]
     return "| " + " | ".join([f"`{name}`", ", ".join(map(str, versions)), *cells]) + " |"

@@ -151,8 +151,10 @@ def claims_page() -> str:
 
 
 def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path], root: str = "") -> str:
-    """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of
-    colors that each is for. ``root`` leads from the page to the root of the site: "" or "../".
+    """Links with pictures: (target, title, text, pictures by what follows their address).
+
+    The last may say the scheme of colors that each picture is for. ``root`` leads from the page to the root of the
+    site: "" or "../".
     """
     parts = []
     for target, title, text, pictures in cards:

@@ -1,5 +1,7 @@
-"""FMUs that behave as no conformant one does, made here: `awkward.c` compiled, and archives with a
-description by hand."""
+"""FMUs that behave as no conformant one does, made here.
+
+They are `awkward.c`, compiled, and archives with a description by hand.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,9 @@ def description(
     more: str = "",
     structure: str | None = None,
 ) -> bytes:
-    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`, whose outputs
-    are then in the model structure.
+    """A modelDescription.xml; `variables` are elements below ModelVariables.
+
+    By default those of `awkward.c`, whose outputs are then in the model structure.
     """
     if structure is None:
         structure = _outputs(version) if variables is None else ""

@@ -27,8 +27,9 @@ def looked_at(script: Path, *arguments: str | Path) -> Any:
 
 
 def script_output(script: Path, *arguments: str | Path) -> Any:
-    """What a script for Node.js prints as JSON; it gets the folder of the packages before its arguments, and the
-    browser as CHROMIUM.
+    """What a script for Node.js prints as JSON.
+
+    It gets the folder of the packages before its arguments, and the browser as CHROMIUM.
 
     Raises:
         FileNotFoundError: something is not installed; it says what.

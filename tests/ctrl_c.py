@@ -1,5 +1,6 @@
-"""Ctrl-C for a run in this process: pressed when a run listens for it, not after some time that a busy machine may need
-for something else.
+"""Ctrl-C for a run in this process.
+
+It is pressed when a run listens for it, not after some time that a busy machine may need for something else.
 """
 
 from __future__ import annotations

@@ -54,8 +54,9 @@ def assert_tail(fork: Recording, whole: Recording, since: float) -> None:
 
 
 class Player(PythonComponent):
-    """Drives all inputs of an FMU, within their ranges, by something that never repeats; with state of every plain
-    kind.
+    """Drives all inputs of an FMU, within their ranges, by something that never repeats.
+
+    It has state of every plain kind.
     """
 
     kind = "discrete"

@@ -1,5 +1,6 @@
-"""Random systems of small FMUs: which rates, offsets, types, units, delays, groups, stops and cuts, all drawn by
-hypothesis.
+"""Random systems of small FMUs, drawn by hypothesis.
+
+Drawn are rates, offsets, types, units, delays, groups, stops and cuts.
 """
 
 from __future__ import annotations

@@ -52,8 +52,9 @@ def vehicle(speed_kmh: float) -> System:
 
 
 def fitted(speed_kmh: float, *, off: float = 1.1, seed: int = 1) -> tuple[Calibration, np.ndarray]:
-    """The fit to noisy data of one drive, begun with values that are ``off`` by this factor, up and down in turn; and
-    the true values.
+    """The fit to noisy data of one drive, and the true values.
+
+    The fit starts from values that are wrong by the factor ``off``, up and down in turn.
     """
     with vehicle(speed_kmh) as system:
         declared = system["car"].description.parameters

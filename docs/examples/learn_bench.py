@@ -46,8 +46,10 @@ class Policy:
 
 
 def train(generations: int, seed: int = 0) -> np.ndarray:
-    """Parameters after so many generations: all of one drive the same road, and the next centre is their
-    weighted mean."""
+    """Parameters after so many generations.
+
+    All of a generation drive the same road, and the next centre is their weighted mean.
+    """
     random = np.random.default_rng(seed)
     envs = gymnasium.make_vec("suspension/QuarterCar-v0", num_envs=POPULATION, vectorization_mode="vector_entry_point")
     centre = np.concatenate([0.1 * random.standard_normal(5 * HIDDEN), np.zeros(HIDDEN)])

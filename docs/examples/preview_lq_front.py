@@ -37,8 +37,9 @@ SPEED = 75 / 3.6  # m/s, as published
 
 
 def with_weights(values: Mapping[str, float]) -> PreviewLqWeights:
-    """The published weights of the accelerations, with others of deflections [1/m2] and forces [1/N2], the same at both
-    axles.
+    """The published weights, with other weights of deflections [1/m2] and forces [1/N2], the same at both axles.
+
+    Those of the accelerations are as published.
     """
     changed = {n: {"front": values[n], "rear": values[n]} for n in SPACE}
     return PreviewLqWeights.model_validate(

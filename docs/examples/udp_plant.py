@@ -1,14 +1,13 @@
-"""The corner of hmmwv_corner.py in real time, with its controller at the other end of a UDP socket: 1000 packets a
-second each way.
+"""The corner of hmmwv_corner.py in real time, with its controller at the other end of a UDP socket.
 
     python docs/examples/udp_plant.py --seconds 5 &
     python docs/examples/udp_controller.py
 
-Little-endian packets. State: number of the step (uint64), then doubles: time [s], body.z, body.vz, wheel.z, wheel.vz,
-suspension.deflection, suspension.velocity [m, m/s], body.az [m/s2], actuator.force [N]. Command: number of the state
-that it answers, desired force [N]. The controller speaks first (state 0); a state with the number 0 ends the talk. An
-answer that is not there WAIT after its state comes too late: the last force is held, and after HOLD without an answer
-it is zero.
+1000 packets a second each way, little-endian. State: number of the step (uint64), then doubles: time [s], body.z,
+body.vz, wheel.z, wheel.vz, suspension.deflection, suspension.velocity [m, m/s], body.az [m/s2], actuator.force [N].
+Command: number of the state that it answers, desired force [N]. The controller speaks first (state 0); a state with the
+number 0 ends the talk. An answer that is not there WAIT after its state comes too late: the last force is held, and
+after HOLD without an answer it is zero.
 """
 
 from __future__ import annotations

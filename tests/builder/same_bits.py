@@ -1,5 +1,4 @@
-"""The generated C functions of a component beside CasADi's own code of the same functions: the same
-bits, or where not."""
+"""The generated C functions of a component, compared bit by bit with CasADi's own code of the same functions."""
 
 from __future__ import annotations
 
@@ -51,8 +50,9 @@ class _Arguments(ctypes.Structure):
 
 
 def differences(component: Model, folder: Path, *, points: int = 40, seed: int = 1) -> list[str]:
-    """Results that differ from those of CasADi's code in any bit (NaN equals NaN), at random points and at the start
-    values.
+    """Results that differ from those of CasADi's code in any bit (NaN equals NaN).
+
+    At random points and at the start values.
     """
     library = ctypes.CDLL(str(_built(component, folder)))
     rng = np.random.default_rng(seed)

@@ -161,8 +161,9 @@ class Model:
 
 
 class Library(Model):
-    """An FMU, unpacked and loaded once; ``resources`` is what instances are told of their place: nothing, most need
-    none.
+    """An FMU, unpacked and loaded once.
+
+    ``resources``: the resource path that instances get; None by default, since most need none.
     """
 
     resources: bytes | None = None

@@ -1,5 +1,6 @@
-"""Run one FMU in Ecos: reads a job as JSON from standard input, prints the outputs before and after each of its steps
-as JSON.
+"""Run one FMU in Ecos.
+
+Reads a job as JSON from standard input, prints the outputs before and after each of its steps as JSON.
 """
 
 import ctypes

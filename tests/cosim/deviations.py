@@ -12,8 +12,10 @@ from cosim import System
 
 
 def deviation(system: System, model: Any, pulse: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
-    """Deviation of the model's outputs at each of `periods` + 1 samples, shape (periods + 1, outputs), after a pulse of
-    one period at all of its inputs: of the second run from the first, and of the model from rest.
+    """Deviation of the model's outputs after a pulse of one period at all of its inputs.
+
+    Shape (periods + 1, outputs), at each of `periods` + 1 samples: of the second run from the first, and of the model
+    from rest.
     """
     names = [model.names[n] for n in model.output_labels]
     runs = []

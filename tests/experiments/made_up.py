@@ -40,8 +40,9 @@ def study(
     found: Callable[[Any], Any] | None = None,
     **options: Any,
 ) -> Results:
-    """A whole study, its plan with what functions of the case, and of each search, say; without searches where none
-    does.
+    """A whole study: its plan with the results that functions of the case, and of each search, give.
+
+    Without searches where no function is given for them.
     """
     tasks = [t for t in experiment.tasks(**options) if isinstance(t, Task) or found is not None]
     entries: list[dict[str, Any]] = []

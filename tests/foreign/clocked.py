@@ -61,8 +61,9 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
 
 
 def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bool = True) -> Path:
-    """The FMU for this machine, in a folder; `kind`: that of its clock, or "early", which returns early though it may
-    not, or "endless".
+    """The FMU for this machine, in a folder.
+
+    `kind`: that of its clock, or "early", which returns early though it may not, or "endless".
     """
     path = folder / f"Clocked{kind.capitalize()}.fmu"
     where, suffix = platform_folder("3")

@@ -1,7 +1,7 @@
-"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code,
-description, archive or library.
+"""`faulty.c` as FMUs of FMI 2.0 and 3.0 that keep to the standard but for one deliberate fault each.
 
-`ODDITIES` keep to it altogether, in a way that a checker may mistake for a fault.
+The fault is in the code, description, archive or library. `ODDITIES` keep to the standard altogether, in a way that a
+checker may mistake for a fault.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ BOTH = (2, 3)
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: checks that must find it, others that may notice what follows from it, and FMI versions that can have
-    it.
+    """A fault: checks that must find it, and FMI versions that can have it.
+
+    Other checks may notice what follows from it.
     """
 
     found: tuple[str, ...]
@@ -141,8 +142,9 @@ def _clocked(files: dict[str, bytes], version: int) -> None:
 
 
 def _without_exchange(files: dict[str, bytes], version: int) -> None:
-    """Co-Simulation without directional derivatives, for which nobody reads the derivatives; one of these is no unknown
-    of initialization.
+    """Co-Simulation without directional derivatives, for which nobody reads the derivatives.
+
+    One of these is no unknown of initialization.
     """
     _replaced(r"<ModelExchange [^>]*/>", "")(files, version)
     _replaced(r'providesDirectionalDerivatives?="true"( providesAdjointDerivatives="true")?', "")(files, version)

@@ -1,5 +1,6 @@
-"""Every function of FMI in every state with odd arguments, numbers about the declared limits, and forged states, for
-FMUs of this project.
+"""Every function of FMI in every state with odd arguments, for FMUs of this project.
+
+With numbers about the declared limits, and forged states.
 
 A case is a line with the FMU and the version of FMI, then the calls as bytes that `player.c` reads. The FMU's sources
 run under AddressSanitizer and UndefinedBehaviorSanitizer, in a process that goes on from case to case.

@@ -1,5 +1,4 @@
-"""FMU files: archives that are damaged, that lie about themselves, that lead elsewhere, that unpack to more than they
-are.
+"""FMU files: damaged archives, wrong statements about themselves, paths that lead elsewhere, zip bombs.
 
 A case is a file. It is opened and unpacked, and its library, which is none, is loaded.
 """
@@ -177,8 +176,9 @@ def _archive(rng: random.Random) -> bytes:
 
 
 def _bomb(rng: random.Random) -> bytes:
-    """Zeros, in one entry or in many that share their bytes, in a file or in the description; sizes told rightly or
-    not.
+    """Zeros, in one entry or in many that share their bytes, in a file or in the description.
+
+    The sizes that the archive states are right or not.
     """
     size = rng.choice((2**26, 2**28, 2**29))
     packed = _zeros(size)

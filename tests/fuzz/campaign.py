@@ -45,8 +45,7 @@ class Failure:
 def campaign(
     name: str, seed: int, first: int, count: int, *, corpus: Path = CORPUS, most: int = 20
 ) -> tuple[list[Failure], int]:
-    """Failures among the cases `first` to `first + count - 1`, at most `most`, and the number of cases
-    that were tried."""
+    """Failures among the cases `first` to `first + count - 1`, at most `most`, and the number of cases tried."""
     failures: list[Failure] = []
     at, end = first, first + count
     while at < end and len(failures) < most:

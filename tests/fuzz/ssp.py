@@ -1,5 +1,6 @@
-"""SSP files of others: structures, parameter sets, mappings and dictionaries changed by elements, attributes and bytes;
-archives around them.
+"""Third-party SSP files: structures, parameter sets, mappings and dictionaries that are changed.
+
+Elements, attributes and bytes of them are changed, and the archives around them.
 
 A case is a line with the name of the file that is changed, then that file; the others are whole. What can be opened is
 scheduled and drawn.
@@ -30,8 +31,9 @@ STRUCTURE = "SystemStructure.ssd"
 
 @cache
 def files() -> dict[str, bytes]:
-    """An SSP with everything: nested systems, units, transformations, values, mappings, a dictionary; FMUs that are
-    folders.
+    """An SSP with everything: nested systems, units, transformations, values, mappings, a dictionary.
+
+    Its FMUs are folders.
     """
     from foreign import followers
 

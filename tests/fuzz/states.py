@@ -1,6 +1,7 @@
-"""Saved states with one to three things in them that are not right, under a digest that is: of FMUs in both versions of
-FMI and a component in Python, with several rates. Refused in a sentence, or harmless: what runs on shows finite
-numbers.
+"""Saved states with one to three wrong values under a right digest.
+
+They are states of FMUs in both versions of FMI and of a component in Python, with several rates. They are refused in a
+sentence, or harmless: what runs on shows finite numbers.
 """
 
 from __future__ import annotations

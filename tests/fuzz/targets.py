@@ -1,4 +1,6 @@
-"""What is fuzzed. A target is a module of this folder, named here, with
+"""Targets of the fuzzer.
+
+A target is a module of this folder, named here, with
 
 - ``make(rng: random.Random) -> bytes``: a case, the same for the same state of ``rng``;
 - ``run(case: bytes, folder: Path) -> None``: try it, in a folder of its own; what is raised is judged by ``bench``;

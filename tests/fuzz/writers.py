@@ -1,5 +1,6 @@
-"""Texts of others in all that this project writes: names, units, titles and descriptions, and vehicle, weights and road
-files that hold them.
+"""Untrusted texts in everything that this project writes.
+
+Names, units, titles and descriptions, and vehicle, weights and road files that hold them.
 
 A case is the name of a writer and texts, as JSON. What is written must be read back as these texts, and apart from them
 be what plain texts give: the same tokens of C, the same elements of XML and HTML, the same words of a command line.
@@ -354,8 +355,9 @@ def toml(given: str) -> str:
 
 
 def _vehicle(folder: Path, name: str, about: str, source: str) -> None:
-    """What a file can be loaded from becomes the same C as the file that it was made of, and a description that holds
-    its texts.
+    """A vehicle file becomes the same C as the values that it was written from.
+
+    So does a description that holds its texts.
     """
     original = _bundled('kind = "quarter_car"')
     changed = re.sub(r'(?m)^name = ".*"', lambda _: f"name = {toml(name)}", original)

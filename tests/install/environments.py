@@ -1,5 +1,4 @@
-"""Fresh environments outside of the repository, with the wheel installed and nothing else to be seen
-than it asks for."""
+"""Fresh environments outside of the repository, with the wheel and its requirements and nothing else."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Mistakes that somebody could make in a line, by the kind of mistake: another factor, swapped columns, a signal under
-another name.
+"""Mistakes that somebody could make in a line, by the kind of mistake.
+
+Such as another factor, swapped columns, a signal under another name.
 """
 
 from __future__ import annotations
@@ -102,8 +103,9 @@ def mutated(mutant: Mutant, source: str) -> str:
 
 
 def sample(found: list[Mutant], most: int, seed: str = "1") -> list[Mutant]:
-    """At most so many of each kind in each file, chosen by the hash of their names: the same ones as long as these
-    exist.
+    """At most so many mutations of each kind in each file, chosen by the hash of their names.
+
+    So the same ones are chosen as long as they exist.
     """
     strata: dict[tuple[str, str], list[Mutant]] = {}
     for mutant in found:

@@ -113,8 +113,10 @@ def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
 
 
 def imported(tree: Path, files: Sequence[str]) -> list[Path]:
-    """What files of a tree import of it, with their data: see :func:`build_fmus.sources.imported`, which looks in the
-    project that it lies in, so that of the tree is asked.
+    """What files of a tree import of it, with their data.
+
+    See :func:`build_fmus.sources.imported`: it looks in the project that it lies in, so the function of the tree is
+    called.
     """
     code = "import sys; from build_fmus.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
     command = [sys.executable, "-c", code, *files]

@@ -23,8 +23,9 @@ _LOGICAL = {ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_SIGN}
 
 
 def inconsistent(model: Model) -> list[str]:
-    """What is wrong with the derivatives, updates, starts and outputs of a component with SX symbols; empty when
-    nothing is.
+    """What is wrong with the derivatives, updates, starts and outputs of a component with SX symbols.
+
+    Empty when nothing is.
 
     A literal has no dimension, but 0 has every one; an output that is a literal has the declared one. Radians count as
     none. Not for units by row and column.

@@ -22,8 +22,9 @@ _SPARE = 1e-10  # of a scaled unknown; two bounds that meet are one equality, wh
 
 @dataclass(frozen=True)
 class ReferenceStep:
-    """Solution of one step: ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without
-    constants.
+    """Solution of one step.
+
+    ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without constants.
     """
 
     command: Array
@@ -131,8 +132,9 @@ class MpcReference:
 
     @cache  # noqa: B019
     def _fixed(self, case: int) -> _Fixed:
-        """What does not change from step to step, in unknowns with a Hessian of diagonal 1 (quadprog's tolerance is
-        absolute).
+        """What does not change from step to step, in unknowns with a Hessian of diagonal 1.
+
+        quadprog's tolerance is absolute.
         """
         mpc, h = self.mpc, self.mpc.horizon
         inputs, nu = mpc.case_inputs[case], len(mpc.model.inputs)

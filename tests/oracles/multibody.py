@@ -1,11 +1,11 @@
-"""The car of a file with hardpoints in Exudyn, a multibody code of other authors: rigid bodies, joints, and forces
-between them.
+"""The car of a file with hardpoints in Exudyn, a third-party multibody code.
 
-Nothing of our equations is used. Bodies are where the file's hardpoints have them at design, with the file's masses and
-inertias; the arms turn about their pivots, ball joints and tierods close the mechanisms, the wheels turn on their
-uprights. Springs, stops, dampers, tires and the driver are written once more from the file's parameters, the tires with
-the exact area of a disc below a finely divided profile. Exudyn finds the motion with the generalized-alpha method in
-redundant coordinates.
+It consists of rigid bodies, joints, and forces between them. Nothing of our equations is used.
+
+Bodies are where the file's hardpoints have them at design, with the file's masses and inertias; the arms turn about
+their pivots, ball joints and tierods close the mechanisms, the wheels turn on their uprights. Springs, stops, dampers,
+tires and the driver are written once more from the file's parameters, the tires with the exact area of a disc below a
+finely divided profile. Exudyn finds the motion with the generalized-alpha method in redundant coordinates.
 """
 
 from __future__ import annotations
@@ -197,8 +197,9 @@ class MultibodyCar:
         self.wheels.append(disc)
 
     def _actuators(self) -> None:
-        """Forces along the vertical of the chassis between it and the wheel centres, as connectors to the ground want
-        them.
+        """Forces along the vertical of the chassis between it and the wheel centres.
+
+        In the form that connectors to the ground want.
         """
         mbs, kinds = self.mbs, self.exu.OutputVariableType
         ground = mbs.CreateGround()

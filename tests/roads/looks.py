@@ -30,8 +30,9 @@ def check_preview(
     within: float,
     **parameters: Any,
 ) -> None:
-    """What the preview shows at these places, counted from 0 and ``step`` seconds apart, is what each wheel meets that
-    much later, to ``within`` metres.
+    """Check that the preview shows what each wheel meets later, to ``within`` metres.
+
+    The places are counted from 0 and ``step`` seconds apart.
     """
     now = look(road, x, speed, **parameters)
     assert now["preview.step"] == step

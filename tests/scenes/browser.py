@@ -62,8 +62,9 @@ class Browser:
     def see(
         self, scene: Scene, values: dict[str, float] | None = None, view: str = "side", road: str = "() => null"
     ) -> None:
-        """A view of a scene, as `view`, drawn once at time 0 with these values of its variables and a function for the
-        road.
+        """A view of a scene, as `view`, drawn once at time 0.
+
+        With these values of its variables and a function for the road.
         """
         self.values(values or {})
         self.engine.eval(

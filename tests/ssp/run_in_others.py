@@ -1,5 +1,7 @@
-"""Run an SSP in Ecos or libcosim: reads a job as JSON from standard input, prints the outputs after each
-step as JSON."""
+"""Run an SSP in Ecos or libcosim.
+
+Reads a job as JSON from standard input, prints the outputs after each step as JSON.
+"""
 
 import ctypes
 import json

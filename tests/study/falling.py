@@ -1,5 +1,6 @@
-"""A file with a function `system`: a mass that is let go, with parameters of its component, one of which is the end of
-the process.
+"""A file with a function `system`: a mass that is let go, with parameters of its component.
+
+One of them is the end of the process.
 """
 
 from __future__ import annotations

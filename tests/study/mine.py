@@ -1,5 +1,7 @@
-"""A user's experiment: a mass that is let go, with a run that fails, one that ends the process, and
-notes of who ran."""
+"""A user's experiment: a mass that is let go, with notes of who ran.
+
+One run fails, one ends the process.
+"""
 
 from __future__ import annotations
 
