@@ -1,5 +1,6 @@
-"""What only one value of a choice needs: under its condition, computed once, in an order that holds, with the same
-bits.
+"""Code that only one value of a choice needs stands under its condition.
+
+It is computed once, in an order that holds, and gives bit-identical results.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def body(c: Component, function: str = "sample") -> str:
 
 
 def random_component(seed: int) -> Component:
-    """Choices within choices over shared operands, under conditions that themselves stand in branches, negated ones and
-    numbers.
+    """Choices within choices over shared operands.
+
+    Their conditions themselves stand in branches, are negated, or are numbers.
     """
     rng = np.random.default_rng(seed)
     c = discrete("Choices")

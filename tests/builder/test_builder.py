@@ -223,8 +223,7 @@ def test_a_damaged_fmu_and_a_changed_stamp_are_named(tmp_path: Path, task: Recor
 
 
 def test_force_uses_nothing_that_was_kept(tmp_path: Path) -> None:
-    """A cached library that is not the compiler's, with a hash that fits, gets into a build, but not
-    into a forced one."""
+    """A wrong library in the cache, with a hash that fits, gets into a build, but not into a forced one."""
     options = Options(tmp_path, fmi=(3,))
 
     def binary(**how: bool) -> bytes:

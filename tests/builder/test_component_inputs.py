@@ -1,5 +1,6 @@
-"""Inputs in the declaration: clipped to their limits in everything derived; constants of a source that are only
-compared.
+"""Inputs in the declaration: clipped to their limits in everything derived.
+
+Constants of a source that are only compared.
 """
 
 from __future__ import annotations

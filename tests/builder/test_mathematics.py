@@ -130,8 +130,10 @@ def arguments(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_values_are_right(name: str, ours: Evaluate) -> None:
-    """Within 2.5 units in the last place of this machine's own library, which is itself within one or
-    two of the truth."""
+    """Within 2.5 units in the last place of this machine's own library.
+
+    That library is itself within one or two of the truth.
+    """
     x, y = arguments(name)
     given = {"erf": np.vectorize(math.erf), "remainder": np.vectorize(math.remainder), "pow": np.power}
     reference = given.get(name) or getattr(np, re.sub("^a(?=cos|sin|tan)", "arc", name))

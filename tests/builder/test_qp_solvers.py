@@ -225,8 +225,9 @@ def test_iteration_limit(limited: Backend) -> None:
 
 
 def test_the_fallback_takes_over_at_the_limit() -> None:
-    """Its solution is exact and the next start: the solver in front of it is done with the same data at its first
-    check.
+    """Its solution is exact and the next start.
+
+    The solver in front of it is done with the same data at its first check.
     """
     limited = Osqp(rho=100.0, max_iterations=20, fallback=Daqp())
     q = np.array([-20.0, 15.0, 9.0, -30.0, 1.0])

@@ -1,5 +1,7 @@
-"""The solver ``ros2``: its order, what it does to stiff modes, and a matrix that cannot be solved; in C
-and in Python."""
+"""The solver ``ros2``: its order, what it does to stiff modes, and a matrix that cannot be solved.
+
+In C and in Python.
+"""
 
 from __future__ import annotations
 

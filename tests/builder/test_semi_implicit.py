@@ -81,8 +81,10 @@ def test_positions_are_found() -> None:
 
 
 def test_a_position_never_drives_a_position() -> None:
-    """Jerk drives acceleration, acceleration velocity, velocity position: of a chain every other state
-    is a position."""
+    """Jerk drives acceleration, acceleration velocity, velocity position.
+
+    Of a chain every other state is a position.
+    """
     c = declare()
     s = [c.state(n, "1") for n in ("position", "velocity", "acceleration", "jerk")]
     for a, b in pairwise(s):

@@ -96,8 +96,9 @@ def test_eigenvalues(kind: str, eigenvalues: Callable) -> None:
 
 
 def test_eigenvalues_of_special_matrices(eigenvalues: Callable) -> None:
-    """Chains of integrators and of equal lags exactly; cycles, on which plain QR iteration stands still; nothing
-    finite.
+    """Chains of integrators and of equal lags, exactly.
+
+    Also cycles, on which plain QR iteration stands still, and values that are not finite.
     """
     for n in (2, 5, 8):
         np.testing.assert_array_equal(eigenvalues(np.diag(np.ones(n - 1), 1)), 0)

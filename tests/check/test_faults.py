@@ -1,5 +1,6 @@
-"""Each deliberate fault is found by the check that is there for it, and no other check says anything; without a fault
-nothing is found.
+"""Each deliberate fault is found by the check that is there for it, and no other check says anything.
+
+Without a fault nothing is found.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""Hostile FMUs under `cosim check`: what they write, claim and leave behind reaches neither the judge
-nor the machine."""
+"""Hostile FMUs under `cosim check`.
+
+What they write, claim and leave behind reaches neither the judge nor the machine.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""What comes out: severities, exit codes, files for programs and people, and what is said where nothing
-can be checked."""
+"""The output of `cosim check`: severities, exit codes, and files for programs and people.
+
+Also the message where nothing can be checked.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Completion in shells: what fits what is typed, out of the declaration of the options, and the scripts in the shells
-themselves.
+"""Completion in shells, from the declaration of the options.
+
+The completions of what is typed, and the scripts in the shells themselves.
 """
 
 from __future__ import annotations

@@ -56,8 +56,9 @@ def test_a_run_and_an_fmu_show_names_as_they_are(folder: Path) -> None:
 
 
 def test_no_other_console_reads_markup() -> None:
-    """What is printed goes through `build_fmus.terminal`, which reads no markup; columns of progress bars have a switch
-    of their own.
+    """What is printed goes through `build_fmus.terminal`, which reads no markup.
+
+    Columns of progress bars have a switch of their own.
     """
     for path in (p for package in ("build_fmus", "cosim", "fmu_sources") for p in (ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -1,5 +1,6 @@
-"""Every experiment on every published vehicle that it takes as a base of a user's file: built, wired, initialized, run
-a little.
+"""Every experiment on every published vehicle that it takes as a base of a user's file.
+
+The FMUs are built, wired, initialized and run for a short time.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ def _preview_lq(fmus: FmuSet) -> Iterator[System]:
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
-    """The cars that are another one's, under all their laws but those that a ride car may not have; actuators under the
-    HMMWV.
+    """The derived cars, under all their control laws but those that a ride car may not have.
+
+    Actuators under the HMMWV.
     """
     with Runner(ride.EXPERIMENT, fmus) as runner:
         if "HydraulicActuator" in fmus.own:
@@ -86,8 +88,9 @@ def _trench(fmus: FmuSet) -> Iterator[System]:
 
 @dataclass(frozen=True)
 class Experiment:
-    """How to wire an experiment, and the FMUs of a user's vehicle that it needs then, without the file's name at their
-    ends.
+    """How to wire an experiment, and the FMUs of a user's vehicle that it then needs.
+
+    Their names stand without the file's name at the end.
     """
 
     systems: Any
@@ -223,8 +226,9 @@ def own_names(experiment: str, base: str) -> list[str]:
 
 
 def built(experiment: str, base: str) -> FmuSet:
-    """The FMUs of an experiment on a file that is only based on a published vehicle, built beside links to the
-    published ones.
+    """The FMUs of an experiment on a file that is only based on a published vehicle.
+
+    They are built beside links to the published ones.
     """
     with one_at_a_time(share_objects(OWN) / "lock"):
         file = OWN / f"on_{base}.toml"

@@ -207,8 +207,9 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
 
 
 def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
-    """Half the sprung mass under the published law's weights: other FMUs, other numbers, and a hint as long as they are
-    missing.
+    """Half the sprung mass under the published law's weights.
+
+    Other FMUs, other numbers, and a hint as long as they are missing.
     """
     own(tmp_path, "sedan", MASS.format(mass=730.0), "my_sedan")
     folder = share_objects(tmp_path / "fmus") / "fmi3"
@@ -296,8 +297,9 @@ def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
 
 
 def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
-    """The law of both files: neither that of the sedan nor that of the published weights; it is redesigned with its
-    file.
+    """The law of both files: neither that of the sedan nor that of the published weights.
+
+    It is redesigned with its file.
     """
     own(tmp_path, "sedan", MASS.format(mass=2920.0), "my_sedan")
     published = Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml"

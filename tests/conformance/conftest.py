@@ -1,5 +1,6 @@
-"""Every test of this folder runs over every FMU of the catalog and of the tests that it applies to, in both FMI
-versions.
+"""Every test of this folder runs over every FMU that it applies to, in both FMI versions.
+
+These are FMUs of the catalog and of the tests.
 """
 
 from __future__ import annotations

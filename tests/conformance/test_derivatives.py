@@ -197,8 +197,10 @@ def test_wrong_requests(fmu: Library) -> None:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_derivatives_and_starts_that_are_not_finite(fmi: int, tmp_path: Path) -> None:
-    """A root has no derivative at 0, and 1/0 is no start: each time an error that names the variable,
-    never a number."""
+    """A root has no derivative at 0, and 1/0 is no start.
+
+    Each time an error that names the variable, never a number.
+    """
     c = Component("Root", kind="continuous", description="root of a level", source="none")
     level = c.input("level", "m", "level", start=1.0)
     x = c.state("x", None, "lagged", start=1 / level, output=True)

@@ -1,5 +1,6 @@
-"""Serialized states that somebody made up, with a checksum that fits: whatever the component takes for granted is
-checked.
+"""Forged serialized states, with a checksum that fits.
+
+Whatever the component takes for granted is checked.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""The binaries for other platforms run: Windows ones under Wine, ARM ones under QEMU, and their numbers are those of
-this machine.
+"""The binaries for other platforms run.
+
+Windows ones under Wine, ARM ones under QEMU, and their numbers are those of this machine.
 
 ``host.c`` is compiled for each platform by ziglang, and replays the stimulus of every FMU (and of an exported system);
 the state travels as bytes into another instance halfway. macOS has no such stand-in: of its binaries only what they say
@@ -37,8 +38,9 @@ WITHOUT_INPUTS = 20.0  # s; the pitch reference begins to move at 15 s
 
 @dataclass(frozen=True)
 class Runner:
-    """What runs programs of a platform here: `programs`, any of them, with `arguments`; `packages` of Debian bring
-    them.
+    """Runs programs of a platform here: `programs`, any of them, with `arguments`.
+
+    `packages` of Debian bring them.
     """
 
     programs: tuple[str, ...]

@@ -70,8 +70,9 @@ def test_sources_are_complete(fmu: Library) -> None:
 
 
 def test_build_options_are_for_compilers_that_know_them(name: str, load: Callable[[str, int], Library]) -> None:
-    """One configuration without a platform, first, for any compiler; at most one for each platform (FMI 3.0,
-    2.5.1.4.1).
+    """One configuration without a platform, first, for any compiler.
+
+    At most one for each platform (FMI 3.0, 2.5.1.4.1).
     """
     description = etree.parse(load(name, 3).folder / "sources" / "buildDescription.xml")
     configurations = list(description.iterfind("BuildConfiguration"))
@@ -116,8 +117,9 @@ LICENCES = {
 
 
 def test_every_file_by_others_has_its_licence(fmu: Library) -> None:
-    """Files that are neither of our runtime nor generated are listed with a licence whose text is there, and nothing
-    else is.
+    """Files that are neither of our runtime nor generated are listed with a licence whose text is there.
+
+    Nothing else is listed.
     """
     folder = fmu.folder / "documentation" / "licenses"
     entry = (folder / "license.txt").read_text()
@@ -248,8 +250,9 @@ def test_dependencies_are_real(fmu: Library) -> None:
 
 
 def test_terminals_hold_every_signal_once_under_its_name(pair: tuple[Library, Library]) -> None:
-    """`road.fl.height` is the member `height` of `road`, `fl`; what is read from the file is what names alone say (of
-    FMI 2.0).
+    """`road.fl.height` is the member `height` of `road`, `fl`.
+
+    What is read from the file is what names alone say (of FMI 2.0).
     """
     fmu = pair[1]
     tree = etree.parse(fmu.folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
@@ -275,8 +278,9 @@ SYSTEM_LIBRARIES = {"libc.so.6", "libdl.so.2", "/usr/lib/libSystem.B.dylib"}
 
 
 def test_binaries_run_on_old_systems_and_share_nothing(fmu: Library) -> None:
-    """FMI functions are all that is exported; no mathematical library is called, and no symbol is younger than glibc
-    2.17.
+    """FMI functions are all that is exported.
+
+    No mathematical library is called, and no symbol is younger than glibc 2.17.
     """
     files = [p for p in (fmu.folder / "binaries").rglob("*") if p.is_file()]
     assert files

@@ -22,8 +22,9 @@ STEPS = 40  # where trajectories are compared with each other
 
 
 def scale(values: np.ndarray, names: list[str]) -> np.ndarray:
-    """Largest magnitude of each column, at least a tiny number; 1 for residuals, which are rounding and relative
-    already.
+    """Largest magnitude of each column, at least a tiny number.
+
+    1 for residuals, which are rounding and relative already.
     """
     largest = np.maximum(np.abs(values).max(axis=0), 1e-12)
     return np.where([n.endswith(".residual") for n in names], 1.0, largest)
@@ -225,8 +226,11 @@ def changed_value(v) -> float | None:  # type: ignore[no-untyped-def]
 
 
 def test_smaller_communication_steps(fmu: Library) -> None:
-    """doStep(h) and two doStep(h/2) agree: to rounding for rk4 and ros2 with h/2 a multiple of the solver step and for
-    discrete components, to solver error for am2, whose predictor restarts at every exchange."""
+    """One ``doStep(h)`` and two ``doStep(h/2)`` agree.
+
+    To rounding for rk4 and ros2 with h/2 a multiple of the solver step and for discrete components, to solver error for
+    am2, whose predictor restarts at every communication step.
+    """
     h = fmu.step if not fmu.is_continuous else 4 * fmu.variables["solver.step"].start_value
     stimulus = fmu.stimulus
     with fmu.instance() as a, fmu.instance() as b:

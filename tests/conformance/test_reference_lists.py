@@ -1,5 +1,6 @@
-"""Lists of value references: in any order, twice the same, changed in place, wrong in the middle, before and after
-other calls.
+"""Lists of value references.
+
+In any order, twice the same, changed in place, wrong in the middle, before and after other calls.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Where values and equations come from: the FMU says what its declaration says; its C code says nothing that is not
-needed.
+"""Where values and equations come from: the FMU says what its declaration says.
+
+Its C code says nothing that is not needed.
 """
 
 from __future__ import annotations
@@ -67,8 +68,7 @@ def test_each_section_of_the_code_says_where_its_equations_come_from(
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 def test_nothing_in_the_code_is_unused(name: str, load: Callable[[str, int], Library]) -> None:
-    """Functions, constants, arguments, macros, types: what stands in the code of the equations is there
-    for something."""
+    """The code of the equations has no unused functions, constants, arguments, macros or types."""
     sources = load(name, 3).folder / "sources"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wunused", "-Wunused-macros", "-Werror", "-O0", f"-I{sources}"]
     flags += ["-Wno-unused-parameter"] * (name in BY_CASADI)

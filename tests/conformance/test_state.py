@@ -50,8 +50,9 @@ def test_serialized_states_continue_bit_equal(fmu: Library) -> None:
 
 
 def test_serialized_bytes_are_no_state(fmu: Library) -> None:
-    """Their checksum is of what they hold, and only DeserializeFMUState looks at it; a state in memory is told by its
-    address.
+    """Their checksum is of what they hold, and only DeserializeFMUState looks at it.
+
+    A state in memory is told by its address.
     """
     with fmu.instance() as a:
         a.initialize(fmu.stimulus.row(0))

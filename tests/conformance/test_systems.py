@@ -153,8 +153,9 @@ def outputs(a: Any) -> bytes:
 
 
 def test_a_step_is_a_whole_number_of_ticks(fmu: SystemLibrary) -> None:
-    """Many in one step end where as many steps of one do; less or a part more is an error that names the tick and
-    changes nothing.
+    """Many in one step end where as many steps of one do.
+
+    Less or a part more is an error that names the tick and changes nothing.
     """
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):

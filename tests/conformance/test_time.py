@@ -57,7 +57,7 @@ def test_discrete_outputs_before_the_first_sample_are_those_of_the_first_sample(
 
 @applies_to(discrete)
 def test_many_samples_in_one_step(fmu: Library) -> None:
-    """doStep over several sample times equals single steps with the same inputs; the last sample's outputs remain."""
+    """One doStep over several sample times equals single steps of the same inputs; the last sample's outputs remain."""
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):
             one.initialize(fmu.stimulus.row(0))

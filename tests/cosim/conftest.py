@@ -94,8 +94,10 @@ class Refuses2(Fmi2Slave):
 
 @pytest.fixture(scope="session")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Paths of `AddOne2` (FMI 2.0), `AddOne3` (FMI 3.0) and `Refuses2`, which does
-    not let itself be instantiated as 'strut'."""
+    """Paths of `AddOne2` (FMI 2.0), `AddOne3` (FMI 3.0) and `Refuses2`.
+
+    `Refuses2` does not let itself be instantiated as 'strut'.
+    """
     folder = tmp_path_factory.mktemp("foreign")
     for name, source, builder in (
         ("AddOne2", ADD_ONE_2, pythonfmu.FmuBuilder),

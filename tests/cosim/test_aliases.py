@@ -26,8 +26,9 @@ class Source(Clock):
 
 @pytest.fixture(scope="session", params=[False, True], ids=["scalars", "arrays"])
 def aliased(request: pytest.FixtureRequest, built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """ProbeDiscrete with further names, as scalars (`measured[1]` of `y[1]`, ...) and with real arrays (`measured` of
-    `y`).
+    """ProbeDiscrete with further names of its variables.
+
+    As scalars (`measured[1]` of `y[1]`, ...) and with real arrays (`measured` of `y`).
     """
     original = built_fmus.path("ProbeDiscrete", 3, arrays=request.param)
     path = tmp_path_factory.mktemp("aliased") / "ProbeDiscrete.fmu"

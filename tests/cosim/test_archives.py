@@ -1,5 +1,7 @@
-"""FMU files that say what is not so: each is refused in one sentence that names the thing, before
-anything is made big."""
+"""FMU files that contradict themselves.
+
+Each is refused in one sentence that names the thing, before anything is made big.
+"""
 
 import ast
 import contextlib
@@ -130,8 +132,10 @@ def test_derivatives_of_arrays_of_different_size(tmp_path):
 
 
 def test_what_is_odd_but_harmless_is_read(tmp_path):
-    """A step of 0 means none, a unit without a factor has no conversion, names may end in brackets that
-    are no index."""
+    """A step of 0 means none, and a unit without a factor has no conversion.
+
+    Names may end in brackets that are no index.
+    """
     unit = '<UnitDefinitions><Unit name="N"><BaseUnit kg="1" factor="0"/></Unit></UnitDefinitions>'
     xml = description(
         2, real("x]", "0") + real("y[a]", "1") + real("z[1]", "2"), experiment='stepSize="0" tolerance="0"', more=unit

@@ -161,7 +161,7 @@ def test_pending_is_no_status_of_fmi_3(awkward_fmus):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_a_value_that_is_not_finite_ends_the_run(awkward_fmus, version, value, kind):
-    """y is not finite after the step from 0.2 s to 0.3 s; nobody else gets to see it."""
+    """Output y is not finite after the step from 0.2 s to 0.3 s; no other component reads it."""
     with System() as system:
         fmu = system.add(
             "plant", awkward_fmus[version], parameters={"trouble": awkward.NOT_FINITE, "at": 0.3}, kind=kind

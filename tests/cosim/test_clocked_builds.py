@@ -1,5 +1,6 @@
-"""Our sampled FMUs that are built with a clock (`build-fmus --clocks`): the same numbers at its ticks, and without
-event mode as ever.
+"""Our sampled FMUs that are built with a clock (`build-fmus --clocks`).
+
+The same numbers at its ticks, and without event mode as ever.
 """
 
 from __future__ import annotations

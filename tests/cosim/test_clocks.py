@@ -1,5 +1,7 @@
-"""FMUs of others with clocks and event mode: when each kind ticks, what is exchanged then, and what is
-refused by name."""
+"""Third-party FMUs with clocks and event mode.
+
+When each kind ticks, what is exchanged then, and what is refused by name.
+"""
 
 from __future__ import annotations
 
@@ -56,8 +58,10 @@ def run(
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_constant_clock_ticks_exactly_where_its_counters_say(fmu: Build, engine: str) -> None:
-    """Every 1/300 s, three times in each step of 10 ms; the FMU fails where a tick is passed or comes at
-    another time."""
+    """Every 1/300 s, three times in each step of 10 ms.
+
+    The FMU fails where a tick is passed or comes at another time.
+    """
     found = run(fmu("constant"), engine=engine)
     assert found["ticks"] == [3.0 * k for k in range(11)]
     assert found["last"][1:] == [round((3 * k + 2) / 300, 9) for k in range(10)]

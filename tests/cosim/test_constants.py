@@ -1,5 +1,7 @@
-"""Constants that a source and its target must agree on (preview step, spacing of a scan): refused by
-name when wired."""
+"""Constants that a source and its target must agree on (preview step, spacing of a scan).
+
+Refused by name when wired.
+"""
 
 import io
 

@@ -63,8 +63,9 @@ def test_constants_gaps_and_nothing():
 
 @pytest.mark.parametrize("plain", [False, True])
 def test_bars_are_as_long_as_what_they_stand_for(plain: bool) -> None:
-    """70 columns: 52 for the bars where the longest name has 9 letters; the whole is at the longest bar, twice the
-    whole at most.
+    """70 columns: 52 for the bars where the longest name has 9 letters.
+
+    The whole is at the longest bar, twice the whole at most.
     """
     full, mark, beyond = "#|>" if plain else "█│▶"
     lines = bars({"half": 0.5, "a quarter": 0.25, "whole": 1.0, "nothing": 0.0}, 70, plain=plain).splitlines()

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 
 
 def chain(foreign, kind):
-    """clock -> AddOne (FMI 2) -> AddOne (FMI 3) -> AddOne (FMI 2), 10 ms each."""
+    """Chain clock -> AddOne (FMI 2) -> AddOne (FMI 3) -> AddOne (FMI 2), 10 ms each."""
     system = System()
     system.add("clock", Clock(), step="10 ms")
     for name, fmu in (("first", "AddOne2"), ("second", "AddOne3"), ("third", "AddOne2")):

@@ -63,8 +63,9 @@ def law():
 
 
 def damped():
-    """A mass on a damper whose rates differ in compression and rebound, and one with a smooth square part; both carry a
-    large load.
+    """A mass on a damper whose rates differ in compression and rebound, and one with a smooth square part.
+
+    Both carry a large load.
     """
     c = Component("Damped", kind="continuous", description="damper", source="test")
     v = c.state("v", "m/s", "velocity", output=True)
@@ -252,8 +253,10 @@ def test_all_loops_without_a_solution_are_named():
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_plant_on_a_kink_is_refused(small, version):
-    """Both sides are looked at; rounding of the large numbers that are subtracted is no kink, and
-    neither is curvature."""
+    """Both sides are looked at.
+
+    Rounding of the large numbers that are subtracted is no kink, and neither is curvature.
+    """
     fmu = Fmu(small[f"damped{version}"])
     with pytest.raises(
         CosimError, match=r"'Damped' cannot be linearized: its der\(v\) has a kink or jump over v = 0, .*start="

@@ -91,8 +91,10 @@ def test_the_public_car_at_rest_stands_on_a_kink(built_fmus: BuiltFmus) -> None:
 
 
 def test_gpc_is_stable_on_the_car_it_was_designed_on(built_fmus: BuiltFmus) -> None:
-    """The nonlinear car as it drives: no mode of the loop grows (distance and course neither grow nor decay), and a
-    disturbed run deviates as the model says.
+    """The nonlinear car as it drives.
+
+    No mode of the loop grows (distance and course neither grow nor decay), and a disturbed run deviates as the model
+    says.
     """
     with System() as system:
         system.add("car", built_fmus.path("FullCarHmmwvModified", 3), start={"target.speed": 13.9})

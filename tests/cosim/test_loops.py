@@ -1,5 +1,6 @@
-"""Algebraic loops among continuous components: refused by name where they are certain, warned of where they are only
-possible.
+"""Algebraic loops among continuous components.
+
+Refused by name where they are certain, warned of where they are only possible.
 """
 
 import warnings
@@ -107,7 +108,7 @@ def test_an_integrator_breaks_it():
 
 
 def test_sampling_breaks_it():
-    """x = 2 x + 1, once per sample: what a sampled controller of this gain does to a plant without memory."""
+    """Once per sample x = 2 x + 1: what a sampled controller of this gain does to a plant without memory."""
     system = ring(Sampled(), Declared())
     with pytest.warns(UserWarning, match=r"initial values do not settle.*: a\.y, b\.y"):
         simulation = system.initialize(record=["a.y"])

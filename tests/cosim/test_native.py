@@ -39,7 +39,7 @@ def chain():
 
 
 def mixer():
-    """y = gain u, with a vector and a matrix."""
+    """A component with y = gain u, a vector and a matrix."""
     c = Component("Mixer", kind="discrete", sample_time=0.001, description="matrix gain", source="test")
     gain = c.parameter("gain", np.zeros((2, 3)), "1", "gains", source="none")
     u = c.input("u", "m", "input", shape=(3,), start=1.0)

@@ -1,5 +1,7 @@
-"""Components written in Python: each run has them as new, and what a class forgets or mistakes is said
-in a sentence."""
+"""Components written in Python.
+
+Each run has them as new, and what a class forgets or mistakes is said in a sentence.
+"""
 
 from __future__ import annotations
 

@@ -20,8 +20,9 @@ OUTPUT = {2: '<Outputs><Unknown index="{0}" {1}/></Outputs>', 3: '<Output valueR
 
 
 def variable(version, name, reference, attributes="", inner="", kind="Real"):
-    """A variable on a line of its own; `attributes` of the value stand where the version has them, `inner` says what it
-    is.
+    """A variable on a line of its own.
+
+    `attributes` of the value stand where the version has them, `inner` says what it is.
     """
     if version == 2:
         return (

@@ -82,7 +82,7 @@ COST_KEYS = printed("passive cost")
 
 @pytest.mark.parametrize("key", COST_KEYS)
 def test_passive_cost(key):
-    """Kale's cost from the printed quantities. (Controlled hub forces are not in print, so only the passive ones.)"""
+    """Kale's cost from the printed quantities; only the passive one, since controlled hub forces are not in print."""
     row = ROWS[key]
     slack = sum(w * half_unit(row[f"passive {published.COLUMNS[n]}"]) for n, w in mc.WEIGHTS.items())
     assert abs(mc.cost(published.passive(*key)) - float(row["passive cost"])) <= slack + 0.05

@@ -1,5 +1,6 @@
-"""Recordings as files and in other libraries: the same bits, names, units and types come back; what cannot be is
-refused by name.
+"""Recordings as files and in other libraries: the same bits, names, units and types come back.
+
+What cannot be is refused by name.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def test_arrays_are_connected_whole() -> None:
 
 
 def test_rounded_times_of_a_file_count_as_what_they_mean() -> None:
-    """k * 0.001 is one bit beside k/1000 here and there; the row counts at its own instant all the same."""
+    """Some k * 0.001 differ from k/1000 by one bit; the row counts at its own instant all the same."""
     time = np.arange(1000) * 0.001
     assert np.any(time > np.arange(1000) / 1000)
     table = Table({"t": time, "n": np.arange(1000)}, interpolation="held")

@@ -25,9 +25,10 @@ def test_the_picture_is_of_a_run(drawing: dict[str, Any], tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("group", [False, True])
 def test_who_reads_what(drawing: dict[str, Any], group: bool) -> None:
-    """At each instant discrete components in the order of the chain, with what counts at that instant; then continuous
-    ones, which hold what they read, and see each other as of the beginning of the step, or in a group what the one
-    before has reached.
+    """At each instant discrete components in the order of the chain, with what counts at that instant.
+
+    Then continuous ones, which hold what they read, and see each other as of the beginning of the step, or in a group
+    what the one before has reached.
     """
     samples = {t: [("filter", t, "car", t), ("law", t, "filter", t)] for t in (0, 2, 4)}
     steps = {t: [("actuator", t, "law", t - t % 2), ("car", t, "actuator", t + group)] for t in range(4)}

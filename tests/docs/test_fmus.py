@@ -33,8 +33,10 @@ def written(built_fmus: BuiltFmus) -> dict[str, Any]:  # noqa: ARG001
 
 
 def test_variables_as_the_pages_have_them(written: dict[str, Any]) -> None:
-    """Inputs with what they take, arrays in one row, parameters with start and source: compared with the
-    FMU by hand."""
+    """Inputs with what they take, arrays in one row, parameters with start and source.
+
+    Compared with the FMU by hand.
+    """
     (text,) = written["sections"](FMUS, ["PreviewBuffer"]).values()
     blocks = text.split("\n\n")
     assert (

@@ -82,8 +82,10 @@ def module(dotted: str) -> str:
 
 
 def files_in_cycles(arrows: dict[str, set[str]]) -> list[str]:
-    """The files in cycles and between cycles: the rest after files that import nothing, or that no file imports, are
-    removed until nothing changes."""
+    """The files in cycles and between cycles.
+
+    Files that import nothing, or that no file imports, are removed until nothing changes; the rest remains.
+    """
     left = dict(arrows)
     while True:
         imported = set().union(*left.values())

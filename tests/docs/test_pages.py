@@ -213,9 +213,7 @@ def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFix
 
 
 def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # noqa: ARG001
-    """A law that is built with more weight on the tires holds the road better than the published one, and is less
-    comfortable.
-    """
+    """More weight on the tires gives better road holding than the published control law, and less comfort."""
     front = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_front.py"))
     firm = front["with_weights"]({"suspension": 1e3, "tire": 1e6, "force": 1e-6})
     published, other = (front["drive"](w) for w in (front["PUBLISHED"]["comfort"], firm))
@@ -279,8 +277,10 @@ COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
     ("page", "command", "expected"), COMMANDS, ids=[f"{p.stem}-{' '.join(c[:2])}" for p, c, _ in COMMANDS]
 )
 def test_commands_print_what_the_page_shows(page: Path, command: list[str], expected: str, workplace: Path) -> None:
-    """Words must be equal, numbers close (platforms differ in the last digits); times and speeds of the machine are
-    left out."""
+    """Words must be equal, numbers close (platforms differ in the last digits).
+
+    Times and speeds of the machine are left out.
+    """
     for name, text in files_shown(page).items():
         (workplace / name).write_text(text)
     program, *arguments = command

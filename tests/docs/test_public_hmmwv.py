@@ -23,8 +23,9 @@ CAR = WRITER["ride_car"](WRITER["load_ride_car"]("ride_car_hmmwv")).linearize()
 
 
 def test_modes_are_named_after_how_they_look() -> None:
-    """The car of paper 001 by hand: equal axles, so that heave and pitch, and wheels together and opposed, are single
-    masses on springs.
+    """The car of paper 001 by hand.
+
+    Equal axles, so that heave and pitch, and wheels together and opposed, are single masses on springs.
     """
     found = WRITER["modes"](CAR)
     assert set(found) == set(WRITER["SHAPES"])

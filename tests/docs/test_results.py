@@ -1,5 +1,6 @@
-"""The README's and results.md's words on results are those of the summaries that are kept, which are those of the
-studies.
+"""The words of the README and of results.md on results are those of the kept summaries.
+
+The kept summaries are those of the studies.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""The documentation site: every page has its place, every link leads somewhere, and nothing is fetched
-from elsewhere."""
+"""The documentation site.
+
+Every page has its place, every link leads somewhere, and nothing is fetched from elsewhere.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""The documentation site as readers have it: in Chromium at two widths and in both colour schemes, from a folder,
-without a network.
+"""The documentation site as readers have it.
+
+In Chromium at two widths and in both colour schemes, from a folder, without a network.
 
 ``make test-pages`` runs these; see `browsers`.
 """

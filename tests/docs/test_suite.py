@@ -14,7 +14,7 @@ NO_TEXT = re.compile(r"\]\([^)]*\)")  # a link's target cannot be broken
 
 
 def test_no_folder_of_tests_is_passed_over(pytestconfig: pytest.Config) -> None:
-    """pytest does not look into folders of some names, such as ``build``, unless it is told to."""
+    """By default pytest skips folders of some names, such as ``build``."""
     passed_over = pytestconfig.getini("norecursedirs")
     assert passed_over
     for file in (ROOT / "tests").rglob("test_*.py"):
@@ -30,7 +30,7 @@ def test_lines_of_markdown_are_short(page: Path) -> None:
 
 
 def test_lines_of_code_other_than_python_are_short() -> None:
-    """ruff checks those of Python."""
+    """Lines of Python are checked by ruff."""
     folders = ("build_fmus", "cosim", "fmu_sources", "benchmarks", "docs", "tests")
     files = [f for d in folders for e in ("c", "h", "js", "mjs", "css") for f in (ROOT / d).rglob(f"*.{e}")]
     others = {"vendor", "musl"}  # third-party code

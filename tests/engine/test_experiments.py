@@ -1,5 +1,6 @@
-"""Every experiment's systems give the same bits whoever executes them: every choice of every option, a short while
-each.
+"""Every experiment's systems give bit-identical results in all executors.
+
+Every choice of every option, a short while each.
 """
 
 from __future__ import annotations
@@ -32,16 +33,19 @@ def parts(experiment: Experiment) -> Iterator[Experiment]:
 
 
 def values(field: Field) -> list[Any]:
-    """What is tried of an option: all choices, both truths; of the parts of a step two, so that rates
-    differ otherwise."""
+    """Values of an option that are tried: all choices, both truths.
+
+    Of the sub-steps of a step two, so that rates differ otherwise.
+    """
     if field.option.choices is not None:
         return list(field.option.choices)
     return [not field.default] if field.type is bool else [2] * (field.attribute == "exchange_parts")
 
 
 def cases(experiment: Experiment) -> list[Any]:
-    """Every value of every option once: beside the defaults, or else beside the first value of one or two others that
-    it goes with.
+    """Every value of every option once.
+
+    Beside the defaults, or else beside the first value of one or two others that it goes with.
     """
     of, known = experiment.case, fields(experiment.case)
     alone = [{f.attribute: v} for f in known for v in values(f)]

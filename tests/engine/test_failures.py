@@ -48,8 +48,10 @@ class Breaks(PythonComponent):
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 @pytest.mark.parametrize(("trouble", "value"), TROUBLES)
 def test_an_fmu_in_trouble(awkward_fmus, follower, version, kind, trouble, value):
-    """Beside components that run before and after it, some in a group where one reads what the other has
-    just reached."""
+    """Beside components that run before and after it.
+
+    Some are in a group where one reads what the other has just reached.
+    """
 
     def run(engine: str) -> Recording:
         with System() as system:

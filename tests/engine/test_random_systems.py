@@ -1,5 +1,6 @@
-"""Random systems run by the engine and by the Python master: the same bits, whatever is wired, stopped, saved or
-converted.
+"""Random systems run by the engine and by the Python master.
+
+The results are bit-identical, whatever is wired, stopped, saved or converted.
 """
 
 from __future__ import annotations

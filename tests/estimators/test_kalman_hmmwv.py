@@ -84,8 +84,9 @@ class Run:
 
 
 def noisy_model(car, road):
-    """A, C, Q, R, S put together from the car's linear model by hand; last the R of a sample whose road is not known
-    yet.
+    """A, C, Q, R, S put together from the car's linear model by hand.
+
+    Last the R of a sample whose road is not known yet.
     """
     lin, m = car.linearize(), relative_model(car)
     rows = []
@@ -324,8 +325,10 @@ def over_a_bump(car):
 
 
 def test_the_printed_filter_assumes_a_flat_road(relative, printed, over_a_bump):
-    """Tire deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights
-    would mend that."""
+    """Tire deflections: 15 states follow them, 14 absolute ones miss most of them.
+
+    Known road heights would mend that.
+    """
     tire = [RELATIVE_STATES.index(n) for n in TIRE]
     true = over_a_bump.states[:, tire]
 
@@ -345,8 +348,10 @@ def test_the_printed_filter_is_right_on_a_flat_road(car, printed):
 
 
 def test_tires_that_lift_off(car, relative):
-    """The car itself over a bump of 76 mm on a known road: a filter whose tires take no tension either
-    is closer to it."""
+    """The car itself over a bump of 76 mm on a known road.
+
+    A filter whose tires take no tension either is closer to it.
+    """
     lin, model = car.linearize(), car.model()
     at = {n: i for i, n in enumerate(lin.inputs)}
     outputs = {e.name: i for i, e in enumerate(model.output_elements())}

@@ -69,8 +69,10 @@ def test_every_command_is_that_of_the_independent_solver(runner: Runner, car, co
 
 
 def test_lqr_is_the_state_feedback_of_the_riccati_equation(car) -> None:
-    """Against the gain of the matrices (6), (7) as the paper prints them, with the bench's values
-    written down again."""
+    """Against the gain of the matrices (6), (7) as the paper prints them.
+
+    The bench's values are written down again here.
+    """
     from scipy.linalg import solve_continuous_are
 
     ms, mu, ks, ku, bs, bu = 2.45, 1.0, 900.0, 1250.0, 7.5, 5.0

@@ -1,5 +1,6 @@
-"""What readers see of gpc, from recordings and runs made by hand whose answers are known; verdicts are judged beside
-it.
+"""Numbers in the report of gpc, from recordings and runs made by hand whose answers are known.
+
+Verdicts are tested beside it.
 """
 
 from __future__ import annotations
@@ -59,8 +60,10 @@ FILTERED = 1 - DELAY / len(T)  # mean of what the filter makes of a one
 
 
 def recording(case: Case, stopped_by: str | None = "car.x", **others: Any) -> made_up.MadeUpRun:
-    """Magnitudes that do not change: 0.3 g, 0.4 and 1.2 deg, 5 kN, 500 W in all; twice the pitch and
-    force at the end."""
+    """Magnitudes that do not change: 0.3 g, 0.4 and 1.2 deg, 5 kN, 500 W in all.
+
+    Twice the pitch and force at the end.
+    """
     found: dict[str, Any] = {
         "car.x": 1.5 + T,
         "car.body.z": 9.0,
@@ -494,8 +497,9 @@ def test_matching_takes_the_nearer_of_two_weights_that_will_do(error: float, sid
 
 
 def test_matching_looks_in_one_interval_of_the_grid() -> None:
-    """J is 2 down to a quarter of a decade below and falls to 0 over the next: its middle is the first to be tried
-    there.
+    """J is 2 down to a quarter of a decade below and falls to 0 over the next.
+
+    Its middle is the first to be tried there.
     """
 
     def measured(weight: float) -> Row:
@@ -518,8 +522,9 @@ def test_matching_takes_the_crossing_nearest_to_the_published_weight() -> None:
 
 @pytest.mark.parametrize(("target", "second", "third"), [(2.0, 0.025, 0.0475), (99.0, 0.225, 0.2025)])
 def test_matching_keeps_inside_of_the_bracket(target: float, second: float, third: float) -> None:
-    """J that jumps from 1 to 100: a tenth of the interval at least from either end, and an end to it after twelve of
-    them.
+    """J that jumps from 1 to 100.
+
+    A tenth of the interval at least from either end, and an end to it after twelve of them.
     """
     tried: list[float] = []
 
@@ -1263,8 +1268,10 @@ def test_words_without_a_match() -> None:
 
 
 def test_a_run_that_diverged_is_not_the_lowest() -> None:
-    """On the curb at 72 km/h with the published weight: beside preview that diverges no other law's peak
-    is looked at."""
+    """On the curb at 72 km/h with the published weight.
+
+    Beside preview that diverges no other law's peak is looked at.
+    """
 
     def measured(case: Case) -> Row:
         diverged = (case.road, case.speed_kmh, case.R) == ("curb", CURB_SPEED, 1e-7)

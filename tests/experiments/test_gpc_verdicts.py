@@ -1,5 +1,7 @@
-"""How the claims of paper 000 are judged, on made-up studies: every rule has a study that it turns
-against the claim."""
+"""How the claims of paper 000 are judged, on made-up studies.
+
+Every rule has a study that it turns against the claim.
+"""
 
 from __future__ import annotations
 

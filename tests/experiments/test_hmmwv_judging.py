@@ -1,5 +1,7 @@
-"""How paper 001 is judged, on studies in which nothing was run: verdicts, their reasons, and cases that
-do not exist."""
+"""How paper 001 is judged, on studies in which nothing was run.
+
+Verdicts, their reasons, and cases that do not exist.
+"""
 
 from __future__ import annotations
 

@@ -173,7 +173,6 @@ def test_signals_of_a_long_run_keep_an_impact_of_one_sample() -> None:
 
 def test_a_run_begins_and_ends_where_the_wheels_of_this_car_are() -> None:
     """Another car's axles, as its FMU says: 2 m ahead of the CG and 3 m after it."""
-
     axles = {"wheel.fl.x": SimpleNamespace(start=2.0), "wheel.rl.x": SimpleNamespace(start=-3.0)}
     system = {"car": SimpleNamespace(description=SimpleNamespace(parameters=axles))}
     case = Case("track", "lqr", speed_kmh=36.0)
@@ -448,8 +447,9 @@ def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: Fmu
 
 
 def runs_of(case: Case) -> Iterable[Case]:
-    """Where a case is run: 6 places of a bump, or 5 stretches of 20 s; 1 where nothing is sampled; 2 for what is
-    beside.
+    """Where a case is run: 6 places of a bump, or 5 stretches of 20 s.
+
+    1 where nothing is sampled; 2 for what is beside.
     """
     beside = case.friction or not case.lift_off or case.shared_pump
     if case.road == "off-road":
@@ -936,8 +936,9 @@ def test_words_off_road(fmus: FmuSet) -> None:
 
 
 def test_words_on_the_preview(fmus: FmuSet) -> None:
-    """MPC alone absorbs 4.71 W, so 10 to 20 % less is 3.77 to 4.24 W; the whole preview leaves 4.0 W, so 4.4 W are
-    within 10 %.
+    """MPC alone absorbs 4.71 W, so 10 to 20 % less is 3.77 to 4.24 W.
+
+    The whole preview leaves 4.0 W, so 4.4 W are within 10 %.
     """
     at: dict[str, Any] = {"road": "bump", "controller": "mpc-preview"}
     by_length = {1: 6.0, 2: 5.0, 3: 4.6, 4: 4.35, 6: 4.1, 8: 4.1, 11: 4.9}
@@ -1077,8 +1078,9 @@ def test_the_largest_stable_density_is_below_the_first_unstable_one() -> None:
 
 
 def test_runs_cost_what_they_take() -> None:
-    """Seconds of the simplest run: 4 s over bumps and 20 s off road; more with finer steps and sensors, less without
-    hydraulics.
+    """Seconds of the simplest run: 4 s over bumps and 20 s off road.
+
+    More with finer steps and sensors, less without hydraulics.
     """
     costs = {t.case: t.cost for t in EXPERIMENT.tasks() if isinstance(t.case, Case)}
     plain = Case("track", "passive")

@@ -59,8 +59,10 @@ def test_quarter_cars_on_top_count_twice(bench, small):
 
 
 def test_loop_is_stable_only_with_the_slow_pose(bench):
-    """Noise for 10 s: the filter of absolute states with the road fed back runs away, that of relative
-    states does not."""
+    """Noise for 10 s, with the road fed back.
+
+    The filter of absolute states runs away, that of relative states does not.
+    """
     wild, tame = (bench.metrics(dataclasses.replace(long(c), duration=10.0))["spread"] for c in (PRINTED_FED, FED))
     assert wild[1] > 2 * wild[0]
     assert max(tame) < 0.03
@@ -100,8 +102,10 @@ def test_the_optical_sensor_works_too(bench):
 
 
 def test_generated_preview(bench):
-    """Loads peak near the crests; a speedometer that shows too much moves the prediction ahead, more
-    with every metre."""
+    """Loads peak near the crests.
+
+    A speedometer that shows too much moves the prediction ahead, more with every metre.
+    """
     exact, wrong = (bench.metrics(generated(e))["offsets"] for e in (0.0, 2.0))
     assert np.abs(exact).max() < BUMP_LENGTH
     drift = np.subtract(wrong, exact)

@@ -1,5 +1,6 @@
-"""Force tracking of paper 001 on one corner, from the built FMUs: tracking error, exchange of car and actuator, a small
-study.
+"""Force tracking of paper 001 on one corner, from the built FMUs.
+
+Tracking error, exchange of car and actuator, a small study.
 """
 
 from __future__ import annotations
@@ -174,8 +175,10 @@ def cases_of(tasks) -> set[Case]:
 
 
 def test_the_corner_of_the_example(built_fmus):
-    """Road, quarter car, actuator, force tracking and comfort: taking the force out of the strut helps
-    over the bumps."""
+    """Road, quarter car, actuator, force tracking and comfort.
+
+    Taking the force out of the strut helps over the bumps.
+    """
     example = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "examples" / "hmmwv_corner.py"))
     fmus = built_fmus.path("ForceTracking", 3).parent
     peak, force = {}, {}

@@ -100,8 +100,9 @@ def given(system, component: str, *names: str) -> list[float]:
 
 
 def test_a_run_begins_ahead_of_the_bumps_and_its_variants_lie_on_the_grid_of_the_controllers(systems):
-    """At 36 km/h: 6 m ahead of the front wheels; half a period of 30 ms is 0.15 m, a preview 20 ms late shows 0.2 m too
-    late.
+    """At 36 km/h: 6 m ahead of the front wheels.
+
+    Half a period of 30 ms is 0.15 m, a preview 20 ms late shows 0.2 m too late.
     """
     system = systems(Case("track", "mpc-preview", speed_kmh=36.0, variant=3, preview_error_ms=20.0))
     assert given(system, "speed", "start.speed", "start.x") == pytest.approx([10.0, 10 - 1.651 - 6])

@@ -112,8 +112,10 @@ def test_steps_do_not_matter(study: Results) -> None:
 
 
 def test_a_short_preview_is_worse_by_an_independent_solution(study: Results) -> None:
-    """Continuous law by quadrature on the car's matrices, nothing of the design functions: the same rise
-    at 10, 20 ms."""
+    """Continuous law by quadrature on the car's matrices, nothing of the design functions.
+
+    The same rise at 10, 20 ms.
+    """
     car = ride_car(load_ride_car("sedan"), name="RideCarSedan")
     weights = load_weights("comfort")
     linear = car.linearize()
@@ -289,8 +291,9 @@ def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
 def test_the_tunable_law_with_published_weights_is_the_published_law(
     fmus: FmuSet, controller: str, weights: str
 ) -> None:
-    """Designed by the FMU as it is initialized; the numbers are those of the FMU that was designed in Python, to
-    rounding.
+    """Designed by the FMU as it is initialized.
+
+    The numbers are those of the FMU that was designed in Python, to rounding.
     """
     case = Case(controller=controller, weights=weights)
     with Runner(EXPERIMENT, fmus) as runner:

@@ -1,5 +1,6 @@
-"""What readers see of ride, from recordings and runs made by hand whose answers are known, and how its searches find
-speeds.
+"""Numbers in the report of ride, from recordings and runs made by hand whose answers are known.
+
+Also how its searches find speeds.
 """
 
 from __future__ import annotations
@@ -189,8 +190,9 @@ def test_runs_that_fail_count_as_above_the_limit(edge: float) -> None:
 
 
 def test_what_is_known_is_not_asked_for_again_but_used() -> None:
-    """Two runs on both sides, and the exponent that they tell: one more meets the limit, and one on its other side ends
-    the search.
+    """Two runs on both sides, and the exponent that they tell.
+
+    One more meets the limit, and one on its other side ends the search.
     """
     power = Counted(lambda v: 6.0 * (v / 21.7) ** 3)
     crossing(power, 6.0, 21.0, known=[20.0, 24.0])
@@ -256,8 +258,10 @@ def test_limits_that_are_never_or_always_reached() -> None:
 
 
 class FakeRunner:
-    """Power that rises with the square of the speed, from 6 W at a speed for each seed; the seat sees 1
-    m/s2 per km/h."""
+    """Power that rises with the square of the speed, from 6 W at a speed for each seed.
+
+    The seat sees 1 m/s2 per km/h.
+    """
 
     at = {1: 20.0, 2: 22.0, 3: 19.0}  # noqa: RUF012
 
@@ -329,8 +333,9 @@ def test_guesses_are_where_a_search_may_go() -> None:
 
 
 def speed_of(search: SpeedLimit, metric: str, seed: int) -> float | None:
-    """Speeds by hand, no two alike: slower on rougher courses and higher obstacles, faster with preview and by the
-    second order.
+    """Speeds by hand, no two alike.
+
+    Slower on rougher courses and higher obstacles, faster with preview and by the second order.
     """
     c = search.case
     order = list(CARS).index(c.car)
@@ -716,8 +721,10 @@ def test_systems_of_the_live_page(car: str) -> None:
 
 
 def test_what_the_case_says_holds_for_the_page() -> None:
-    """A law that is not among those that are shown comes beside them; what is of one kind of course
-    counts on that one."""
+    """A law that is not among those that are shown comes beside them.
+
+    What is of one kind of course counts on that one.
+    """
     shown = live(Case("hmmwv", "skyhook", "hydraulic", "2in", seed=3, sides="apart"))
     assert [c.title for c in shown.cases[:5]] == [
         f"{n}, hydraulic" for n in ("passive", "LQR", "MPC", "MPC with preview", "skyhook")

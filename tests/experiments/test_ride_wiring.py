@@ -98,8 +98,9 @@ def test_where_a_course_begins_and_ends(tmp_path: Path) -> None:
 
 
 def test_a_car_over_a_course_from_a_file(tmp_path: Path, fmus: FmuSet) -> None:
-    """The linear car over a course of twice the heights absorbs four times the power; left and right are those of the
-    file.
+    """The linear car over a course of twice the heights absorbs four times the power.
+
+    Left and right are those of the file.
     """
     powers = []
     for i, size in enumerate((1.0, 2.0)):

@@ -159,8 +159,9 @@ def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(study: Results,
 
 
 def test_drift_left_over_from_the_trench_is_no_preview(study: Results) -> None:
-    """A pitch of 0.007 deg before the ramp, which the controller without preview has too, once counted as acting
-    before.
+    """A pitch of 0.007 deg before the ramp once counted as acting before.
+
+    The controller without preview has it too.
     """
     drift = {"force_before_ramp_kN": study[AT["mpc"]]["force_before_ramp_kN"]}
     assert verdicts(altered(study, {AT["mpc-preview"]: drift}))["before-the-reference"] == "not reproduced"

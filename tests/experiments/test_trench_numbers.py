@@ -162,8 +162,10 @@ def test_what_became_of_a_crossing(changed: dict[str, float], outcome: str) -> N
 
 
 def test_course() -> None:
-    """Flat road until the pitch reference begins: here 0.6 m and 0.8 s, then 0.2 s and 0.3 m, ahead of
-    the first axle."""
+    """Flat road until the pitch reference begins.
+
+    Here 0.6 m and 0.8 s, then 0.2 s and 0.3 m, ahead of the first axle.
+    """
     course = Course.of(recording(Case(1.5, 3.6)))
     assert (course.start, course.end) == (3.9, pytest.approx(3.9 + 1.5 + 1.9 + 1.5))
     assert course.patience == pytest.approx(1.25 * 8.8 / 1.0 + 2.0)

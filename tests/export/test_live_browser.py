@@ -73,8 +73,9 @@ def test_it_runs_as_fast_as_the_clock_and_can_be_read_by_everyone(shown) -> None
 
 
 def test_a_system_that_stands_is_seen_from_all_sides(shown) -> None:
-    """Pressed, dragged, zoomed, from behind: each is another picture of the same moment, except a press that is no
-    drag.
+    """Pressed, dragged, zoomed, from behind.
+
+    Each is another picture of the same moment, except a press that is no drag.
     """
     _, _, found = shown
     looks = found["looks"]

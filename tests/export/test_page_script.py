@@ -1,5 +1,6 @@
-"""The page's script where it computes: histories that lose no peak, measures and verdicts, what is planned ahead; in
-V8, without a page.
+"""The page's script where it computes: histories that lose no peak, measures and verdicts, what is planned ahead.
+
+In V8, without a page.
 """
 
 from __future__ import annotations
@@ -87,8 +88,10 @@ def test_lines_at_round_numbers(script: MiniRacer, low: float, high: float, tick
 
 
 def test_what_is_planned_lies_ahead(script: MiniRacer) -> None:
-    """Shown at 0.06 s is the command of the sample at 0.03 s: its plan begins there, its prediction one
-    sample later."""
+    """Shown at 0.06 s is the command of the sample at 0.03 s.
+
+    Its plan begins there, its prediction one sample later.
+    """
     code = (
         "const names = ['c[1]', 'c[2]', 'c[3]'], h = new History(new Map(names.map((n, i) => [n, i])), 3, 0.01, 10);"
         "for (let k = 0; k <= 6; k++) h.add(Float64Array.from([k, 10 + k, 20 + k]));"

@@ -1,5 +1,6 @@
-"""Engine, container and linked members under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer; FMUs of
-others beside them.
+"""Engine, container and linked components under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer.
+
+Third-party FMUs run beside them.
 """
 
 from __future__ import annotations

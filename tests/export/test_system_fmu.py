@@ -1,5 +1,6 @@
-"""A system of this project's FMUs, and of others', as one FMU: the same numbers, its description, its states, what it
-refuses.
+"""A system of this project's FMUs and of third-party FMUs, as one FMU.
+
+The same numbers, its description, its states, what it refuses.
 """
 
 from __future__ import annotations
@@ -177,8 +178,9 @@ def test_damaged_states_are_refused(ride):
 
 
 def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
-    """Both versions of FMI, converted units and offsets, values of every type that the system sets; beside one of this
-    project.
+    """Both versions of FMI, converted units and offsets, values of every type that the system sets.
+
+    Beside an FMU of this project.
     """
     with System() as system:
         for version in (2, 3):
@@ -320,8 +322,9 @@ def test_a_library_that_is_gone_is_named(follower, tmp_path):
 @pytest.mark.parametrize(("rate", "status"), [(-1.0, 3), (-2.0, 4)])
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_no_step_follows_an_error_of_a_member(follower, tmp_path, fmi, rate, status):
-    """A member whose values cannot be read while initializing: the system is in the state "error", whatever is set
-    afterwards.
+    """A component whose values cannot be read while initializing.
+
+    The system is in the state "error", whatever is set afterwards.
     """
     with System() as system:
         system.add("a", follower[fmi], step="1 ms")

@@ -1,5 +1,6 @@
-"""One system for every platform, by ziglang: all binaries are in one archive, of the right format, and run on old
-systems.
+"""One system for every platform, by ziglang.
+
+All binaries are in one archive, of the right format, and run on old systems.
 """
 
 from __future__ import annotations

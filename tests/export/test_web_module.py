@@ -1,5 +1,7 @@
-"""Systems as one WebAssembly module: the numbers of the systems themselves, bit by bit, in a host that
-is no browser."""
+"""Systems as one WebAssembly module.
+
+The numbers of the systems themselves, bit by bit, in a host that is no browser.
+"""
 
 from __future__ import annotations
 

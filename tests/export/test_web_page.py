@@ -245,8 +245,9 @@ def test_what_stands_beside() -> None:
 
 @pytest.mark.parametrize("speed", [6.0, 12.0])
 def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: float) -> None:  # noqa: ARG001
-    """What it shows of the passive vehicle are the quantities of Table 5.3 of that run; it is over where a run of the
-    study ends.
+    """What it shows of the passive vehicle are the quantities of Table 5.3 of that run.
+
+    It is over where a run of the study ends.
     """
     layout = live(TRENCH.case(speed_kmh=speed))
     page, first = layout.page, layout.cases[0]

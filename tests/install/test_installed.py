@@ -1,5 +1,6 @@
-"""The project as pip installs it: what the wheel holds, what runs without the repository, with which extras, beside
-whom.
+"""The project as pip installs it.
+
+What the wheel holds, what runs without the repository, with which extras, beside whom.
 """
 
 from __future__ import annotations

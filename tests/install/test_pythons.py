@@ -34,8 +34,9 @@ print(platform.python_version(), f"{z[-1]:.6f}", f"{max(z):.6f}")
 
 
 def found(version: str) -> Path | None:
-    """An interpreter of that version: one that SUSPENSION_PYTHONS names (paths, separated as in PATH), of PATH, or of
-    pyenv.
+    """An interpreter of that version.
+
+    One that SUSPENSION_PYTHONS names (paths, separated as in PATH), of PATH, or of pyenv.
     """
     named = [Path(p) for p in os.environ.get("SUSPENSION_PYTHONS", "").split(os.pathsep) if p]
     of_path = shutil.which(f"python{version}")

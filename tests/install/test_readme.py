@@ -1,5 +1,6 @@
-"""The README: its length, its code from a folder with built FMUs, its commands and its numbers; the page on
-installation.
+"""The README: its length, its code from a folder with built FMUs, its commands and its numbers.
+
+The page on installation.
 """
 
 from __future__ import annotations

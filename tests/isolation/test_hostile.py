@@ -1,5 +1,6 @@
-"""Hostile FMUs in processes of their own: the host lives, the error names component, function and time, and what was
-recorded is there.
+"""Hostile FMUs in processes of their own.
+
+The host lives, the error names component, function and time, and what was recorded is there.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""FMUs of others in this process: what they do to the floating-point environment is put back, and a hang
-can be ended."""
+"""Third-party FMUs in this process.
+
+What they do to the floating-point environment is put back, and a hang can be ended.
+"""
 
 from __future__ import annotations
 

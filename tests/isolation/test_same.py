@@ -47,8 +47,9 @@ def isolate(system: System, names: tuple[str, ...] = ("*",), *, shared_memory: b
 
 
 def run(plan: dict[str, Any], follower: dict[int, Path], engine: str, how: bool | None) -> Recording:
-    """In pieces, with a state saved at one cut and gone back to at the next; `how`: isolated with shared memory or
-    without, None: not.
+    """In pieces, with a state saved at one cut and gone back to at the next.
+
+    `how`: isolated with shared memory or without, None: not.
     """
     with wired(plan, follower) as system:
         if how is not None:

@@ -1,5 +1,7 @@
-"""A study in which one case in a hundred is hostile: all others have their results, and these are
-failures with a name."""
+"""A study in which one case in a hundred is hostile.
+
+All others have their results, and these are failures with a name.
+"""
 
 from __future__ import annotations
 

@@ -20,8 +20,10 @@ def one(**changes: object) -> SystemEnv:
 
 
 def test_bit_for_bit_and_over_the_ends_of_episodes() -> None:
-    """Episodes end at different times; a single one is reset where it has ended, as the vector does at
-    its next step."""
+    """Episodes end at different times.
+
+    A single one is reset where it has ended, as the vector does at its next step.
+    """
     actions = np.random.default_rng(1).uniform(0, 1, (STEPS, COUNT, 1))
     vector = SystemVectorEnv(one, COUNT)
     observed, infos = vector.reset(seed=5)

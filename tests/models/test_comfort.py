@@ -75,8 +75,10 @@ class TestBothDefinitions:
         assert np.abs(digital / written_out - 1).max() < 5e-3
 
     def test_each_section_is_exact_at_its_own_frequency(self):
-        """That of s2 + 24 s + 750 at 750^(1/2) rad/s, s / (s + 63) at 63 rad/s, where the latter passes
-        1/2^(1/2) / 63."""
+        """That of s2 + 24 s + 750 at 750^(1/2) rad/s, and s / (s + 63) at 63 rad/s.
+
+        There the latter passes 1/2^(1/2) / 63.
+        """
         rows = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
         for row, w, gain in (
             (rows[0], math.sqrt(750), abs(14.5 * 1j * math.sqrt(750) + 14.5 * 44) / 24),

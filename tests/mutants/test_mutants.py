@@ -177,8 +177,10 @@ def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFix
 def test_what_is_written_to_the_project_meanwhile_is_not_seen(
     project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else a mistake would be looked for in a function that is gone, or tried beside other code than it
-    was made for."""
+    """Otherwise a mutation could be applied to a function that is gone.
+
+    Or it could be tried beside other code than it was made for.
+    """
     groups = tuple(Group(name, ("cosim/plus.py",), ("tests/test_plus.py",)) for name in ("first", "second"))
     monkeypatch.setattr(command, "GROUPS", groups)
     copied_tree, imported = command.trial.copied_tree, command.trial.imported

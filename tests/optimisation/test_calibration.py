@@ -16,7 +16,7 @@ NOISE = 0.01
 
 
 def decay(values: Mapping[str, float]) -> np.ndarray:
-    """size exp(-rate t): both are told."""
+    """Model size exp(-rate t): both parameters are identifiable."""
     return values["size"] * np.exp(-values["rate"] * TIME)
 
 
@@ -94,8 +94,9 @@ def test_a_product_is_told_and_its_factors_are_not() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_combinations_do_not_depend_on_the_basis_that_lapack_chooses(seed: int) -> None:
-    """Two parameters with equal information and two with none: any axes of either plane, of either sign, give the same
-    result.
+    """Two parameters with equal information and two with none.
+
+    Any axes of either plane, of either sign, give the same result.
     """
     rng = np.random.default_rng(seed)
     size, axes = np.array([3.0, 3.0, 1e-17, 0.0]), np.linalg.qr(np.random.default_rng(9).standard_normal((4, 4)))[0]

@@ -1,5 +1,6 @@
-"""How the full car depends on how time is divided into steps: solver am2 restarts at every doStep
-(docs/explanation/architecture.md).
+"""How the full car depends on how time is divided into steps.
+
+Solver am2 restarts at every doStep (docs/explanation/architecture.md).
 """
 
 from __future__ import annotations

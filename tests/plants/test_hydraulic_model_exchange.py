@@ -43,8 +43,9 @@ def path(name: str, built_fmus: BuiltFmus) -> str:
 
 @lru_cache
 def rows(name: str) -> np.ndarray:
-    """The reference inputs of the component, one row per ``STEP``; the valve's step is from 0.06 s to the row after
-    it.
+    """The reference inputs of the component, one row per ``STEP``.
+
+    The valve's step is from 0.06 s to the row after it.
     """
     c = component(name)
     table = np.zeros(201, dtype=[("time", float), *((n, float) for n in c.reference_inputs)])
@@ -91,8 +92,9 @@ class ReadsInputs(fmpy.sundials.CVodeSolver):
 
 
 def refined(path: str, table: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-    """Co-Simulation with solver steps halved until it moves by less than the tolerance, at most down to the shortest
-    step there is; and by how much it moved, in units of its range.
+    """Co-Simulation with solver steps halved until it moves by less than the tolerance.
+
+    At most down to the shortest step there is. Also by how much it moved, in units of its range.
     """
     before = None
     for step in (64e-6, 32e-6, 16e-6, 8e-6, 4e-6, 2e-6, 1e-6):
@@ -151,8 +153,10 @@ def test_linear_inputs_converge_on_an_independent_solution(
 
 
 def test_kinks_need_no_events(name: str, path: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The valve's step, its saturation and the spool's crossing of its centre inside a solver step: no
-    event anywhere."""
+    """The valve's step, its saturation and the spool's crossing of its centre inside a solver step.
+
+    No event anywhere.
+    """
     monkeypatch.setattr(fmpy.sundials, "CVodeSolver", ReadsInputs)
     expected = independent(name)
     for tolerance in (1e-6, 1e-7, 1e-8):
@@ -169,8 +173,9 @@ def documented() -> tuple[float, float]:
 
 
 def test_what_an_importer_adds_that_reads_inputs_between_steps_only(name: str, path: str) -> None:
-    """FMPy as it is, on the inputs of the documentation: the documented error, and the end below the documented
-    tolerance.
+    """FMPy as it is, on the inputs of the documentation.
+
+    The documented error, and the end below the documented tolerance.
     """
     low, high = documented()
     expected = independent(name)

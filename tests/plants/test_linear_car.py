@@ -109,9 +109,10 @@ def test_a_road_that_rises_as_the_car_does_changes_nothing(linear):
 
 
 def test_it_only_takes_energy_and_answers_alike_both_ways(linear):
-    """Power that actuators give at any frequency is not negative in the mean; and what a force here does to the strut
-    there, the same force there does here (Maxwell), but for what loads do that act below leaning wheels: neither is in
-    the construction.
+    """Power that actuators give at any frequency is not negative in the mean, and the response is reciprocal.
+
+    What a force here does to the strut there, the same force there does here (Maxwell), but for what loads do that act
+    below leaning wheels. Neither is in the construction.
     """
     lin = linear.linearize()
     assert np.linalg.eigvals(lin.A).real.max() < -1.0
@@ -169,8 +170,9 @@ def motion(car, size, values=None):
 
 
 def test_small_motions_of_the_nonlinear_car_are_its_own(linear, nonlinear, vehicle):
-    """The difference falls as the square of the size; with the dampers of the file, which have no derivative at rest,
-    it falls as the size does.
+    """The difference falls as the square of the size.
+
+    With the dampers of the file, which have no derivative at rest, it falls as the size does.
     """
     values = linear_values(vehicle)
     own = motion(linear, 1.0)
@@ -186,8 +188,9 @@ def test_small_motions_of_the_nonlinear_car_are_its_own(linear, nonlinear, vehic
 
 
 def test_the_mean_rate_takes_the_same_from_up_and_down(nonlinear, vehicle):
-    """Of every travel at rest: the dampers' force at a rate less that at minus this rate, by the accelerations that it
-    gives.
+    """Of every travel at rest.
+
+    The dampers' force at a rate less that at minus this rate, by the accelerations that it gives.
     """
     rhs = nonlinear.functions["rhs"]
     u = nonlinear.vector("input", {"target.speed": 0.0})

@@ -146,8 +146,9 @@ def test_sedan_has_no_tire_damping_and_the_hmmwv_has():
 
 
 def test_the_model_is_linear(car):
-    """With tires that take tension: the same matrices at any point, and nothing but them; those of the car at rest in
-    any case.
+    """With tires that take tension: the same matrices at any point, and nothing but them.
+
+    Those of the car at rest in any case.
     """
     rng = np.random.default_rng(1)
     x, u, p = rng.standard_normal(14), rng.standard_normal(12), car.vector("parameter", {"tires.lift_off": False})

@@ -12,14 +12,14 @@ STEP = 1e-4  # s, of the central differences: they agree with the outputs to som
 
 
 def rotated(q, arm):
-    """x and z [m] of a point of a body with these angles: yaw, then pitch, then roll."""
+    """Coordinates x and z [m] of a point of a body with these angles: yaw, then pitch, then roll."""
     turn = Rotation.from_euler("ZYX", [q.get("body.yaw", 0.0), q["body.pitch"], q["body.roll"]])
     at = turn.apply(arm)
     return np.array([q["x"] + at[0], q["body.z"] + at[2]])
 
 
 def small_angles(q, arm):
-    """x and z [m] to first order in the angles."""
+    """Coordinates x and z [m] to first order in the angles."""
     x, y, z = arm
     return np.array([z * q["body.pitch"], q["body.z"] + y * q["body.roll"] - x * q["body.pitch"]])
 
@@ -114,8 +114,10 @@ def test_at_the_cg_it_is_the_acceleration_of_the_cg(car):
 
 
 def test_moves_with_the_cg_of_a_loaded_6x6():
-    """cg_offset moves the CG and leaves the seat where it is above the wheels, in the linear car of the
-    file as well."""
+    """The parameter cg_offset moves the CG and leaves the seat where it is above the wheels.
+
+    In the linear car of the file as well.
+    """
     make = CARS["trench"][0]
     by_offset = Moving(make(), np.random.default_rng(2), **{"body.cg_offset": 0.25, "seat.x": 2.0})
     found = by_offset.outputs()

@@ -1,5 +1,7 @@
-"""Nine-degree ride model of the 6x6 against an independent derivation from energy, statics, mirror
-images, stability."""
+"""Nine-degree ride model of the 6x6 against an independent derivation.
+
+From energy, statics, mirror images, stability.
+"""
 
 import numpy as np
 import positive

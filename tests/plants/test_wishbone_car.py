@@ -98,8 +98,9 @@ def test_total_mass_is_that_of_the_file(car):
 
 
 def test_parked_as_the_published_model_is(car):
-    """Its parked state, as far as its tires do not hold the track: loads and wheels are those, springs within what that
-    changes.
+    """Its parked state, as far as its tires do not hold the track.
+
+    Loads and wheels are those, springs within what that changes.
     """
     u, p = car.vector("input", target__speed=0.0), car.vector("parameter")
     shown = car.shows(car.start(u, p), u, p)
@@ -149,8 +150,10 @@ def test_left_and_right_are_mirror_images(car):
 
 
 def test_in_the_air_only_gravity_and_dampers_change_what_is_conserved(car):
-    """No force from outside but weight: the angular momentum that the wheels' spin carries apart, a car without spin,
-    strut forces or motion falls freely with all its parts.
+    """No force from outside but weight.
+
+    Apart from the angular momentum that the wheels' spin carries, a car without spin, strut forces or motion falls
+    freely with all its parts.
     """
     changes = {
         f"suspension__{a}__spring__force[{i}]".replace("__", "."): 0.0 for a in ("front", "rear") for i in range(1, 12)
@@ -188,8 +191,10 @@ def test_depth_on_a_flat_road_is_exact(depth):
 @pytest.mark.parametrize("ahead", [-0.35, -0.2, 0.0, 0.11, 0.3])
 @pytest.mark.parametrize("height", [0.40, 0.45, 0.52])
 def test_depth_on_a_half_round_is_that_of_the_exact_area(ahead, height):
-    """The area below a half-round of 4 in by fine quadrature, and the depth with that area on a flat
-    road by bisection."""
+    """The area below a half-round of 4 in by fine quadrature.
+
+    And the depth with that area on a flat road, by bisection.
+    """
     radius, bump = 0.4699, 4 * INCH
     at = (np.arange(CONTACT_COUNT) - CONTACT_COUNT // 2) * CONTACT_STEP
 

@@ -35,8 +35,9 @@ def named(model, role):
 
 
 def test_falls_from_its_design_position_as_rigid_bodies_do(vehicle, car):
-    """Springs pressed, dampers through both ranges, wheels through the air onto the road: accelerations, instant by
-    instant.
+    """Springs pressed, dampers through both ranges, wheels through the air onto the road.
+
+    Accelerations, instant by instant.
     """
     judge = MultibodyCar(vehicle).run(0.1, 2.5e-4)
     p, u = car.vector("parameter"), car.vector("input")
@@ -168,8 +169,10 @@ def test_crosses_half_rounds_as_rigid_bodies_do(vehicle, built_fmus, inches, mph
 @pytest.mark.full
 @pytest.mark.parametrize("mph", [10, 20])
 def test_rides_over_a_course_as_rigid_bodies_do(vehicle, built_fmus, tmp_path, mph):
-    """40 m of a rough course: waves of 0.5 to 20 m with the spectrum of a proving ground's, an inch rms,
-    from a seed."""
+    """40 m of a rough course.
+
+    Waves of 0.5 to 20 m with the spectrum of a proving ground's, an inch rms, from a seed.
+    """
     random = np.random.default_rng(11)
     at = np.arange(0.0, 60.01, 0.05)
     waves = np.geomspace(0.05, 2.0, 60)  # cycles/m

@@ -49,8 +49,9 @@ def test_a_front_on_a_page() -> None:
 
 
 def test_panels_and_rows_of_a_front() -> None:
-    """Three objectives have three panels, two side by side; rows go from the smallest of the first, with what was
-    tried.
+    """Three objectives have three panels, two side by side.
+
+    Rows go from the smallest of the first, with what was tried.
     """
     tried = [{"a": a, "b": b, "c": 0.0} for a, b in ([3.0, 0.0], [0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
     labels = {"a": "a [m]", "b": "b [N]", "c": "c [-]"}

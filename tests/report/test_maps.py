@@ -89,8 +89,9 @@ def test_maps_that_are_compared_have_one_scale() -> None:
 
 
 def test_panels_lie_within_the_page():
-    """Side by side where it is wide, one below the other where it is narrow; below them is more room than above: axes
-    have titles there.
+    """Side by side where it is wide, one below the other where it is narrow.
+
+    Below them is more room than above: axes have titles there.
     """
     figure = made(layers=[Layer(name, LOW) for name in "abc"])
     wide, narrow = (plotted(figure, narrow=n)["layout"] for n in (False, True))

@@ -44,8 +44,10 @@ def test_different_names_look_different():
 
 
 def test_a_name_that_brings_its_dash_does_not_look_like_another():
-    """Figure 3 of paper 004 has "index J, last height held" dashed, where the colours had come round to
-    a dashed one."""
+    """Figure 3 of paper 004 has "index J, last height held" dashed.
+
+    The colors had come round to a dashed line there.
+    """
     for mine in ("dash", "dot"):
         curves = [Series(f"curve {i}", [0, 1], [0, 1]) for i in range(len(COLORS) - 1)]
         curves.insert(len(curves) // 2, Series("held", [0, 1], [0, 1], dash=mine))

@@ -74,8 +74,9 @@ def test_the_rms_is_that_of_the_header(path: Path) -> None:
 
 @pytest.mark.parametrize("path", named("Detrended RMS"), ids=lambda p: p.stem)
 def test_the_synthetic_course_of_that_rms_has_its_spectrum(path: Path) -> None:
-    """rms of the header; band by band the spectrum that was fitted to the file, within 25 % and what that many lines
-    scatter.
+    """The rms is that of the header.
+
+    Band by band the spectrum is the one that was fitted to the file, within 25 % and what that many lines scatter.
     """
     told = float(re.search(r"Detrended RMS = ([\d.]+)", comments(path))[1]) * INCH  # type: ignore[index]
     name = next(n for n, c in COURSES.items() if c.rms == pytest.approx(told, rel=1e-4))

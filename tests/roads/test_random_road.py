@@ -1,5 +1,6 @@
-"""Random roads that compute their profile from class, seed and length: spectrum, coherence, seeds, lengths, and the
-FMU's own numbers.
+"""Random roads that compute their profile from class, seed and length.
+
+Spectrum, coherence, seeds, lengths, and the FMU's own numbers.
 """
 
 import casadi as ca

@@ -1,5 +1,6 @@
-"""Synthetic RMS courses: rms, spectrum and correlation are those that are claimed; half-rounds and rolling wheels by
-geometry.
+"""Synthetic RMS courses: rms, spectrum and correlation are those that are claimed.
+
+Half-rounds and rolling wheels by geometry.
 """
 
 import numpy as np
@@ -61,8 +62,10 @@ def spectrum(heights):
 
 @pytest.mark.parametrize("course", COURSES)
 def test_spectrum_is_the_fitted_one(course):
-    """Of the mean of seeds, of both sides, band by band: within four times what that many lines scatter, and the 5 % by
-    which bringing each profile to its rms lifts the mean of what is off the peak.
+    """The mean spectrum of seeds and of both sides, band by band.
+
+    Within four times what that many lines scatter, and the 5 % by which bringing each profile to its rms lifts the mean
+    of what is off the peak.
     """
     seeds = 40
     sides = zip(*(course_heights(course, seed, TRACK, alike=False) for seed in range(seeds)), strict=True)

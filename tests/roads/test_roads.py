@@ -252,7 +252,7 @@ def test_files_that_cannot_be_read(tmp_path, layout):
 
 @pytest.mark.parametrize("form", ["LRFI", "LDFI", "KRBI", "KDBI"])
 def test_opencrg_samples_the_wheel_tracks(tmp_path, layout, form):
-    """z = 0.02 u + 0.1 v on eleven long sections: a cross-section takes two or three lines."""
+    """Heights z = 0.02 u + 0.1 v on eleven long sections: a cross-section takes two or three lines."""
     sections = [f"long section at v = {v:.2f},m" for v in np.linspace(-1.25, 1.25, 11)]
     rows = [[0.0, *(0.02 * 0.5 * i + 0.1 * v for v in np.linspace(-1.25, 1.25, 11))] for i in range(41)]
     text = crg(rows, sections, form=form, channels=("reference line phi,rad",))

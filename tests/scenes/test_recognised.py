@@ -1,5 +1,7 @@
-"""Scenes of systems, found by the names of their variables: of every experiment, and in which places
-things are then."""
+"""Scenes of systems, found by the names of their variables.
+
+Of every experiment, and in which places things are then.
+"""
 
 from __future__ import annotations
 
@@ -101,8 +103,9 @@ def test_at_rest_wheels_stand_on_the_road(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "time"), [("hmmwv", 1.4), ("preview-lq", 0.4), ("three-axle", 2.2), ("gpc", 2.4)])
 def test_struts_are_as_long_as_suspensions_say(name: str, time: float) -> None:
-    """Deflection is body height minus wheel height: what the ends of the drawn struts do, without any number of the
-    scene's own.
+    """Deflection is body height minus wheel height.
+
+    What the ends of the drawn struts do, without any number of the scene's own.
     """
     with wired(name) as system:
         scene = scene_of(system)

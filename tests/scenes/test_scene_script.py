@@ -182,8 +182,9 @@ def vehicle_bodies() -> Iterator[tuple[str, list[Face]]]:
 def test_the_nearest_face_is_drawn_last(
     browser: Browser, faces: list[Face], towards: tuple[float, float, float]
 ) -> None:
-    """Rays through a body: what was drawn last at a place is the nearest face there, of all faces as they were
-    declared.
+    """Rays through a body.
+
+    What was drawn last at a place is the nearest face there, of all faces as they were declared.
     """
     d = np.array(towards) / np.linalg.norm(towards)
     right = np.cross([0, 0, 1.0], d)
@@ -239,8 +240,9 @@ def test_wheels_are_drawn_between_the_faces(browser: Browser) -> None:
 
 
 def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> None:
-    """In an arch, a near wheel is drawn over what is between the wheels and under the sheet at the side; from behind, a
-    front wheel under the tail.
+    """In an arch, a near wheel is drawn over what is between the wheels and under the sheet at the side.
+
+    From behind, a front wheel under the tail.
     """
     axles = [Axle(1.98, 0.91, 0.47, 0.32), Axle(-1.32, 0.91, 0.47, 0.32)]
     faces = [{"points": f.points, "material": f.material} for f in shapes.off_road(axles, 0.85)]
@@ -643,8 +645,9 @@ ROUGH = (
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("turned", [0.0, 400.0])
 def test_the_road_has_no_holes(browser: Browser, view: str, turned: float) -> None:
-    """Every piece of it that is seen from above lies in a path that is filled as road, however rough it is and wherever
-    one looks from.
+    """Every piece of the road that is seen from above lies in a path that is filled as road.
+
+    However rough it is and from wherever one looks.
     """
     grounds = [Ground(side, y, "road", "x", side, 0.0) for side, y in (("left", 0.8), ("right", -0.8))]
     rough = scene(reliefs=[], grounds=grounds, wheels=[WHEEL])

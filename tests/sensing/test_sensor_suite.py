@@ -221,8 +221,9 @@ def test_resolution(suite, sensor, resolution):
 
 
 def test_response_time(suite):
-    """A step of the pose arrives 1.1 ms later with the radar, between samples by interpolation, 5 ms with the optical
-    one.
+    """A step of the pose arrives 1.1 ms later with the radar, 5 ms later with the optical sensor.
+
+    Between samples by interpolation.
     """
     rows = [{"body.z": 0.0}] * 3 + [{"body.z": 0.05}] * 9
     radar = run(suite, rows, **EXACT)["range.left"] - REST["radar"]

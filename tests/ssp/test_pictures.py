@@ -26,8 +26,9 @@ def crosses(box: Box, a: tuple[float, float], b: tuple[float, float]) -> bool:
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_system_can_be_read(built_fmus: BuiltFmus, name: str) -> None:  # noqa: ARG001
-    """Boxes lie beside each other, lines lead around them, and everything is within the picture; one line for each
-    bundle.
+    """Boxes lie beside each other, lines lead around them, and everything is within the picture.
+
+    One line for each bundle.
     """
     with experiment_system(name) as system:
         schedule = system.schedule()

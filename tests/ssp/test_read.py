@@ -1,5 +1,6 @@
-"""SSP files of ours and of others as systems: same bits, names, rates, values, units, transformations, and what is
-wrong with files.
+"""SSP files of this project and of other tools as systems.
+
+Same bits, names, rates, values, units, transformations, and what is wrong with files.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ def test_ours_come_back_with_the_same_bits(built_fmus: BuiltFmus, tmp_path: Path
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_what_only_our_annotations_say_comes_back(follower: dict[int, Path], tmp_path: Path, version: str) -> None:
-    """Offsets, kinds, groups, delays, extrapolation, steps that no float is, names that are no identifiers, factors and
-    arrays.
+    """Offsets, kinds, groups, delays, extrapolation, factors and arrays.
+
+    Also steps that no float is, and names that are no identifiers.
     """
     with System() as system:
         v = 2 if version == "1.0" else 3
@@ -218,8 +220,10 @@ def test_arrays_are_connected_whole_and_by_element(follower, tmp_path):
 
 
 def nested(follower: dict[int, Path], tmp_path: Path) -> Path:
-    """A follower in a system in a system, fed through connectors of both and by a signal dictionary of
-    the outermost."""
+    """A follower in a system in a system.
+
+    It is fed through connectors of both and by a signal dictionary of the outermost.
+    """
     book = (
         f'<ssd:SignalDictionary name="bus"><ssb:SignalDictionary {p.NAMESPACES} version="1.0"><ssb:DictionaryEntry'
         ' name="angle"><ssc:Real unit="rad"/></ssb:DictionaryEntry></ssb:SignalDictionary></ssd:SignalDictionary>'
@@ -730,8 +734,9 @@ def test_deviations_from_the_standard_are_warned_of(follower, tmp_path):
     ],
 )
 def test_units_that_tools_write_though_the_file_does_not_define_them(follower, tmp_path, unit, read_as, value):
-    """Published files of two tools have `unit=""` and `unit="[m]"`: one warning for each text, of connectors and of
-    parameters.
+    """Published files of two tools have `unit=""` and `unit="[m]"`.
+
+    One warning for each text, of connectors and of parameters.
     """
     bound = p.inline(p.values(u="Real 90@deg").replace('unit="deg"', f'unit="{unit}"'))
     text = p.structure(

@@ -1,5 +1,6 @@
-"""Our files in the hands of others: FMPy, Ecos and libcosim run them, and their numbers are those of their rule of
-exchange.
+"""SSP files of this project in other tools: FMPy, Ecos and libcosim.
+
+They run them, and their numbers are those of their rule of exchange.
 
 All three step every component with the inputs of before and exchange afterwards. FMPy's inputs are 0 in the first step,
 whatever the file says; the others set the values of the file, and libcosim and Ecos step each component at its own
@@ -34,8 +35,9 @@ HERE = Path(__file__).parent
 
 
 class Late:
-    """A system as others step it: each component from t to t + h with what its inputs were, then all values are
-    exchanged.
+    """A system as others step it.
+
+    Each component from t to t + h with what its inputs were, then all values are exchanged.
     """
 
     def __init__(self, system: System, *, zero: bool, every: dict[str, int] | None = None):
@@ -191,8 +193,9 @@ for path in sys.argv[1:]:
 
 
 def test_fmi_library_complains_of_the_independent_variable_only(built_fmus: BuiltFmus) -> None:
-    """The FMI Library in libcosim reads each FMU of FMI 2.0 twice, and wants a start value of `time` although the
-    standard forbids it.
+    """The FMI Library in libcosim reads each FMU of FMI 2.0 twice.
+
+    It wants a start value of `time` although the standard forbids it.
     """
     paths = [built_fmus.path(name, 2) for name in NAMES]
     done = subprocess.run(

@@ -1,5 +1,6 @@
-"""Studies and sweeps of an SSP file: its parameters vary as those of any experiment, and the numbers are those of the
-system itself.
+"""Studies and sweeps of an SSP file.
+
+Its parameters vary as those of any experiment, and the numbers are those of the system itself.
 """
 
 from __future__ import annotations

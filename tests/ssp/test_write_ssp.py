@@ -51,8 +51,10 @@ OMSIMULATOR_KNOWS = {
 
 
 def refused_by_omsimulator(path: Path) -> list[str]:
-    """Elements for which OMSimulator refuses a file (ComponentFMUCS.cpp, System.cpp, Model.cpp): it compares names with
-    their prefixes and ends at one that it does not know. Of annotations it looks at the first one only.
+    """Elements for which OMSimulator refuses a file (ComponentFMUCS.cpp, System.cpp, Model.cpp).
+
+    It compares names with their prefixes and ends at one that it does not know. Of annotations it looks at the first
+    one only.
     """
     root, found = structure(path), []
     for parent, known in OMSIMULATOR_KNOWS.items():
@@ -75,8 +77,9 @@ def test_every_experiment_is_a_file_that_judges_accept(
     name: str,
     version: str,
 ) -> None:
-    """By the schemas of pyssp_standard, those of FMPy for SSP 1.0, and with every FMU in the version of FMI that
-    belongs to it.
+    """By the schemas of pyssp_standard, and those of FMPy for SSP 1.0.
+
+    With every FMU in the version of FMI that belongs to it.
     """
     with experiment_system(name) as system:
         path = system.export_ssp(tmp_path / "Case.ssp", version=version)

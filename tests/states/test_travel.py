@@ -43,8 +43,9 @@ def elsewhere():
 )
 @given(plan=systems())
 def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewhere):
-    """Several rates, offsets, delays, extrapolation, groups, types, components in Python; within steps and at stop
-    conditions.
+    """Several rates, offsets, delays, extrapolation, groups, types, components in Python.
+
+    Within steps and at stop conditions.
     """
     stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
     for engine in ENGINES:
@@ -515,7 +516,7 @@ def test_a_hundred_runs_from_one_settled_state(elsewhere, follower, tmp_path):
 
 
 def tells_no_roll_back(system: System) -> list[bool]:
-    """noSetFMUStatePriorToCurrentPoint of the next steps."""
+    """Argument noSetFMUStatePriorToCurrentPoint of the next steps."""
     return [bool(system[name].component._step_arguments[0]) for name in ("a", "b")]
 
 

@@ -293,8 +293,9 @@ def test_a_folder_is_no_design(tmp_path: Path) -> None:
     ],
 )
 def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...], shape: str) -> None:
-    """Its values differ, rise with the quantile, and crowd at the end next to the mean; a wide one has the closed form
-    of its tail.
+    """Its values differ, rise with the quantile, and crowd at the end next to the mean.
+
+    A wide one has the closed form of its tail.
     """
     mean, deviation, low, high = numbers
     u = np.linspace(0.0, 1.0, 201)

@@ -105,8 +105,10 @@ def test_a_lost_chunk_is_run_again_one_by_one() -> None:
 
 
 def test_those_that_were_only_near_are_not_blamed() -> None:
-    """Workers that hold several tasks take all along: a suspect counts as the culprit when nothing else
-    was on its way."""
+    """Workers that hold several tasks take all along.
+
+    A suspect counts as the culprit when nothing else was on its way.
+    """
     near: set[int] = set()
 
     def fate(numbers: list[int], _: Any) -> BaseException | None:
@@ -314,8 +316,9 @@ def answer(port: int, *, encrypted: bool) -> bytes:
 
 
 def test_nobody_else_reaches_a_local_cluster(cluster: Any) -> None:
-    """Nothing listens but its scheduler, workers and their nannies, and these talk to the holder of its certificate
-    only.
+    """Nothing listens but the cluster's scheduler, workers and their nannies.
+
+    These talk to the holder of its certificate only.
     """
     from distributed import Client
     from distributed.security import Security
@@ -447,8 +450,9 @@ def worker(port: int, folder: Path) -> subprocess.Popen[bytes]:
 def test_a_scheduler_that_dies_and_comes_again(
     experiment: Any, many: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The study ends with a sentence and nothing else, what is finished is kept, and the same study goes on with the
-    next one.
+    """The study ends with one message, and finished results are kept.
+
+    The same study goes on with the next scheduler.
     """
     monkeypatch.setattr("cosim.study.executors.ANSWER", 3.0)
     monkeypatch.setattr("cosim.study.executors.WORKERS", 2.0)

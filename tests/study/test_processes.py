@@ -23,8 +23,10 @@ def fmu(tmp_path_factory):
 
 @pytest.fixture
 def temporary():
-    """A folder for temporary files with a short path: workers are started over a socket in it, whose
-    path has a limit."""
+    """A folder for temporary files with a short path.
+
+    Workers are started over a socket in it, whose path has a limit.
+    """
     with tempfile.TemporaryDirectory() as folder:
         yield Path(folder)
 

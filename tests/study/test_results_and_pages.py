@@ -1,5 +1,7 @@
-"""Results by hand: what is read of them, and what a report by default, its parameters and its provenance
-make of them."""
+"""Results by hand.
+
+What is read of them, and what a report by default, its parameters and its provenance make of them.
+"""
 
 from __future__ import annotations
 
@@ -244,9 +246,10 @@ def test_sections_that_survive_a_failed_run() -> None:
         return Section(str(study[Ride(30.0, "curb")]))
 
     def _told(study: Results) -> Section:
-        """what is told of it.
+        """What is told of it.
 
-        More words."""
+        More words.
+        """
         return Section(str(study[Ride(30.0, "curb")]))
 
     def _two(study: Results) -> list[Section]:  # noqa: ARG001
@@ -316,8 +319,10 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
 
 
 def test_a_report_by_default_of_runs_that_say_nothing_of_themselves(fmus: FmuSet) -> None:
-    """Every number that was measured is shown under its own name; without a title the experiment's name
-    stands there."""
+    """Every number that was measured is shown under its own name.
+
+    Without a title the experiment's name stands there.
+    """
     tasks = [Task(Ride(10.0, gain=g)) for g in (3.0, 2.0)]
     entries = [{"metrics": {"rms": 0.1 * t.case.gain, "well": True, "note": "fine"}} for t in tasks]
     page = default_report(experiment(metrics={}, title=""), Results(tasks, entries), fmus)

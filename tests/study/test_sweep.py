@@ -180,8 +180,9 @@ def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
 
 
 def test_one_in_a_hundred_ends_its_process(experiment: Any, tmp_path: Path) -> None:
-    """Of 300 runs 3 crash and 3 fail: these are listed with their reasons, all others have their numbers, and nothing
-    is run again.
+    """Of 300 runs 3 crash and 3 fail.
+
+    These are listed with their reasons, all others have their numbers, and nothing is run again.
     """
     rates = [950.0 + i if i % 100 == 17 else 801.0 + i / 10 if i % 100 == 50 else 1 + i / 100 for i in range(300)]
     sweep = prepare(experiment, FMUS, Design((Axis("mass.rate", "values", values=tuple(rates)),), "grid"))

@@ -68,8 +68,9 @@ def test_ranks_are_those_of_scipy() -> None:
 
 
 def test_sobol_indices_of_a_product(experiment: Any) -> None:
-    """y = a b with a, b uniform in 0 to 1: first-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for
-    each alone).
+    """The function is y = a b with a, b uniform in 0 to 1.
+
+    First-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for each alone).
     """
     table = table_of(
         experiment, lambda a, b: a * b, "mass.rate=0:1", "mass.height=0:1", method="saltelli", samples=1024
@@ -309,7 +310,7 @@ def test_failed_runs_are_listed_with_their_points(experiment: Any) -> None:
 def test_indices_on_the_page(
     experiment: Any, method: str, samples: int, columns: list[str], expected: tuple[float, float]
 ) -> None:
-    """y = 2 rate, shown in mm: all variance is the rate's, its effect over 1 to 5 is 8 m."""
+    """Output y = 2 rate, shown in mm: all variance is the rate's, its effect over 1 to 5 is 8 m."""
     said = replace(experiment, metrics={"y": Metric("height", "mm", 1e3)})
     table = table_of(said, lambda rate, _: 2 * rate, "mass.rate=1:5", "mass.height=0:1", method=method, samples=samples)
     section = _section(sweep_report(table, FMUS), "Sensitivity")
@@ -415,8 +416,10 @@ def test_which_runs_are_the_worst(experiment: Any, text: str, first: int, title:
 def test_histories_that_were_kept_are_not_made_again(
     experiment: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the page shows of the worst runs is what their files hold; one whose file is gone is made
-    again, and named."""
+    """What the page shows of the worst runs is what their files hold.
+
+    One whose file is gone is made again, and named.
+    """
     sweep = made(experiment, "mass.rate=1,2,3,4", method="grid")
     table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
     again: list[Any] = []

@@ -341,8 +341,9 @@ def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant, des
 
 
 def test_over_the_whole_range_of_weights_a_law_is_right_or_refused(plant, designed, tunable) -> None:
-    """Both limits of every weight included; what the solver of the design in Python refuses may be found, but nothing
-    wrong is.
+    """Both limits of every weight included.
+
+    What the solver of the design in Python refuses may be found, but nothing wrong is.
     """
     low, high = (np.array([getattr(tunable.variable(f"weight.{n}"), end) for n in ORDER]) for end in ("min", "max"))
     rng = np.random.default_rng(3)

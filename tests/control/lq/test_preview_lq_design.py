@@ -361,8 +361,10 @@ def test_sampled_costs_are_the_integrals(period):
 
 
 def test_sampled_law_is_the_best_of_all_sequences():
-    """Against a minimisation over the commands of 40 periods, with P only for what follows after the
-    last disturbance."""
+    """Against a minimisation over the commands of 40 periods.
+
+    P is used only for what follows after the last disturbance.
+    """
     plant, period, steps = random_plant(6), 0.1, 40
     law = sampled_lq(plant, output_index(plant, [1.0, 2.0, 3.0, 4.0], [0.5, 1.0]), period)
     rng = np.random.default_rng(7)
@@ -633,8 +635,9 @@ def test_hidden_double_integrator_and_decaying_mode():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_hidden_modes_are_named_whatever_the_order(seed):
-    """Three wheels of equal frequency that nothing acts on: every one takes part, in whichever basis the modes are
-    computed.
+    """Three wheels of equal frequency that nothing acts on.
+
+    Every one takes part, in whichever basis the modes are computed.
     """
     rng = np.random.default_rng(seed)
     order = rng.permutation(8)

@@ -244,8 +244,10 @@ def test_input_that_leaves_its_bounds_with_the_case_comes_back_at_its_rate(car, 
 
 @pytest.mark.parametrize("why", ["infeasible", "limit", "limit of both"])
 def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None:
-    """Hard travel bounds that no force can meet, or a solver without time; the command stays, within the
-    bounds of now."""
+    """Hard travel bounds that no force can meet, or a solver without time.
+
+    The command stays, within the bounds of now.
+    """
     short = Daqp(max_iterations=2)
     backend = {"limit": short, "limit of both": Osqp(max_iterations=10, fallback=short)}.get(why)
     hard = Output("suspension.deflection", scale=0.1, weight=1.0, min=-0.01, max=0.012, ecr=0.0)
@@ -374,8 +376,9 @@ def test_what_an_observer_was_made_for_is_told(model) -> None:
 
 
 def test_what_wanders_too_little_is_never_found(model) -> None:
-    """An offset that hardly wanders against the noise of its output is corrected by so little that the filter forgets
-    nothing.
+    """An offset that hardly wanders against the noise of its output is corrected very little.
+
+    The correction is so small that the filter forgets nothing.
     """
     slow = Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 1.5e-9})
     C = slow.model.C[[slow.model.outputs.index("body.z")]]

@@ -1,5 +1,6 @@
-"""A sample's work is bounded: limits of iterations, what the MPC FMUs do there, and that published runs stay away from
-them.
+"""The work of a sample is bounded.
+
+Limits of iterations, what the MPC FMUs do there, and that published runs stay away from them.
 """
 
 from __future__ import annotations

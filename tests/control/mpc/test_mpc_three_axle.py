@@ -1,5 +1,7 @@
-"""MPC of the 6x6: the thesis' tables, the estimators, and every command against quadprog on an
-independent prediction."""
+"""MPC of the 6x6: the thesis' tables, the estimators, and every command.
+
+Commands are compared with quadprog on an independent prediction.
+"""
 
 import numpy as np
 import pytest

@@ -98,8 +98,10 @@ def test_an_uncorrected_slope_would_be_wrong(component):
 @pytest.mark.parametrize("speed", [0.3, 2.5])
 @pytest.mark.parametrize("length", [1.2, 1.6, 2.0])
 def test_cases_open_and_close_where_they_should(component, speed, length):
-    """Figure 4.11: from 0.2 s before an axle is 0.1 m behind the start until it is at the finish; the
-    front axle first."""
+    """Figure 4.11: from 0.2 s before an axle is 0.1 m behind the start until it is at the finish.
+
+    The front axle first.
+    """
     drive = Drive(component)
     for x in np.arange(-4.0, 5.0, 0.0437):
         windows = [0.1 - 0.2 * speed < x + a < length for a in GEOMETRY.axles]
