@@ -1,8 +1,8 @@
 """Build backend: setuptools, with everything below one name when it is installed.
 
-In the repository three packages lie side by side. Installed like that, ``cosim``, ``build_fmus`` and ``fmu_sources``
-would lie beside those of others, and ``cosim`` there is one already. So a wheel has them in ``suspension_fmus/``, and a
-path file that makes Python look there last: ``import cosim`` finds ours unless there is another one. An editable
+In the repository three packages lie side by side. Installed like that, `cosim`, `build_fmus` and `fmu_sources`
+would lie beside those of others, and `cosim` there is one already. So a wheel has them in `suspension_fmus/`, and a
+path file that makes Python look there last: `import cosim` finds ours unless there is another one. An editable
 install has the packages where they are.
 
 What is made depends on the sources and on the version of setuptools, not on the day, the machine, or what lies around:

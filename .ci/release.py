@@ -1,9 +1,9 @@
-"""``python .ci/release.py FOLDER``: all that a release publishes, the same bytes from the same sources and compilers.
+"""`python .ci/release.py FOLDER`: all that a release publishes, the same bytes from the same sources and compilers.
 
-- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill
+- `suspension-fmus-VERSION-fmus.zip`: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill
   of materials, their checksums, and the pages in which systems run live;
 - the wheel and the source distribution;
-- ``SHA256SUMS`` of these.
+- `SHA256SUMS` of these.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def bill(fmus: Mapping[str, bytes]) -> bytes:
 
 
 def sums(content: Mapping[str, bytes]) -> bytes:
-    """Checksums as ``sha256sum`` writes and reads them."""
+    """Checksums as `sha256sum` writes and reads them."""
     return "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in sorted(content.items())).encode()
 
 

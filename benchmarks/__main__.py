@@ -1,6 +1,6 @@
-"""``python -m benchmarks [--json FILE] [--old FOLDER]``: all benchmarks, as ratios measured in one run.
+"""`python -m benchmarks [--json FILE] [--old FOLDER]`: all benchmarks, as ratios measured in one run.
 
-Needs the FMUs (``build-fmus``).
+Needs the FMUs (`build-fmus`).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def study() -> dict[str, float]:
 
 
 def main() -> None:
-    """Run and print; ``--json FILE`` keeps the numbers, ``--old FOLDER`` has FMUs compared with older ones."""
+    """Run and print; `--json FILE` keeps the numbers, `--old FOLDER` has FMUs compared with older ones."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description="all benchmarks, as ratios measured in one run"
     )

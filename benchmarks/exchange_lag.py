@@ -1,6 +1,6 @@
 """What the lag of one communication step does to a GPC run: this master beside a plain Jacobi loop with FMPy.
 
-The run of ``cosim run gpc --road sine --speed 50 --controller preview`` with the gains that the FMU carries. The Jacobi
+The run of `cosim run gpc --road sine --speed 50 --controller preview` with the gains that the FMU carries. The Jacobi
 loop is that of most masters: at t all inputs are set to the outputs of t, all FMUs step to t + 1 ms, outputs are read.
 Both loops initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The controller
 decides every 10 ms.
@@ -51,7 +51,7 @@ def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
 def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndarray:
     """The same with FMPy's slaves: all step with what the others had shown at the beginning of the step.
 
-    Without ``lag`` they step one after the other, the car last, and pass on at once what they have found: as this
+    Without `lag` they step one after the other, the car last, and pass on at once what they have found: as this
     master.
     """
     with ExitStack() as stack:
@@ -113,7 +113,7 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
 
 
 def measure(distance: float = TRAVEL) -> dict[str, float]:
-    """Differences over ``distance`` [m].
+    """Differences over `distance` [m].
 
     Those of commands are relative to the range from the least to the largest command.
     """

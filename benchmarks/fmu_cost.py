@@ -1,6 +1,6 @@
 """What FMUs cost beside older ones of the same names: bare C loops over two folders of FMUs, taking turns, in one run.
 
-``python -m benchmarks.fmu_cost --old FOLDER`` compares ``fmus`` with a copy that was kept before a change. Nothing but
+`python -m benchmarks.fmu_cost --old FOLDER` compares `fmus` with a copy that was kept before a change. Nothing but
 the FMUs differs: the same program sets, steps and gets the same variables of the passive and the preview system, and of
 the contact plant alone. Times are of the processor, the least of all turns.
 """

@@ -35,7 +35,7 @@ def factor(system: System, seconds: float) -> float:
 
 
 def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:
-    """Best of ``repeats``: the corner (five FMUs and the speed), and the vehicles of :data:`VEHICLES`."""
+    """Best of `repeats`: the corner (five FMUs and the speed), and the vehicles of `VEHICLES`."""
     result = {}
     with runpy.run_path(str(CORNER))["corner"]() as corner:
         result["corner"] = max(factor(corner, seconds) for _ in range(repeats))

@@ -66,9 +66,9 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
 
 
 def time_master(system: System, steps: int, record: str, **options: Any) -> float:
-    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``.
+    """Seconds for `steps` steps of 1 ms by our master, recording `record`.
 
-    At 10 Hz unless ``options`` of the run say otherwise.
+    At 10 Hz unless `options` of the run say otherwise.
     """
     options = {"record_interval": "100 ms", "allow_unconnected": True, **options}
     with system.initialize(record=[record], **options) as simulation:
@@ -122,7 +122,7 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
 
 
 def bare_program(components: list[Wired], steps: int, folder: Path, length: float = 1e-3) -> Path:
-    """A C program in ``folder`` that runs the same loop with steps of ``length`` [s] and prints its seconds.
+    """A C program in `folder` that runs the same loop with steps of `length` [s] and prints its seconds.
 
     It is compiled with the host toolchain.
     """
@@ -146,12 +146,12 @@ def bare_program(components: list[Wired], steps: int, folder: Path, length: floa
 
 
 def seconds(command: Sequence[str | Path]) -> float:
-    """What a program prints last, such as that of :func:`bare_program`."""
+    """What a program prints last, such as that of `bare_program`."""
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
 
 
 def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 5) -> dict[str, float]:
-    """Best of ``repeats`` for each loop, as microseconds per FMU step and ratios."""
+    """Best of `repeats` for each loop, as microseconds per FMU step and ratios."""
     fmus = FmuSet()
     paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, "sine"), "car": fmus.path(PLANT)}
     if name := CONTROLLERS[controller]:
@@ -168,9 +168,9 @@ def compare(
     repeats: int,
     more: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, float]:
-    """Best of ``repeats`` of every loop over one system, all in turn.
+    """Best of `repeats` of every loop over one system, all in turn.
 
-    ``more``: programs that run it too and print their seconds.
+    `more`: programs that run it too and print their seconds.
     """
     loops: dict[str, Callable[[], float]] = {
         "engine": lambda: time_master(system, steps, record, engine="compiled"),
@@ -197,6 +197,6 @@ def compare(
 
 
 def _in_turn(loops: dict[str, Callable[[], float]], repeats: int) -> dict[str, list[float]]:
-    """Times of all loops, one after the other and that ``repeats`` times, so that a slow moment meets them all."""
+    """Times of all loops, one after the other and that `repeats` times, so that a slow moment meets them all."""
     rounds = [{name: loop() for name, loop in loops.items()} for _ in range(repeats)]
     return {name: [r[name] for r in rounds] for name in loops}

@@ -2,8 +2,8 @@
 
     python -m benchmarks.mathematics      # part of all benchmarks
 
-The sources in each FMU are compiled once more with the header that renames the functions replaced by ``math.h``, and
-linked with the system's library. Both builds run in the bare C loop of :mod:`benchmarks.master_cost`, and over the
+The sources in each FMU are compiled once more with the header that renames the functions replaced by `math.h`, and
+linked with the system's library. Both builds run in the bare C loop of `benchmarks.master_cost`, and over the
 reference inputs of the FMU's documentation.
 """
 

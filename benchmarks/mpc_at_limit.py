@@ -1,7 +1,7 @@
 """What the MPC of the HMMWV should do when OSQP reaches its limit of iterations: closed loops, by choice.
 
-``hold``: the last command, clipped to the bounds of now. ``iterate``: the first move of the unfinished iterate, clipped
-likewise. ``fallback``: DAQP solves the program from scratch. All three are compared with DAQP without a limit, on roads
+`hold`: the last command, clipped to the bounds of now. `iterate`: the first move of the unfinished iterate, clipped
+likewise. `fallback`: DAQP solves the program from scratch. All three are compared with DAQP without a limit, on roads
 and
 sensor faults that no paper has and that bring OSQP to its limit: the car of the published runs with ideal actuators at
 20 mph, bumps several times as high as published, and glitches that replace all measurements in one of ten samples.
@@ -39,9 +39,9 @@ CHOICES: dict[str, Backend] = {
 
 @dataclass(frozen=True)
 class Loop:
-    """One scenario: bumps ``scale`` times as high as on the published track.
+    """One scenario: bumps `scale` times as high as on the published track.
 
-    In ``glitches`` [part of the samples] every measured state is at plus or minus 0.1 m, 1 m/s or 1 rad/s.
+    In `glitches` [part of the samples] every measured state is at plus or minus 0.1 m, 1 m/s or 1 rad/s.
     """
 
     scale: float

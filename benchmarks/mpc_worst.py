@@ -1,8 +1,8 @@
 """The longest sample of the MPC FMUs: random and extreme inputs, every controller with every back end.
 
-What is timed is a whole ``doStep`` of the compiled FMU: data of the program, solver with its fallback, outputs. Each
+What is timed is a whole `doStep` of the compiled FMU: data of the program, solver with its fallback, outputs. Each
 run is repeated from the start and each sample counts with its fastest repetition, in processor time of its thread, so
-that other work on the machine does not show. The inputs are made by :func:`extreme_inputs`, which the tests use as
+that other work on the machine does not show. The inputs are made by `extreme_inputs`, which the tests use as
 well.
 """
 

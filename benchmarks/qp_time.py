@@ -146,7 +146,7 @@ def measure(size: Size, backend: Backend) -> dict[str, float]:
 
 
 def replay(component: Component, data: np.ndarray, repetitions: int = 3) -> dict[str, float]:
-    """Solve the one program of a component for all rows of ``data``, warm from the row before.
+    """Solve the one program of a component for all rows of `data`, warm from the row before.
 
     The best of some repetitions of each solve counts; every tenth solution is compared with quadprog's.
     """

@@ -27,7 +27,7 @@ NAMES = (
 
 
 def seconds(fmu: Fmu, *, checked: bool, repeats: int = 200) -> float:
-    """Least time [s] of ``ExitInitialization`` with all start values, or with one parameter that differs."""
+    """Least time [s] of `ExitInitialization` with all start values, or with one parameter that differs."""
     step = fmu.description.variables["solver.step"]
     times = []
     for _ in range(repeats):

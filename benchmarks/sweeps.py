@@ -3,7 +3,7 @@
     python -m benchmarks.sweeps [--runs 400]
 
 This study runs on local processes and on Dask; FMPy in a Dask bag, as its example does it. One FMU, since that example
-(``fmpy.examples.parameter_variation``) has one: the full car alone over 2 s in steps of 1 ms, mass and CG height vary,
+(`fmpy.examples.parameter_variation`) has one: the full car alone over 2 s in steps of 1 ms, mass and CG height vary,
 the outcome is the mean of two outputs. Two workers each. They take turns, since other things run on most machines.
 """
 
@@ -73,12 +73,12 @@ def _design(runs: int) -> Design:
 
 
 def by_study(runs: int, _: Points) -> Any:
-    """``cosim sweep`` on processes of this machine."""
+    """`cosim sweep` on processes of this machine."""
     return _study(runs, None)
 
 
 def by_cluster(runs: int, _: Points) -> Any:
-    """``cosim sweep --dask local``."""
+    """`cosim sweep --dask local`."""
     with cluster("local", WORKERS) as executor:
         return _study(runs, executor)
 
@@ -112,7 +112,7 @@ def _one(point: tuple[float, ...]) -> list[float]:
 
 
 def by_fmpy(_: int, points: Points) -> Any:
-    """As ``fmpy.examples.parameter_variation``: a bag in ten chunks.
+    """As `fmpy.examples.parameter_variation`: a bag in ten chunks.
 
     Each chunk has an instance that is reset for each run.
     """

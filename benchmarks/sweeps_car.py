@@ -1,4 +1,4 @@
-"""The full car alone, as an experiment for sweeps (:mod:`benchmarks.sweeps`)."""
+"""The full car alone, as an experiment for sweeps (`benchmarks.sweeps`)."""
 
 import numpy as np
 

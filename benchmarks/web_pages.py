@@ -1,6 +1,6 @@
 """Systems of the live pages in WebAssembly, beside the same systems run by the engine; sizes of the pages.
 
-``python -m benchmarks.web_pages``. Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
+`python -m benchmarks.web_pages`. Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
 browsers make.
 """
 

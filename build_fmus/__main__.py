@@ -1,4 +1,4 @@
-"""``python -m build_fmus`` is the command ``build-fmus``."""
+"""`python -m build_fmus` is the command `build-fmus`."""
 
 # isort: off
 from build_fmus import run_as_module  # noqa: F401 (before all others)

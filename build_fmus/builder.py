@@ -2,7 +2,7 @@
 
 A build has two layers of content hashes. The outer one covers everything that can influence an FMU (sources of this
 project, library versions, options, user files): when it matches the stamp of an existing file, nothing is even
-imported. The inner one is the object cache of :mod:`build_fmus.compile`.
+imported. The inner one is the object cache of `build_fmus.compile`.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Options:
 
 
 def with_needs(catalog: Mapping[str, Buildable], names: Iterable[str]) -> list[str]:
-    """``names`` and everything they need, in catalog order."""
+    """`names` and everything they need, in catalog order."""
     wanted: set[str] = set()
     stack = list(names)
     while stack:
@@ -121,7 +121,7 @@ class Stamps:
         return self.directory / "stamps" / f"{target.parent.name}-{target.stem}.json"
 
     def fresh(self, target: Path, key: str) -> bool:
-        """Whether ``target`` exists unchanged since it was built from ``key``."""
+        """Whether `target` exists unchanged since it was built from `key`."""
         if not target.is_file():
             return False
         try:
@@ -137,12 +137,12 @@ class Stamps:
         return True
 
     def write(self, target: Path, key: str) -> None:
-        """Record that ``target`` was built from ``key``."""
+        """Record that `target` was built from `key`."""
         stamp = {"key": key, "sha256": hashlib.sha256(target.read_bytes()).hexdigest()}
         safe_files.keep_json(self._path(target), stamp)
 
     def remove(self, target: Path) -> None:
-        """Forget what ``target`` was built from."""
+        """Forget what `target` was built from."""
         self._path(target).unlink(missing_ok=True)
 
 
@@ -162,10 +162,10 @@ def build(
         catalog: name -> entry.
         names: of the entries to build.
         options: of the build.
-        sources: :func:`source_hash` of the code that makes components.
+        sources: `source_hash` of the code that makes components.
         task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
             module-level function or a picklable object.
-        report: told ``(name, "built" | "up to date")`` as the build proceeds.
+        report: told `(name, "built" | "up to date")` as the build proceeds.
         force: build what is up to date too, and use nothing that was kept in caches before.
 
     Returns:

@@ -1,6 +1,6 @@
 """Toolchains and the object cache: C sources to one shared library per platform.
 
-The host's C compiler is used when there is one, otherwise ``ziglang`` from PyPI, which also builds for every other
+The host's C compiler is used when there is one, otherwise `ziglang` from PyPI, which also builds for every other
 platform. The flags fix the floating-point semantics (no fused or reordered operations), so that a platform and
 toolchain give one result.
 """
@@ -49,7 +49,7 @@ class Platform:
 
     @property
     def compiler(self) -> str | None:
-        """The usual compiler there, as far as it knows :data:`SOURCE_FLAGS`."""
+        """The usual compiler there, as far as it knows `SOURCE_FLAGS`."""
         return {".so": "gcc", ".dylib": "clang"}.get(self.suffix)
 
 
@@ -69,7 +69,7 @@ def host() -> str:
     """FMI 3.0 platform tuple of this machine.
 
     Raises:
-        CompileError: a machine that is not among :data:`PLATFORMS`.
+        CompileError: a machine that is not among `PLATFORMS`.
     """
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(host_platform.machine(), host_platform.machine())
     system = {"Linux": "linux", "Windows": "windows", "Darwin": "darwin"}.get(host_platform.system(), "unknown")
@@ -80,7 +80,7 @@ def host() -> str:
 
 
 def resolve_platforms(choice: str) -> list[Platform]:
-    """``all``, or a comma-separated list of platform tuples and ``host``."""
+    """`all`, or a comma-separated list of platform tuples and `host`."""
     if choice == "all":
         return list(PLATFORMS.values())
     names = [host() if n.strip() == "host" else n.strip() for n in choice.split(",")]
@@ -104,11 +104,11 @@ class Toolchain:
         self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
-        """Link objects to a shared library without undefined symbols; loaders know it by the name of ``output``.
+        """Link objects to a shared library without undefined symbols; loaders know it by the name of `output`.
 
-        ``loads``: the library opens other libraries itself.
+        `loads`: the library opens other libraries itself.
 
-        The system's mathematical library is not linked: the objects carry their own (:mod:`build_fmus.mathematics`).
+        The system's mathematical library is not linked: the objects carry their own (`build_fmus.mathematics`).
         """
         flags: list[str] = ["-shared", "-s"]
         if self.platform.suffix == ".so":
@@ -143,7 +143,7 @@ class Toolchain:
 
 
 def find_toolchain(platform_name: str) -> Toolchain:
-    """The host compiler (``CC``, which may have arguments; cc, gcc, clang) for the host platform, else ziglang.
+    """The host compiler (`CC`, which may have arguments; cc, gcc, clang) for the host platform, else ziglang.
 
     Raises:
         CompileError: neither is there; the message says how to get one.
@@ -170,7 +170,7 @@ def find_toolchain(platform_name: str) -> Toolchain:
 
 
 def _chosen_command() -> tuple[str, ...]:
-    """The compiler that ``CC`` names, a program or a command with arguments (``ccache gcc``)."""
+    """The compiler that `CC` names, a program or a command with arguments (`ccache gcc`)."""
     chosen = os.environ["CC"]
     try:
         words = [chosen] if shutil.which(chosen) else shlex.split(chosen, posix=os.name != "nt")
@@ -186,7 +186,7 @@ def _compiler_version(command: tuple[str, ...]) -> str:
 
 
 def toolchain_identity(platforms: str) -> str:
-    """Compilers that would build for a ``--platform`` choice, as text for cache keys; never fails."""
+    """Compilers that would build for a `--platform` choice, as text for cache keys; never fails."""
     try:
         return ", ".join(find_toolchain(p.name).version for p in resolve_platforms(platforms))
     except CompileError as error:
@@ -194,9 +194,9 @@ def toolchain_identity(platforms: str) -> str:
 
 
 def included_headers(source: Path, include: Sequence[Path]) -> list[Path]:
-    """Files that ``source`` includes in quotes, and those that these include, sorted; conditions are not looked at.
+    """Files that `source` includes in quotes, and those that these include, sorted; conditions are not looked at.
 
-    A file that is found neither beside the one that names it nor in ``include`` belongs to the compiler.
+    A file that is found neither beside the one that names it nor in `include` belongs to the compiler.
     """
     found: dict[Path, None] = {}
     open_ = [source]
@@ -227,9 +227,9 @@ class ObjectCache:
     def library(
         self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str, *, loads: bool = False
     ) -> Path:
-        """The shared library built from ``sources``; every object is compiled once per content and toolchain.
+        """The shared library built from `sources`; every object is compiled once per content and toolchain.
 
-        ``loads``: it opens other libraries itself.
+        `loads`: it opens other libraries itself.
         """
         objects = [self.object(toolchain, s, include) for s in sources]
         key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects), *([b"loads"] if loads else []))
@@ -242,7 +242,7 @@ class ObjectCache:
         return self._kept(key, toolchain.platform.suffix, link)
 
     def program(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path]) -> Path:
-        """The program built from ``sources``, which a process can run."""
+        """The program built from `sources`, which a process can run."""
         objects = [self.object(toolchain, s, include) for s in sources]
         key = self._key(toolchain, b"program", *(o.name.encode() for o in objects))
         path = self._kept(key, ".program", lambda out: toolchain.link_program(objects, out))

@@ -43,7 +43,7 @@ complete -c suspension-fmus -a '(__cosim)'
 
 
 def fitting(command: Any, words: Sequence[str]) -> list[str]:
-    """Completions of the last of ``words``: commands, options or the values of an option.
+    """Completions of the last of `words`: commands, options or the values of an option.
 
     Empty where the word may be a file.
 

@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` for FMI 2.0 and FMI 3.0, and the FMI 3 terminals, from one component declaration."""
+"""`modelDescription.xml` for FMI 2.0 and FMI 3.0, and the FMI 3 terminals, from one component declaration."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def model_description(
         component: model of the FMU.
         fmi: 2 or 3.
         token: instantiation token (GUID in FMI 2.0) compiled into the binary.
-        sources: C files below ``sources/`` (FMI 2.0 lists them here).
+        sources: C files below `sources/` (FMI 2.0 lists them here).
         arrays: real FMI 3 arrays instead of scalar elements.
         clocks: of FMI 3.0, a discrete component has a clock, and its inputs and outputs belong to it.
 
@@ -46,7 +46,7 @@ def model_description(
 
 
 def build_description(name: str, sources: Iterable[str]) -> bytes:
-    """``sources/buildDescription.xml`` of FMI 3.0.
+    """`sources/buildDescription.xml` of FMI 3.0.
 
     The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang
     name options too, with which the code is as fast as the binaries; the numbers are the same (what decides on them is
@@ -67,10 +67,10 @@ def build_description(name: str, sources: Iterable[str]) -> bytes:
 
 
 def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
-    """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and inputs and outputs by what they belong to.
+    """`terminalsAndIcons/terminalsAndIcons.xml` of FMI 3.0: the icon, and inputs and outputs by what they belong to.
 
-    ``road.fl.height`` is the variable ``height`` of the terminal ``fl`` in the terminal ``road``
-    (:func:`quantities.place`). The rule is ``bus``: what both sides have is connected, since a vehicle feels the slope
+    `road.fl.height` is the variable `height` of the terminal `fl` in the terminal `road`
+    (`quantities.place`). The rule is `bus`: what both sides have is connected, since a vehicle feels the slope
     of a road whose rate of height it does not need.
     """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
@@ -143,9 +143,9 @@ def _root(component: Model, version: str, **identity: str) -> etree._Element:
 
 
 def root_element(name: str, description: str, version: str, **identity: str) -> etree._Element:
-    """``fmiModelDescription`` of an FMU that this software has made.
+    """`fmiModelDescription` of an FMU that this software has made.
 
-    ``identity`` is its token under the name that the version gives it.
+    `identity` is its token under the name that the version gives it.
     """
     return etree.Element(
         "fmiModelDescription",
@@ -168,7 +168,7 @@ def _common(root: etree._Element, component: Model) -> None:
 
 
 def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: float, step: float | None) -> None:
-    """Unit definitions, log categories and default experiment below ``root``."""
+    """Unit definitions, log categories and default experiment below `root`."""
     definitions = etree.SubElement(root, "UnitDefinitions")
     for u in used:
         element = etree.SubElement(definitions, "Unit", name=u.name)

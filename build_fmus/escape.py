@@ -22,7 +22,7 @@ _REPLACEMENT = "\ufffd"
 def c_string(text: str) -> str:
     """A string literal of C99 with the bytes of the text in UTF-8.
 
-    What the compiler would read otherwise is an octal escape, and ``?`` is escaped, since two of them begin a trigraph.
+    What the compiler would read otherwise is an octal escape, and `?` is escaped, since two of them begin a trigraph.
     A zero byte, which would end the string, is replaced.
     """
     return '"' + "".join(map(_c_byte, text.replace("\0", _REPLACEMENT).encode("utf-8", "replace"))) + '"'
@@ -74,7 +74,7 @@ def html(text: str) -> str:
 
 
 def script(value: Any) -> str:
-    """JSON within a ``<script>``, which no text in it can end."""
+    """JSON within a `<script>`, which no text in it can end."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return re.sub("[<>&]", lambda m: f"\\u{ord(m[0]):04x}", text)
 

@@ -34,7 +34,7 @@ def missing(extra: str) -> bool:
 
 
 def require(extra: str, what: str) -> None:
-    """Refuse ``what``, the subject of the sentence, where an extra is missing.
+    """Refuse `what`, the subject of the sentence, where an extra is missing.
 
     Raises:
         MissingExtraError: it is.
@@ -50,7 +50,7 @@ def named(extra: str) -> str:
 
 @contextmanager
 def needed(extra: str, what: str) -> Iterator[None]:
-    """Around imports of an extra's modules: :func:`require` where they fail."""
+    """Around imports of an extra's modules: `require` where they fail."""
     try:
         yield
     except ModuleNotFoundError:

@@ -209,9 +209,9 @@ def ticks(component: Model) -> Fraction:
 
 
 def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False) -> str:
-    """The complete ``model.c`` of a component; deterministic for a given CasADi version.
+    """The complete `model.c` of a component; deterministic for a given CasADi version.
 
-    ``clocks``: of FMI 3.0, a discrete component may be sampled by a clock.
+    `clocks`: of FMI 3.0, a discrete component may be sampled by a clock.
     """
     functions = written_functions(component)
     headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]
@@ -325,13 +325,13 @@ def third_party(component: Model) -> list[ThirdParty]:
 
 
 def profile_files(component: Model) -> dict[str, bytes]:
-    """C files and headers of the random profiles of a component by their path in ``sources/``."""
+    """C files and headers of the random profiles of a component by their path in `sources/`."""
     names = (*random_profiles.SOURCES, *random_profiles.HEADERS) if component.profiles else ()
     return {name: (RUNTIME_DIR / name).read_bytes() for name in names}
 
 
 def solver_files(component: Model) -> dict[str, bytes]:
-    """C files and headers of the quadratic programs of a component by their path in ``sources/``."""
+    """C files and headers of the quadratic programs of a component by their path in `sources/`."""
     if not component.programs:
         return {}
     files = {"qp_data.c": qp.generate_data(component.programs).encode()}

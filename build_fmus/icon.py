@@ -18,7 +18,7 @@ def icon_png(kind: str) -> bytes:
     image = np.zeros((SIZE, SIZE, 4))
 
     def paint(distance: np.ndarray, color: tuple[int, int, int]) -> None:
-        """Blend ``color`` where the signed distance is negative, with one pixel of antialiasing."""
+        """Blend `color` where the signed distance is negative, with one pixel of antialiasing."""
         cover = np.clip(0.5 - distance * SIZE, 0.0, 1.0)[..., None]
         image[..., :3] = image[..., :3] * (1 - cover) + np.array(color) * cover
         image[..., 3:] = np.maximum(image[..., 3:], 255 * cover)

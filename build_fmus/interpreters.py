@@ -1,7 +1,7 @@
 """Python processes of this project import nothing from the working folder, whatever files lie there.
 
-A file ``signal.py`` or ``numpy.py`` in it would otherwise be executed by every process that Python starts with ``-c``
-or ``-m``, those of ``multiprocessing`` among them.
+A file `signal.py` or `numpy.py` in it would otherwise be executed by every process that Python starts with `-c`
+or `-m`, those of `multiprocessing` among them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _VARIABLE, _OURS = "PYTHONSAFEPATH", "set by suspension-fmus"
 
 @contextmanager
 def safe_path() -> Iterator[None]:
-    """In the block ``multiprocessing`` starts processes that begin as with ``-P``.
+    """In the block `multiprocessing` starts processes that begin as with `-P`.
 
     They get the import path of this one afterwards, with the folder of its script.
     """

@@ -1,11 +1,11 @@
-"""Where built FMUs lie: in a folder by FMI version, ``fmus/fmi3/NAME.fmu``."""
+"""Where built FMUs lie: in a folder by FMI version, `fmus/fmi3/NAME.fmu`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 FMUS = Path("fmus")
-"""The folder that ``build-fmus`` writes to, below the working folder."""
+"""The folder that `build-fmus` writes to, below the working folder."""
 
 
 def fmu_path(folder: Path, fmi: int, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""Who wrote what in an FMU, and under which licence: the texts in ``documentation/licenses/``, with an entry point.
+"""Who wrote what in an FMU, and under which licence: the texts in `documentation/licenses/`, with an entry point.
 
 Texts come from where the code comes from, so that they are those of the version used.
 """
@@ -39,7 +39,7 @@ class Part:
 
 
 def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
-    """Licence files of the FMU ``name`` by their path in the archive: the entry point and one for each part."""
+    """Licence files of the FMU `name` by their path in the archive: the entry point and one for each part."""
     parts = list(parts)
     own = textwrap.indent(licence_file("suspension-fmus").decode(), "    ")
     lines = [
@@ -65,9 +65,9 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
 
 
 def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, uses_casadi: bool) -> list[Part]:
-    """Third-party parts among the files of ``sources/``, by their path below it.
+    """Third-party parts among the files of `sources/`, by their path below it.
 
-    ``solvers`` are those of quadratic programs; ``uses_casadi``: whether the equations are partly in the code of
+    `solvers` are those of quadratic programs; `uses_casadi`: whether the equations are partly in the code of
     CasADi's generator.
     """
     parts = [_fmi_headers(files), *([_casadi()] if uses_casadi else [])]
@@ -80,7 +80,7 @@ def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, use
 
 
 def of_windows(libraries: Iterable[str]) -> list[Part]:
-    """What ziglang links into Windows ``libraries``, by their path in the archive."""
+    """What ziglang links into Windows `libraries`, by their path in the archive."""
     libraries = tuple(libraries)
     ziglang = importlib.util.find_spec("ziglang")
     if not libraries or ziglang is None or ziglang.origin is None:

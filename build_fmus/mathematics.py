@@ -1,6 +1,6 @@
 """One mathematical library in every binary: the functions of musl that a component's code calls, as C files of its FMU.
 
-The C headers of the runtime rename ``sin`` to ``fmu_sin`` and so on (``runtime/fmu_math.h``), so that no platform's own
+The C headers of the runtime rename `sin` to `fmu_sin` and so on (`runtime/fmu_math.h`), so that no platform's own
 library takes part: results are bit-identical on all platforms, and the FMU needs no recent system.
 """
 
@@ -21,7 +21,7 @@ _HEADER = re.compile(rb'^#include "(fmu_math|equations|libm|\w+_data)\.h"', re.M
 
 
 def math_files(sources: Iterable[bytes]) -> dict[str, bytes]:
-    """C files and headers of the functions that C ``sources`` call, directly or not, by path in ``sources/``.
+    """C files and headers of the functions that C `sources` call, directly or not, by path in `sources/`.
 
     In musl each function and table lies in a file of its own name, so names that are called lead to the files.
     """

@@ -1,4 +1,4 @@
-"""The ``.fmu`` archive: everything an importer, a rebuilder and a reader needs, byte for byte reproducible."""
+"""The `.fmu` archive: everything an importer, a rebuilder and a reader needs, byte for byte reproducible."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
     minimise 1/2 z'Hz + q'z  subject to  l <= A z <= u
 
 with constant H and A, and with q, l, u computed from time, states, inputs and parameters at each sample. The
-declaration is :meth:`build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What
-depends on H and A alone is computed here, when the FMU is built, and lies in ``qp_data.c`` as constants.
+declaration is `build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What
+depends on H and A alone is computed here, when the FMU is built, and lies in `qp_data.c` as constants.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Backend(Protocol):
         """C code of the constants of one case, and the name of the object with them."""
 
     def settings(self, prefix: str) -> str:
-        """C code that defines the object ``prefix``."""
+        """C code that defines the object `prefix`."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +115,14 @@ class Daqp:
 class Osqp:
     """Operator-splitting solver OSQP with a fixed step size.
 
-    Its accuracy and speed depend on ``rho`` and on the scaling.
+    Its accuracy and speed depend on `rho` and on the scaling.
 
     Attributes:
         rho: step size, in the scaled problem.
         eps: primal, dual and gap tolerance, absolute and relative, in the scaled problem.
         max_iterations: before the solver gives up; choose them such that a sample ends in time.
-        scaling: units of the variables, ``"diagonal"``: such that H has ones on its diagonal; ``"hessian"``:
-            coordinates in which H is the identity; ``"none"``.
+        scaling: units of the variables, `"diagonal"`: such that H has ones on its diagonal; `"hessian"`:
+            coordinates in which H is the identity; `"none"`.
         unit_rows: scale the rows of A to length 1.
         check_interval: iterations between checks for the end.
         infeasible: tolerance of the certificate that there is no feasible point.
@@ -290,17 +290,17 @@ class QuadraticProgram:
 
     @property
     def n_data(self) -> int:
-        """Length of ``data``."""
+        """Length of `data`."""
         return self.n + 2 * self.m + 1
 
     @property
     def n_solution(self) -> int:
-        """Length of ``symbol``."""
+        """Length of `symbol`."""
         return self.n + self.m + 3
 
     @property
     def solution(self) -> Solution:
-        """``symbol`` by names."""
+        """`symbol` by names."""
         n, m, s = self.n, self.m, self.symbol
         return Solution(s[:n], s[n : n + m], s[n + m], s[n + m + 1], s[n + m + 2])
 
@@ -358,7 +358,7 @@ def _array(name: str, values: np.ndarray) -> str:
 
 
 def generate_data(programs: Sequence[QuadraticProgram]) -> str:
-    """``qp_data.c``: the constants of all programs of a component."""
+    """`qp_data.c`: the constants of all programs of a component."""
     names = list(dict.fromkeys(b.name for p in programs for b in p.solvers))
     code = ["/* Constants of the quadratic programs: generated, do not edit. */", "#include <stddef.h>"]
     code += [f'#include "qp_{b}.h"' for b in names] + ['#include "qp_model.h"', ""]
@@ -392,7 +392,7 @@ def _solver_data(
     fallback: str,
     code: list[str],
 ) -> str:
-    """Append the constants of one solver for one program; returns the initializer of its ``Qp``."""
+    """Append the constants of one solver for one program; returns the initializer of its `Qp`."""
     cases = []
     same = dict[tuple[str, str], str]()  # cases that differ in q, l, u alone share their constants
     for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):

@@ -1,6 +1,6 @@
 """C sources of the QP solvers, from outside this project: OSQP from its installed wheel, DAQP from its sdist on PyPI.
 
-DAQP is downloaded by ``pip`` once per user, with the user's own index settings, and checked against a pinned hash.
+DAQP is downloaded by `pip` once per user, with the user's own index settings, and checked against a pinned hash.
 Nothing of either is part of this repository; their licences go into the FMU.
 """
 
@@ -33,7 +33,7 @@ class SourceError(RuntimeError):
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """Sources of one solver: C files and headers by their path in the FMU's ``sources/``, and its licence.
+    """Sources of one solver: C files and headers by their path in the FMU's `sources/`, and its licence.
 
     Attributes:
         spdx, licence: the licence's SPDX identifier and its text.

@@ -9,7 +9,7 @@ from __future__ import annotations
 def place(name: str, *, array: bool = False) -> tuple[tuple[str, ...], str]:
     """Where a variable stands: the names of what it belongs to, outermost first, and its own.
 
-    Everything ahead of the last dot is what it belongs to; a name without dots belongs to itself. An array (``array``,
+    Everything ahead of the last dot is what it belongs to; a name without dots belongs to itself. An array (`array`,
     or a name with an index) is something to belong to, too: `preview.fl[3]` is `fl[3]` of `fl` of `preview`. Dots
     within quotes and brackets separate nothing.
     """

@@ -2,7 +2,7 @@
 
 A road whose seed is a parameter is one. Left and right have one spectrum; how much of it they share depends on wave
 number. What is declared are the power spectral densities of both parts, as expressions of wave number and parameters;
-the C code is in ``runtime/random_profiles.c``. The profiles lie beside the state of an instance: they follow from the
+the C code is in `runtime/random_profiles.c`. The profiles lie beside the state of an instance: they follow from the
 parameters, which a saved state has.
 """
 
@@ -29,11 +29,11 @@ class RandomProfiles:
         least, most: nodes, powers of two: the smallest number that covers the length is taken.
         step: distance between nodes [m].
         lowest, highest: wave numbers [cycles/m] that there are.
-        wave_number: symbol in ``spectra``.
+        wave_number: symbol in `spectra`.
         settings: seed and length [m], a column of expressions of parameters.
         spectra: one-sided power spectral densities [m3] of half the sum and half the difference of left and right, a
             column.
-        symbol: the left profile at ``most`` nodes, then the right one [m]. Nodes beyond the length mean nothing.
+        symbol: the left profile at `most` nodes, then the right one [m]. Nodes beyond the length mean nothing.
     """
 
     name: str
@@ -63,7 +63,7 @@ class RandomProfiles:
         return m[inside], k[inside]
 
     def evaluate(self, settings: np.ndarray, spectra: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """What ``symbol`` stands for, by numpy: a path of its own to the numbers of the C code, up to rounding.
+        """What `symbol` stands for, by numpy: a path of its own to the numbers of the C code, up to rounding.
 
         Args:
             settings: seed and length [m].
@@ -84,7 +84,7 @@ class RandomProfiles:
 
 
 def phases(seed: int, k: np.ndarray) -> np.ndarray:
-    """Phases [rad] of waves ``k`` (any shape) of a seed: numbers of SplitMix64 (Steele, Lea, Flood 2014)."""
+    """Phases [rad] of waves `k` (any shape) of a seed: numbers of SplitMix64 (Steele, Lea, Flood 2014)."""
     sequence = _mixed(np.array([seed], np.uint64) + np.uint64(_GOLDEN))
     number = _mixed(sequence + (np.asarray(k, np.uint64) + np.uint64(1)) * np.uint64(_GOLDEN))
     return 2 * np.pi * (number >> np.uint64(11)).astype(float) / 2.0**53
@@ -97,9 +97,9 @@ def _mixed(z: np.ndarray) -> np.ndarray:
 
 
 def code(of: RandomProfiles, n_parameters: int, place: int) -> str:
-    """C code of ``profiles(at)``, which gives the values of the symbol.
+    """C code of `profiles(at)`, which gives the values of the symbol.
 
-    They are stored at ``place`` of the work memory of the functions.
+    They are stored at `place` of the work memory of the functions.
     """
     settings, spectra = FUNCTIONS
     return f"""static const double *profiles(const FmuArguments *at) {{

@@ -1,4 +1,4 @@
-"""Python reference evaluation of a component, with the semantics of its FMU's ``doStep``.
+"""Python reference evaluation of a component, with the semantics of its FMU's `doStep`.
 
 It evaluates the same declaration with CasADi's virtual machine and integrates in numpy: an independent path to the
 numbers that the compiled FMU must reproduce.
@@ -22,7 +22,7 @@ from build_fmus.qp_solve import CompiledPrograms
 
 @dataclass(frozen=True)
 class ReferenceResult:
-    """Sampled signals: ``time`` (n,), ``inputs`` (n, inputs), ``outputs`` (n, outputs) with element names."""
+    """Sampled signals: `time` (n,), `inputs` (n, inputs), `outputs` (n, outputs) with element names."""
 
     time: np.ndarray
     inputs: np.ndarray
@@ -31,11 +31,11 @@ class ReferenceResult:
     output_names: list[str]
 
     def input_csv(self) -> str:
-        """``NAME_in.csv`` of the FMI cross-check."""
+        """`NAME_in.csv` of the FMI cross-check."""
         return _csv(self.time, self.inputs, self.input_names)
 
     def output_csv(self) -> str:
-        """``NAME_ref.csv`` of the FMI cross-check."""
+        """`NAME_ref.csv` of the FMI cross-check."""
         return _csv(self.time, self.outputs, self.output_names)
 
 
@@ -81,7 +81,7 @@ class _Called:
 
 
 class Evaluator:
-    """One instance of a component in Python: set ``u`` and ``p``, then :meth:`step`."""
+    """One instance of a component in Python: set `u` and `p`, then `step`."""
 
     def __init__(self, component: Model, parameters: Mapping[str, float] | None = None) -> None:
         self.component = component
@@ -101,7 +101,7 @@ class Evaluator:
         return self._called[name](*arguments)
 
     def _solutions(self, t: float, x: np.ndarray, *, commit: bool) -> list[np.ndarray]:
-        """Solutions of the quadratic programs, and random profiles, as further arguments of ``out`` and ``tick``."""
+        """Solutions of the quadratic programs, and random profiles, as further arguments of `out` and `tick`."""
         if self._programs is None:
             return self.random_profiles()
         (data,) = self._call("programs", t, x, self.u, self.p)
@@ -145,7 +145,7 @@ class Evaluator:
         return np.concatenate([self.x, y])[self._shown]
 
     def step(self, h: float) -> None:
-        """Advance by ``h`` [s] with the inputs held."""
+        """Advance by `h` [s] with the inputs held."""
         c = self.component
         if self._x is None and (failed := c.failed_checks(self.u, self.p)):
             raise ValueError(f"{c.name}: {failed[0]}")
@@ -195,7 +195,7 @@ def simulate(
     step: float | None = None,
     steps: int = 200,
 ) -> ReferenceResult:
-    """Run a component alone, driven by ``signals`` (its reference inputs by default) sampled at each step and held.
+    """Run a component alone, driven by `signals` (its reference inputs by default) sampled at each step and held.
 
     Row k holds the inputs that act from t_k on and the outputs at t_k, read before those inputs are set (row 0: after
     initialization with the first inputs), which is what a tool sees that sets inputs, steps, and reads.

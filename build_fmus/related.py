@@ -70,14 +70,14 @@ def files(
     experiment: Experiment | None = None,
     components: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, bytes]:
-    """The files below ``extra/`` of the FMU ``name``, by their path in the archive.
+    """The files below `extra/` of the FMU `name`, by their path in the archive.
 
     Args:
         name: of the FMU.
         content: all other files of the archive.
         parts: third-party code in it.
         compilers: of the binaries, by their path.
-        experiment: the one whose results are in ``content``.
+        experiment: the one whose results are in `content`.
         components: bill entries of the FMUs inside this FMU.
     """
     made = {BILL: bill_of_materials(name, content, parts, compilers, components)}
@@ -142,7 +142,7 @@ def bill(component: Mapping[str, Any], components: Sequence[Mapping[str, Any]], 
 
 
 def archived(path: str, archive: bytes) -> dict[str, Any]:
-    """The entry of an FMU, here ``path``, in the bill of something that has it as a file."""
+    """The entry of an FMU, here `path`, in the bill of something that has it as a file."""
     with zipfile.ZipFile(io.BytesIO(archive)) as z:
         held = {BILL: z.read(BILL)} if BILL in z.namelist() else {}
     hashes = [{"alg": "SHA-256", "content": hashlib.sha256(archive).hexdigest()}]

@@ -1,8 +1,8 @@
-"""Imported first by the packages that ``python -m`` runs, before anything else is: they run as their commands do.
+"""Imported first by the packages that `python -m` runs, before anything else is: they run as their commands do.
 
 A Python that is too old is named before anything fails in it.
 
-Linear algebra has one thread. The working folder, which Python has put on the import path, leaves it: a ``numpy.py``
+Linear algebra has one thread. The working folder, which Python has put on the import path, leaves it: a `numpy.py`
 there would be executed.
 """
 

@@ -1,4 +1,4 @@
-"""One step of each fixed-step solver, for any right-hand side: what ``runtime/integrators.c`` does, in Python.
+"""One step of each fixed-step solver, for any right-hand side: what `runtime/integrators.c` does, in Python.
 
 The reference evaluation integrates with these steps, and the check of the solver step applies them to linear dynamics.
 """
@@ -28,7 +28,7 @@ def am2(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Adams-Bashforth-2 predictor, Adams-Moulton-2 corrector: the new state, and the derivative for the next step.
 
-    ``before``: the derivative of the step before; None predicts with Euler, as after an exchange.
+    `before`: the derivative of the step before; None predicts with Euler, as after an exchange.
     """
     now = f(t, x)
     predicted = x + h * (now if before is None else 1.5 * now - 0.5 * before)
@@ -38,7 +38,7 @@ def am2(
 def semi_implicit(f: RightHandSide, t: float, x: np.ndarray, h: float, velocity_of: np.ndarray) -> np.ndarray:
     """Stoermer-Verlet: positions half a step, velocities by the midpoint rule, positions half a step.
 
-    ``velocity_of``: for each state the index of its derivative among the states, or -1.
+    `velocity_of`: for each state the index of its derivative among the states, or -1.
     """
     moving = velocity_of >= 0
 
@@ -64,7 +64,7 @@ def ros2(
 ) -> np.ndarray:
     """The Rosenbrock method ROS2, L-stable; states count in units of their nominal values.
 
-    ``jacobian``: the derivatives of f by x (n, n) and by t (n,).
+    `jacobian`: the derivatives of f by x (n, n) and by t (n,).
 
     Raises:
         LinAlgError: the matrix of the method is singular.

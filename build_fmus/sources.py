@@ -15,7 +15,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 
 
 def imported(modules: Iterable[str | Path]) -> list[Path]:
-    """The files of ``modules``, of all modules that they import, directly or not, and of their data.
+    """The files of `modules`, of all modules that they import, directly or not, and of their data.
 
     Imports count where they lead into this project or to files beside the importing module. Data files are those of the
     packages of this project that the modules lie in, and those that a user's module names in its text.
@@ -34,7 +34,7 @@ def imported(modules: Iterable[str | Path]) -> list[Path]:
 
 
 def code_hash(modules: Iterable[str | Path]) -> str:
-    """Hash of the contents of all files that :func:`imported` finds."""
+    """Hash of the contents of all files that `imported` finds."""
     digest = hashlib.sha256()
     for path in imported(modules):
         name = path.relative_to(_ROOT) if path.is_relative_to(_ROOT) else Path(path.name)
@@ -43,7 +43,7 @@ def code_hash(modules: Iterable[str | Path]) -> str:
 
 
 def libraries(modules: Iterable[str | Path]) -> set[str]:
-    """Top-level modules of others (numpy, casadi, ...) that :func:`imported` files import."""
+    """Top-level modules of others (numpy, casadi, ...) that `imported` files import."""
     return {
         name.partition(".")[0]
         for file in imported(modules)
@@ -88,7 +88,7 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
 
 @cache
 def _files(name: str, folder: Path | None = None) -> tuple[Path, ...]:
-    """Files that importing a dotted name runs, from a file in ``folder``.
+    """Files that importing a dotted name runs, from a file in `folder`.
 
     A last part that is no module counts as a name in a module.
     """

@@ -1,6 +1,6 @@
 """Refuse a component whose solver step is too long for its own dynamics.
 
-The FMU repeats this check with the parameters that a user sets (``runtime/stability.c``): both must come to the same
+The FMU repeats this check with the parameters that a user sets (`runtime/stability.c`): both must come to the same
 verdict.
 """
 
@@ -20,7 +20,7 @@ class SolverStepError(ValueError):
 
 
 def amplification(solver: str, z: np.ndarray) -> np.ndarray:
-    """Largest modulus of the solver's amplification factor for ``z = step * eigenvalue`` (elementwise).
+    """Largest modulus of the solver's amplification factor for `z = step * eigenvalue` (elementwise).
 
     The factor is what one step of length 1 makes of x = 1 with dx/dt = z x. am2 has two: the predictor is Euler in the
     first step after an exchange and Adams-Bashforth-2 later, so the larger of both counts.
@@ -53,7 +53,7 @@ def _ros2_factor(z: complex) -> complex:
 
 
 def step_matrix(matrix: np.ndarray, velocity_of: np.ndarray, h: float) -> np.ndarray:
-    """One step of solver semi_implicit for ``dx/dt = matrix x``.
+    """One step of solver semi_implicit for `dx/dt = matrix x`.
 
     It has no scalar amplification factor, because positions and velocities advance differently.
     """
@@ -76,7 +76,7 @@ def find_instability(component: Model, matrices: Mapping[str, np.ndarray], step:
     """The worst of the given points, or None when the component's solver follows all of them with this step [s].
 
     A mode fails when its numerical amplification over one step exceeds both 1 and the true growth by more than 1e-6. Of
-    shorter steps those shorter by a power of 1.25 are tried, down to the least that ``solver.step`` may have.
+    shorter steps those shorter by a power of 1.25 are tried, down to the least that `solver.step` may have.
 
     Raises:
         LinAlgError: a matrix is not finite.
@@ -114,7 +114,7 @@ def check_solver(component: Model) -> None:
 def matrices_by_point(component: Model, parameters: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """System matrix A of the linearized component at each declared operating point.
 
-    ``parameters``: the vector of their values, the start values by default.
+    `parameters`: the vector of their values, the start values by default.
     """
     states = {e.name: e.slot for e in component.elements("state")}
     inputs = {e.name: e.slot for e in component.elements("input")}

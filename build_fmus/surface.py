@@ -17,7 +17,7 @@ def command_options() -> frozenset[str] | None:
 
 
 def set_command_options(options: Iterable[str] | None) -> None:
-    """In a worker process: what :func:`command_options` gave in the process that started it."""
+    """In a worker process: what `command_options` gave in the process that started it."""
     global _options  # noqa: PLW0603 - of all threads
     _options = None if options is None else frozenset(options)
 
@@ -47,7 +47,7 @@ def hint(python: str = "", shell: str = "") -> str:
 
 
 def name_of(argument: str, option: str = "") -> str:
-    """A value's name: ``--preview-error`` of a command, ``preview_error`` in Python.
+    """A value's name: `--preview-error` of a command, `preview_error` in Python.
 
     Args:
         argument: its name in Python.
@@ -59,7 +59,7 @@ def name_of(argument: str, option: str = "") -> str:
 def given(**values: Any) -> str:
     """Values as the user gives them to a command or in Python.
 
-    ``--controller zero --hold`` to a command, ``controller='zero', hold=True`` in Python.
+    `--controller zero --hold` to a command, `controller='zero', hold=True` in Python.
     """
     if _options is None:
         return ", ".join(f"{name}={value!r}" for name, value in values.items())

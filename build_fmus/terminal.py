@@ -28,11 +28,11 @@ APP: dict[str, Any] = {
     "rich_markup_mode": None,  # which would take units in help texts, [km/h], for markup
     "context_settings": {"max_content_width": 110},  # of help; terminals are wider than 80 columns
 }
-"""Arguments of every ``typer.Typer``."""
+"""Arguments of every `typer.Typer`."""
 
 AS_TEXT: dict[str, Any] = {"markup": False, "emoji": False}
 """Arguments of every console: names, units and messages of others hold brackets and colons, which are never markup.
-What is styled is a ``Text``.
+What is styled is a `Text`.
 """
 console = Console(stderr=True, highlight=False, soft_wrap=True, **AS_TEXT)
 
@@ -44,7 +44,7 @@ class UserAbort(Exception):  # noqa: N818
 class OneOf(str):
     """What stands behind an option in its help: the names that it takes, read from tables only when help is requested.
 
-    ``table`` is ``module:NAME`` (importing an experiment takes seconds); ``more`` stands for what else is taken.
+    `table` is `module:NAME` (importing an experiment takes seconds); `more` stands for what else is taken.
     """
 
     table: str
@@ -56,7 +56,7 @@ class OneOf(str):
         return self
 
     def listed(self) -> str:
-        """``a|b|c``."""
+        """`a|b|c`."""
         module, _, name = self.table.partition(":")
         return one_of(getattr(importlib.import_module(module), name), self.more)
 
@@ -67,7 +67,7 @@ def one_of(names: Iterable[str], more: str = "") -> str:
 
 
 class _ToScreen(logging.Handler):
-    """Messages of the loggers below ``cosim`` on standard error."""
+    """Messages of the loggers below `cosim` on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         console.print(self.format(record))
@@ -116,7 +116,7 @@ def _verbosity_options() -> list[Any]:
 class Command(TyperCommand):
     """A command that Ctrl-C ends with a message, and whose help lists choices.
 
-    It has ``-v`` and ``-q``, unless it declares its own. ``headings``: of groups of options in its help -> the names of
+    It has `-v` and `-q`, unless it declares its own. `headings`: of groups of options in its help -> the names of
     their parameters; options in no group come last.
     """
 
@@ -166,7 +166,7 @@ def _with_value(error: typer.BadParameter) -> str:
 class Commands(TyperGroup):
     """Commands that Ctrl-C ends with a message, and whose help has the first sentence of each, uncut.
 
-    ``what``: they are; ``beside``: what may stand in their place.
+    `what`: they are; `beside`: what may stand in their place.
     """
 
     what = "command"
@@ -273,7 +273,7 @@ def _drop_output() -> None:
 
 
 def open_closed_streams() -> None:
-    """Open standard streams that were closed before the program began (``>&-``).
+    """Open standard streams that were closed before the program began (`>&-`).
 
     So no other file gets their descriptors. Input is empty, output that is written to is an error, and messages are
     lost.
@@ -290,7 +290,7 @@ def open_closed_streams() -> None:
 
 
 def escape_unprintable() -> None:
-    r"""From now on output shows what the terminal's encoding lacks as escapes (``\xe4``), instead of failing on it."""
+    r"""From now on output shows what the terminal's encoding lacks as escapes (`\xe4`), instead of failing on it."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -1,7 +1,7 @@
 """Units: exponents of the SI base units, factor, offset, and the multiples in which people read and write values.
 
 One table. Model descriptions, documentation, the declaration language, vehicle and road files and components in Python
-read it; FMUs bring units of their own, described alike. Notation follows the FMI convention: ``.`` multiplies, ``/``
+read it; FMUs bring units of their own, described alike. Notation follows the FMI convention: `.` multiplies, `/`
 divides once, an integer behind a symbol is its exponent.
 """
 
@@ -18,7 +18,7 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 @dataclass(frozen=True)
 class DisplayUnit:
-    """A unit for people: ``value_display = factor * value + offset``."""
+    """A unit for people: `value_display = factor * value + offset`."""
 
     name: str
     factor: float
@@ -27,9 +27,9 @@ class DisplayUnit:
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as FMI declares it: ``value_SI = factor * value + offset`` in base units.
+    """A unit as FMI declares it: `value_SI = factor * value + offset` in base units.
 
-    ``exponents`` follow :data:`BASE_UNITS`; None where an FMU does not define its unit.
+    `exponents` follow `BASE_UNITS`; None where an FMU does not define its unit.
     """
 
     name: str
@@ -138,7 +138,7 @@ def _bare(name: str) -> str:
 
 
 def meant(text: str) -> Unit | None:
-    """The unit of the table that a text means: ``[m]`` is m, ``N*m`` is N.m. None where the table has none."""
+    """The unit of the table that a text means: `[m]` is m, `N*m` is N.m. None where the table has none."""
     bare = _bare(text.strip().removeprefix("[").removesuffix("]"))
     return next((u for name, u in KNOWN.items() if _bare(name) == bare), None)
 
@@ -158,7 +158,7 @@ def unit(name: str) -> Unit:
 
 
 def display_unit(unit_name: str, name: str) -> DisplayUnit:
-    """The display unit ``name`` of ``unit_name``; KeyError with the choices when there is none."""
+    """The display unit `name` of `unit_name`; KeyError with the choices when there is none."""
     for d in unit(unit_name).display:
         if d.name == name:
             return d
@@ -174,10 +174,10 @@ def derivative(of: Unit) -> str | None:
 
 
 def convert(value: float, given: str, to: str) -> float:
-    """``value`` in the unit ``given``, converted to the unit ``to``, a unit of variables.
+    """`value` in the unit `given`, converted to the unit `to`, a unit of variables.
 
     Raises:
-        KeyError: the units do not measure the same thing, or ``given`` is unknown; the message says what is accepted.
+        KeyError: the units do not measure the same thing, or `given` is unknown; the message says what is accepted.
     """
     exponents = unit(to).exponents
     accepted = [u.name for u in KNOWN.values() if u.exponents == exponents]

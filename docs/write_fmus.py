@@ -1,11 +1,11 @@
-"""Write ``reference/fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
+"""Write `reference/fmus.md`, the list of the FMUs of the catalog, from the FMUs themselves.
 
-Writes ``cosim/fmu/published.toml`` too, the names by which the master finds built FMUs.
+Writes `cosim/fmu/published.toml` too, the names by which the master finds built FMUs.
 
 build-fmus python docs/write_fmus.py
 
 Their variables are in pages that are made of the FMUs where they are read: the documentation inside each FMU, the site
-(``write_site.py``), the release's ``docs/reference/fmus.md``.
+(`write_site.py`), the release's `docs/reference/fmus.md`.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ in `documentation/index.html` in the FMU, on its page of the site (`make docs`),
 
 
 def sections(fmus: Path, names: Iterable[str] | None = None) -> dict[str, str]:
-    """What each FMU has, by its name (of the whole catalog unless ``names`` are given).
+    """What each FMU has, by its name (of the whole catalog unless `names` are given).
 
-    ``fmus`` is the folder with ``fmi3/``.
+    `fmus` is the folder with `fmi3/`.
     """
     found = {}
     catalog = default_catalog()
@@ -68,7 +68,7 @@ def reference(fmus: Path, names: Iterable[str] | None = None) -> str:
 
 
 def index(fmus: Path, shown: Callable[[str], str] = "`{}`".format) -> str:
-    """The list: what each FMU is, its kind and step; ``shown`` makes of a name what stands in the list."""
+    """The list: what each FMU is, its kind and step; `shown` makes of a name what stands in the list."""
     rows = []
     for name in default_catalog():
         about = _about(fmus, name)

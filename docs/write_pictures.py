@@ -1,9 +1,9 @@
-"""Take the pictures of the live pages and of the reports: ``images/live`` and ``images/reports``.
+"""Take the pictures of the live pages and of the reports: `images/live` and `images/reports`.
 
 make pictures
 
-In Chromium, at the widths and color schemes in which people read; pages and reports have to be there (``build/live``,
-``results``). What is missing is named, and its picture stays as it was.
+In Chromium, at the widths and color schemes in which people read; pages and reports have to be there (`build/live`,
+`results`). What is missing is named, and its picture stays as it was.
 """
 
 from __future__ import annotations

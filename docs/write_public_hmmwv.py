@@ -1,4 +1,4 @@
-"""Write the comparison of ``FullCarHmmwvPublic`` with other models into ``reference/public-hmmwv.md``.
+"""Write the comparison of `FullCarHmmwvPublic` with other models into `reference/public-hmmwv.md`.
 
 The others are Project Chrono's model and rigid bodies.
 
@@ -135,7 +135,7 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
 
 
 def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
-    """Rigid bodies in Exudyn over a half-round; ``shifted``: with the contact point of Chrono's code."""
+    """Rigid bodies in Exudyn over a half-round; `shifted`: with the contact point of Chrono's code."""
     low, high, _ = CHRONO[course, mph]
     start, duration = start_and_duration(course, mph * MPH, high)
     road = half_round(float(course.split()[1]) * INCH, 50.0)
@@ -145,7 +145,7 @@ def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
 
 
 def cells(found: Figures, beside: Figures | None = None) -> str:
-    """The columns of a row; with ``beside`` also by how much rms differs."""
+    """The columns of a row; with `beside` also by how much rms differs."""
 
     def rms(i: int) -> str:
         return f"{found[i]:.2f}" + (f" ({100 * (found[i] / beside[i] - 1):+.0f} %)" if beside else "")
@@ -198,7 +198,7 @@ SAME = 1e-6  # relative difference of eigenvalues, and of likeness, that is roun
 
 
 def modes(lin: Linearization) -> dict[str, list[complex]]:
-    """Eigenvalues [rad/s] of the oscillating modes that look like each of :data:`SHAPES`, slowest first.
+    """Eigenvalues [rad/s] of the oscillating modes that look like each of `SHAPES`, slowest first.
 
     A shape has one mode, or several where the model does not tell them apart: a car with equal ends has wheels of both
     axles in each mode. Modes of equal eigenvalues count as one motion (an invariant subspace), so nothing here depends

@@ -62,7 +62,7 @@ def missing(studies: list[Summary]) -> str:
 
 
 def condense(summary: Summary) -> Summary:
-    """What is kept of a study's ``summary.json``: its claims, and the figures at the top of its report."""
+    """What is kept of a study's `summary.json`: its claims, and the figures at the top of its report."""
     kept = {k: summary[k] for k in ("experiment", "title", "results")}
     return {**kept, "claims": [{k: claim[k] for k in _CLAIM} for claim in summary["claims"]]}
 
@@ -249,7 +249,7 @@ def _row(cells: list[Any]) -> str:
 
 
 def write(results: Path) -> None:
-    """Keep the summaries below ``results`` and write both pages; experiments that were not run stay as they are."""
+    """Keep the summaries below `results` and write both pages; experiments that were not run stay as they are."""
     KEPT.mkdir(exist_ok=True)
     for s in collect(results):
         text = json.dumps(s, indent=1, sort_keys=True, ensure_ascii=False) + "\n"

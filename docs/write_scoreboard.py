@@ -1,4 +1,4 @@
-"""Write ``reference/check-scoreboard.md``: the deliberate faults that each checker finds, and its false errors.
+"""Write `reference/check-scoreboard.md`: the deliberate faults that each checker finds, and its false errors.
 
 The latter are its errors for FMUs without a fault.
 

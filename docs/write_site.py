@@ -1,11 +1,11 @@
-"""Write the documentation as a site that needs no server and no network: ``build/site/html/index.html``.
+"""Write the documentation as a site that needs no server and no network: `build/site/html/index.html`.
 
 make docs
 
 The pages are those of this folder, the README and what is made of the sources: a page for each FMU from the FMUs
 themselves, for each module from its docstrings, and the tutorials run as notebooks, whose outputs stand below their
 code. Links to other files of the repository lead to copies of them. Whatever leads nowhere, and a page that has no
-place in ``mkdocs.yml``, ends this with an error.
+place in `mkdocs.yml`, ends this with an error.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _place(source: str) -> str:
 
 
 def fmu_pages(fmus: Path) -> dict[str, str]:
-    """A page for each FMU, and the first one, which lists them (``write_fmus.py``)."""
+    """A page for each FMU, and the first one, which lists them (`write_fmus.py`)."""
     written = runpy.run_path(str(HERE / "write_fmus.py"))
     pages = {f"fmus/{name}.md": f"# {name}\n\n{text}" for name, text in written["sections"](fmus).items()}
     return {"fmus/index.md": written["index"](fmus, "[{0}]({0}.md)".format), **pages}
@@ -145,7 +145,7 @@ def module_pages(modules: Sequence[str] = MODULES) -> dict[str, str]:
 
 
 def claims_page() -> str:
-    """The claims of the papers as one table (``write_results.py``)."""
+    """The claims of the papers as one table (`write_results.py`)."""
     written = runpy.run_path(str(HERE / "write_results.py"))
     return str(written["one_table"](written["kept"]()))
 
@@ -153,7 +153,7 @@ def claims_page() -> str:
 def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path], root: str = "") -> str:
     """Links with pictures: (target, title, text, pictures by what follows their address).
 
-    The last may say the scheme of colors that each picture is for. ``root`` leads from the page to the root of the
+    The last may say the scheme of colors that each picture is for. `root` leads from the page to the root of the
     site: "" or "../".
     """
     parts = []
@@ -171,7 +171,7 @@ def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dic
 
 
 def report_page(results: Path, files: dict[str, Path]) -> str:
-    """The gallery: each report that a study has left in ``results``, which is copied beside it (into ``files``)."""
+    """The gallery: each report that a study has left in `results`, which is copied beside it (into `files`)."""
     cards = []
     for report in sorted(results.glob("*/report.html")):
         name = report.parent.name
@@ -195,7 +195,7 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
 
 
 def live_cards(live: Path, files: dict[str, Path]) -> str:
-    """Links from ``how-to/`` to the live pages in ``live``, which are copied (into ``files``); empty without any."""
+    """Links from `how-to/` to the live pages in `live`, which are copied (into `files`); empty without any."""
     cards = []
     for page in sorted(live.glob("*.html")):
         files[f"live/{page.name}"] = page

@@ -51,7 +51,7 @@ class Context:
     cache: Path
 
     def fmu(self, name: str) -> Path:
-        """Path of an FMU that the entry named in ``needs`` (the FMI 3.0 one)."""
+        """Path of an FMU that the entry named in `needs` (the FMI 3.0 one)."""
         return self.fmus / "fmi3" / f"{name}.fmu"
 
 
@@ -88,7 +88,7 @@ def default_catalog() -> dict[str, Entry]:
 
 
 def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
-    """All that is made of a user's vehicle file, by its kind; ``suffix`` ends the names.
+    """All that is made of a user's vehicle file, by its kind; `suffix` ends the names.
 
     Raises:
         VehicleError: the file is missing or has a mistake.
@@ -121,7 +121,7 @@ def no_preview_lq(vehicle: Vehicle) -> str:
 
 
 def catalog_suffix(path: Path) -> str:
-    """What names of FMUs made of a file end in, UpperCamelCase of its name: ``my_truck.toml`` -> ``MyTruck``."""
+    """What names of FMUs made of a file end in, UpperCamelCase of its name: `my_truck.toml` -> `MyTruck`."""
     words = re.findall(r"[A-Za-z0-9]+", path.stem)
     if not words:
         raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
@@ -150,7 +150,7 @@ def road_name(road: Path, vehicle: Path | str | None = None) -> str:
 
 
 def own_names(path: Path, suffix: str) -> dict[str, str]:
-    """Published names -> names of what :func:`own_catalog` makes in their place, for experiments on a user's vehicle.
+    """Published names -> names of what `own_catalog` makes in their place, for experiments on a user's vehicle.
 
     Raises:
         VehicleError: the file is missing or has a mistake.
@@ -191,9 +191,9 @@ def _own_words(path: Path, kind: str, suffix: str, text: str) -> str:
 
 
 def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
-    """The full car of a vehicle file, and with ``suffix`` the roads under its wheels and its GPC controllers.
+    """The full car of a vehicle file, and with `suffix` the roads under its wheels and its GPC controllers.
 
-    Names are ``plant`` and the contract names with ``suffix`` appended.
+    Names are `plant` and the contract names with `suffix` appended.
     """
     files = _files(vehicle)
 
@@ -218,7 +218,7 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
 def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified", preview: Preview | None = None) -> Entry:
     """A road from a user's file under the wheels of a vehicle, with the preview that its controllers read.
 
-    ``preview``: how many heights and how far apart [s]; without it what the vehicle's own controllers read, and under a
+    `preview`: how many heights and how far apart [s]; without it what the vehicle's own controllers read, and under a
     ride car also what the HMMWV's range sensors see.
     """
 
@@ -239,7 +239,7 @@ def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified", pr
 
 
 def preview_lq_entry(path: Path, name: str, period: float = 1e-3, vehicle: Path | None = None) -> Entry:
-    """A preview LQ controller with a user's weights, at any sample time [s], of the sedan or of a user's ``vehicle``.
+    """A preview LQ controller with a user's weights, at any sample time [s], of the sedan or of a user's `vehicle`.
 
     Raises:
         VehicleError: the vehicle's file has a mistake, or there is no such controller of it.
@@ -340,8 +340,8 @@ def _family(
     """Entries of the FMUs made of one vehicle file.
 
     Args:
-        parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs
-            in the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
+        parts: template of the name -> summary, maker. `{v}` in a template is where what the vehicle is called belongs
+            in the published names, `{s}` where only the names of FMUs of a user's vehicle have it.
         vehicle: the vehicle file.
         called: what the vehicle is called.
         words: of a user's vehicle, which makes texts about published vehicles texts about this one.
@@ -404,7 +404,7 @@ def _road(maker: str, preview: Preview, sensors: Source | None = None) -> Make:
 
 
 def _proving_ground(preview: Preview, radius: float | None = None) -> Make:
-    """Courses under wheels of that ``radius`` [m]; None: that of the vehicle file."""
+    """Courses under wheels of that `radius` [m]; None: that of the vehicle file."""
 
     def make(vehicle: Source, name: str, _: str = "") -> Component:
         of_file = _load("full_car", vehicle).wheel.radius.value if radius is None else radius

@@ -1,4 +1,4 @@
-"""Command line ``build-fmus``: ties the catalog of components to the build pipeline."""
+"""Command line `build-fmus`: ties the catalog of components to the build pipeline."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def build(
     force: bool = False,
     report: Callable[[str, str], None] = lambda _name, _what: None,
 ) -> list[str]:
-    """Build catalog entries (all when ``names`` is empty); returns the names that were not up to date."""
+    """Build catalog entries (all when `names` is empty); returns the names that were not up to date."""
     import fmu_sources
     from fmu_sources.catalog import find
 
@@ -247,7 +247,7 @@ def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
 
 
 def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
-    """``16x30`` as 16 heights 0.030 s apart."""
+    """`16x30` as 16 heights 0.030 s apart."""
     if given is None:
         return None
     if road is None:
@@ -259,7 +259,7 @@ def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
 
 
 def main(program: str = "build-fmus", arguments: list[str] | None = None) -> None:
-    """Entry point; ``program`` is what it was called as, ``arguments`` are the command line's unless given."""
+    """Entry point; `program` is what it was called as, `arguments` are the command line's unless given."""
     called = functools.partial(app, arguments, prog_name=program)
     failures = (ValueError, KeyError, OSError, RuntimeError)
     terminal.run(program, called, failures, "interrupted; finished FMUs are kept")

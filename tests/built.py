@@ -39,7 +39,7 @@ class BuiltFmus:
     """Where the built FMUs are."""
 
     def path(self, name: str, fmi: int, *, arrays: bool = False) -> Path:
-        """File of one FMU; ``arrays``: the FMI 3.0 build of a test component with real arrays."""
+        """File of one FMU; `arrays`: the FMI 3.0 build of a test component with real arrays."""
         if name in components.CATALOG:
             return Options(PROBES / ("arrays" if arrays else "scalars")).target(name, fmi)
         return Options(FMUS).target(name, fmi)

@@ -23,7 +23,7 @@ from build_fmus.qp import Backend, Daqp, Osqp
 def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 0.05) -> Component:
     """A nonlinear oscillator that starts in equilibrium under its inputs, with a vector of first-order lags.
 
-    ``fastest`` [s] is the first lag: short of the solver step the component is stiff.
+    `fastest` [s] is the first lag: short of the solver step the component is stiff.
     """
     c = Component(
         name,

@@ -17,7 +17,7 @@ LIMIT = 60.0  # s: only ends a test that has failed
 
 @contextmanager
 def ctrl_c(ready: Callable[[], bool] = lambda: True, after: float = 0.0) -> Iterator[None]:
-    """Inside the block Ctrl-C comes once: ``after`` seconds after a run holds back interrupts and it is ``ready``."""
+    """Inside the block Ctrl-C comes once: `after` seconds after a run holds back interrupts and it is `ready`."""
 
     def press() -> None:
         end = time.monotonic() + LIMIT

@@ -43,7 +43,7 @@ def headings(page: Path) -> set[str]:
 
 
 def section(page: str, title: str) -> str:
-    """What stands below a heading of a page in ``docs``, up to the next heading."""
+    """What stands below a heading of a page in `docs`, up to the next heading."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     found = re.search(rf"^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
     assert found is not None, f"{page} has no section {title!r}"

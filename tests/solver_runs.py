@@ -16,7 +16,7 @@ from build_fmus.reference import Evaluator
 
 
 def in_python(c: Component, h: float, end: float) -> np.ndarray:
-    """States at ``end`` with communication steps of ``h`` [s]."""
+    """States at `end` with communication steps of `h` [s]."""
     run = Evaluator(c.model())
     for _ in range(round(end / h)):
         run.step(h)
@@ -24,7 +24,7 @@ def in_python(c: Component, h: float, end: float) -> np.ndarray:
 
 
 def in_c(c: Component, h: float, end: float, directory: Path, log: list[str] | None = None) -> np.ndarray:
-    """The same by the compiled FMU; messages go to ``log``.
+    """The same by the compiled FMU; messages go to `log`.
 
     Raises:
         FMICallException: initialization or a step failed.
@@ -42,7 +42,7 @@ def run_fmu(
     log: list[str] | None = None,
     start: dict[str, float] | None = None,
 ) -> np.ndarray:
-    """Values of ``names`` at ``end`` of a compiled FMI 3.0 FMU."""
+    """Values of `names` at `end` of a compiled FMI 3.0 FMU."""
     folder = extract(str(path), str(path.with_suffix("")))
     description = read_model_description(folder)
     fmu = FMU3Slave(

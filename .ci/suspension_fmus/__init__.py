@@ -2,8 +2,8 @@
 
     from suspension_fmus import System
 
-has all that ``cosim`` has. The packages ``cosim``, ``build_fmus`` and ``fmu_sources`` can be imported by these names
-too. Where other projects have packages called so, theirs are found, until ``import suspension_fmus`` makes ours the
+has all that `cosim` has. The packages `cosim`, `build_fmus` and `fmu_sources` can be imported by these names
+too. Where other projects have packages called so, theirs are found, until `import suspension_fmus` makes ours the
 ones that are.
 """
 
@@ -75,17 +75,17 @@ def __dir__() -> list[str]:
 
 
 def main(name: str = "suspension-fmus") -> None:
-    """The command ``suspension-fmus``."""
+    """The command `suspension-fmus`."""
     _command(name, "cosim.cli")
 
 
 def cosim_command(name: str = "cosim") -> None:
-    """The same under the name ``cosim``."""
+    """The same under the name `cosim`."""
     _command(name, "cosim.cli")
 
 
 def build_command(name: str = "build-fmus") -> None:
-    """The command ``build-fmus``, which is ``suspension-fmus build``."""
+    """The command `build-fmus`, which is `suspension-fmus build`."""
     _command(name, "fmu_sources.cli")
 
 

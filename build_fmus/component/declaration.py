@@ -26,7 +26,7 @@ class Declaration:
 
     Attributes:
         all_variables: every variable in declaration order, hidden states included.
-        symbols: ``ca.SX`` or ``ca.MX``, the kind of all expressions.
+        symbols: `ca.SX` or `ca.MX`, the kind of all expressions.
         time: symbol of the time.
         starts: state -> expression of its start value, where it is calculated.
         changes: state -> its derivative (continuous) or its value after a sample instant (discrete).
@@ -38,10 +38,10 @@ class Declaration:
         profiles: random profiles, one pair at most, whose symbol is among those of the expressions.
         reference_inputs: input element -> its signal over time in the reference result.
         operating_points: name -> values of states and inputs at which the build also checks the solver's stability.
-        provenance: content of the FMU's ``resources/provenance.json``, unless empty.
+        provenance: content of the FMU's `resources/provenance.json`, unless empty.
         bibliography: short name of a source -> full reference.
 
-    The others are those of :class:`~build_fmus.component.Component`.
+    The others are those of `build_fmus.component.Component`.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Declaration:
     def vector(self, role: Role, values: Mapping[str, float] | None = None) -> np.ndarray:
         """Start values of a role as one vector; hidden and calculated elements are 0.
 
-        Elements that are in ``values``, by name, have that value instead; KeyError for a name that no element has.
+        Elements that are in `values`, by name, have that value instead; KeyError for a name that no element has.
         """
         out = np.zeros(self.size(role))
         for v in self.of(role):
@@ -143,12 +143,12 @@ class Declaration:
 
     @property
     def check_messages(self) -> list[str]:
-        """What to say when an element of ``functions["check"]`` is not > 0."""
+        """What to say when an element of `functions["check"]` is not > 0."""
         return [m for _, m in self.checks]
 
     @property
     def value_sources(self) -> dict[str, str]:
-        """Names of the intermediate values with the sources of their equations, ordered as ``functions["values"]``."""
+        """Names of the intermediate values with the sources of their equations, ordered as `functions["values"]`."""
         return {name: source for name, (_, source) in self.values.items()}
 
 

@@ -53,24 +53,24 @@ def _declares(method: Callable[Concatenate[Component, _P], _T]) -> Callable[Conc
 
 
 class Component:
-    """Collects the declaration of one FMU; :meth:`model` freezes it. See the docstring of the package for an example.
+    """Collects the declaration of one FMU; `model` freezes it. See the docstring of the package for an example.
 
     Args:
         name: FMU name, UpperCamelCase; also the C model identifier.
-        kind: ``"continuous"`` (derivatives) or ``"discrete"`` (update with a sample period).
+        kind: `"continuous"` (derivatives) or `"discrete"` (update with a sample period).
         description: one line for the model description.
         source: where the equations come from (paper and equation numbers).
         sample_time: period [s]; discrete components only.
-        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only. ``"rk4"``:
-            classic Runge-Kutta, for smooth dynamics slower than the step. ``"am2"``: Adams-Bashforth-2 predictor,
-            Adams-Moulton-2 corrector. ``"ros2"``: linearly implicit Rosenbrock method of order 2 with the exact
+        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only. `"rk4"`:
+            classic Runge-Kutta, for smooth dynamics slower than the step. `"am2"`: Adams-Bashforth-2 predictor,
+            Adams-Moulton-2 corrector. `"ros2"`: linearly implicit Rosenbrock method of order 2 with the exact
             Jacobian, L-stable, for stiff components with few states (a dense n x n system is solved twice per step);
-            give its states ``nominal`` values. ``"semi_implicit"``: Stoermer-Verlet (leapfrog) with midpoint
+            give its states `nominal` values. `"semi_implicit"`: Stoermer-Verlet (leapfrog) with midpoint
             velocities, order 2, for mechanical systems with contacts: positions (states whose derivative is another
-            state) and velocities advance in turn, so that undamped vibrations neither grow nor decay below ``step *
-            omega = 2``.
+            state) and velocities advance in turn, so that undamped vibrations neither grow nor decay below `step *
+            omega = 2`.
         exchange_step: communication step [s] proposed to tools (default experiment).
-        symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
+        symbols: `ca.SX` (default, no overhead) or `ca.MX` where lookup tables are needed.
         notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
     """
 
@@ -145,20 +145,20 @@ class Component:
     ) -> Component:
         """Make a component of a linear controller, filter or plant.
 
-        With a sample time ``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt
-        = A x + B u`` in continuous time; states start at 0. The matrices become tunable parameters of the names A, B,
+        With a sample time `x[k+1] = A x[k] + B u[k]`, `y[k] = C x[k] + D u[k]` at every sample, without one `dx/dt
+        = A x + B u` in continuous time; states start at 0. The matrices become tunable parameters of the names A, B,
         C, D, those that are there; elements of D that are 0 stay 0.
 
         Args:
             name: of the FMU.
-            system: a ``control.StateSpace`` or a tuple of matrices (A, B, C, D).
+            system: a `control.StateSpace` or a tuple of matrices (A, B, C, D).
             description: one line for the model description.
             source: where the matrices come from.
             sample_time: period [s]; needed for sampled matrices, and of systems that do not tell their own.
             inputs: FMU name -> unit (None: no unit), in the order of the columns of B. By default the names of the
-                system's signals, with the names and units of the FMU where it is a model that ``cosim`` has linearized.
+                system's signals, with the names and units of the FMU where it is a model that `cosim` has linearized.
             outputs: likewise, in the order of the rows of C.
-            options: as of :class:`Component`.
+            options: as of `Component`.
 
         Raises:
             DeclarationError: shapes that do not fit, another sample time than the system's, a continuous system with a
@@ -200,13 +200,13 @@ class Component:
         rows: Sequence[str] = (),
         columns: Sequence[str] = (),
     ) -> Any:
-        """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol.
+        """Declare a parameter; shape and type follow from `start` (float, int, bool or array). Returns its symbol.
 
-        ``rows``, ``columns``: units of an array whose elements differ (``unit`` None), for the check of dimensions. An
+        `rows`, `columns`: units of an array whose elements differ (`unit` None), for the check of dimensions. An
         element has the unit of its row, divided by that of its column where it has one: a gain has outputs as rows and
         inputs as columns.
 
-        ``source`` says where the value comes from (paper and table, "measured", "assumed"); it goes into the model
+        `source` says where the value comes from (paper and table, "measured", "assumed"); it goes into the model
         description, and without one the parameter is refused.
         """
         if fault := source_fault(source):
@@ -245,9 +245,9 @@ class Component:
     ) -> Any:
         """Declare numbers with a unit that equations use and nobody sets, such as the acceleration of gravity.
 
-        ``value`` is a number, vector or matrix. It is no variable of the FMU: the C code has the numbers. Returns its
+        `value` is a number, vector or matrix. It is no variable of the FMU: the C code has the numbers. Returns its
         symbol; a number with a dimension that stands in an equation without a declaration does not pass the check of
-        dimensions. ``source``, ``rows`` and ``columns`` as of :meth:`parameter`.
+        dimensions. `source`, `rows` and `columns` as of `parameter`.
         """
         if fault := source_fault(source):
             raise DeclarationError(f"{self.name}.{name}: source: {fault}")
@@ -297,9 +297,9 @@ class Component:
         nominal: float | None = None,
         display_unit: str | None = None,
     ) -> Any:
-        """Declare an input (vector when ``shape`` is given). Returns what the equations are written with.
+        """Declare an input (vector when `shape` is given). Returns what the equations are written with.
 
-        A real input with ``min`` or ``max`` is clipped to them in the equations, so that a solver that overshoots by a
+        A real input with `min` or `max` is clipped to them in the equations, so that a solver that overshoots by a
         hair does no harm: the FMU takes any finite value, warns once, and its derivatives are 0 beyond a limit.
         Integers and Booleans are refused outside their range.
         """
@@ -342,7 +342,7 @@ class Component:
         """Declare an input that takes a constant of its source, for comparison: no equation uses it.
 
         A controller built for preview heights 30 ms apart says so with it. It starts at 0, which means that nothing is
-        connected; the model description tells ``must_equal``, with which a master can refuse a wrong source by name,
+        connected; the model description tells `must_equal`, with which a master can refuse a wrong source by name,
         and the FMU warns once when it gets another value than that and 0.
         """
         number(f"{self.name}.{name}: must_equal", must_equal, error=DeclarationError)
@@ -378,9 +378,9 @@ class Component:
     ) -> Any:
         """Declare a state. Returns its symbol.
 
-        ``start`` is a number or array (a start value the user may set) or a CasADi expression of parameters and
-        inputs (a calculated start). States of discrete components are hidden unless ``exposed``.
-        ``output=True`` gives the variable output causality. ``rows``, ``columns`` as of :meth:`parameter`.
+        `start` is a number or array (a start value the user may set) or a CasADi expression of parameters and
+        inputs (a calculated start). States of discrete components are hidden unless `exposed`.
+        `output=True` gives the variable output causality. `rows`, `columns` as of `parameter`.
         """
         calculated = isinstance(start, (ca.SX, ca.MX))
         if exposed is None:
@@ -407,7 +407,7 @@ class Component:
 
     @_declares
     def initial_value(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
-        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start.
+        """Declare a discrete state that keeps what `expression` of parameters and inputs is at the start.
 
         Returns its symbol.
         """
@@ -422,27 +422,27 @@ class Component:
 
     @_declares
     def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """Declare ``d state/dt = expression`` (continuous components).
+        """Declare `d state/dt = expression` (continuous components).
 
-        ``source``: paper and number of the equation, for readers of the C code.
+        `source`: paper and number of the equation, for readers of the C code.
         """
         self._relate(state, expression, "continuous", "derivative", source)
 
     @_declares
     def update(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """Declare that ``state`` becomes ``expression`` after the sample instant (discrete components).
+        """Declare that `state` becomes `expression` after the sample instant (discrete components).
 
-        ``source``: as of :meth:`derivative`.
+        `source`: as of `derivative`.
         """
         self._relate(state, expression, "discrete", "update", source)
 
     @_declares
     def value(self, name: str, expression: Any, *, source: str = "") -> Any:
-        """Name an intermediate value and return it: the generated C calls it so, and has ``source`` above it.
+        """Name an intermediate value and return it: the generated C calls it so, and has `source` above it.
 
-        ``source``: paper and number of its equation, or in a few words what it is.
+        `source`: paper and number of its equation, or in a few words what it is.
 
-        No variable of the FMU, and no other result. The name is one that C could have (``strut_force``), different from
+        No variable of the FMU, and no other result. The name is one that C could have (`strut_force`), different from
         all others of this kind.
         """
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -473,7 +473,7 @@ class Component:
     ) -> None:
         """Declare an output by its expression (column vector or matrix expressions become array variables).
 
-        ``source``: paper and number of its equation, for readers of the C.
+        `source`: paper and number of its equation, for readers of the C.
         """
         expression = self._symbols(expression)
         self._add(
@@ -506,11 +506,11 @@ class Component:
         case: Any = None,
         backend: qp.Backend | Sequence[qp.Backend] | None = None,
     ) -> qp.Solution:
-        """Solve ``minimise 1/2 z'Hz + q'z subject to l <= A z <= u`` at each sample (discrete components).
+        """Solve `minimise 1/2 z'Hz + q'z subject to l <= A z <= u` at each sample (discrete components).
 
-        Declares the outputs ``NAME.status``, ``NAME.iterations`` and ``NAME.residual``. The solver starts from the last
+        Declares the outputs `NAME.status`, `NAME.iterations` and `NAME.residual`. The solver starts from the last
         solution, which is part of the instance's state; during initialization nothing is committed. With large matrices
-        in ``linear``, ``lower``, ``upper``, declare the component with ``symbols=ca.MX``: SX would write one statement
+        in `linear`, `lower`, `upper`, declare the component with `symbols=ca.MX`: SX would write one statement
         per element. In these three a scalar is repeated.
 
         Args:
@@ -521,7 +521,7 @@ class Component:
             lower: l (m,), such an expression too. Bounds of 1e30 and beyond do not bind.
             upper: u (m,), likewise.
             case: expression for the case 0, 1, ... (rounded, clipped).
-            backend: :class:`~build_fmus.qp.Daqp` (default) or :class:`~build_fmus.qp.Osqp` with its settings; of
+            backend: `build_fmus.qp.Daqp` (default) or `build_fmus.qp.Osqp` with its settings; of
                 several the first is used, and the others tell the settings when another one is chosen at build time.
 
         Returns:
@@ -593,8 +593,8 @@ class Component:
     ) -> tuple[Any, Any]:
         """Two random height profiles [m], left and right, as functions of parameters: sums of waves of random phase.
 
-        The FMU computes them in each instance, again when a parameter changes (:mod:`build_fmus.random_profiles`).
-        Declare the component with ``symbols=ca.MX``. Discrete components only, one pair for each.
+        The FMU computes them in each instance, again when a parameter changes (`build_fmus.random_profiles`).
+        Declare the component with `symbols=ca.MX`. Discrete components only, one pair for each.
 
         Args:
             name: begins their names in the C code.
@@ -641,7 +641,7 @@ class Component:
 
     @_declares
     def choose_backend(self, name: str) -> None:
-        """Let all quadratic programs use the solver ``name`` (with its declared settings, or its defaults)."""
+        """Let all quadratic programs use the solver `name` (with its declared settings, or its defaults)."""
         for i, p in enumerate(self.programs):
             matching = [b for b in p.backends if b.name == name] or [qp.BACKENDS[name]()]
             rest = [b for b in p.backends if b.name != name]
@@ -673,7 +673,7 @@ class Component:
 
     @_declares
     def reference_input(self, signals: Mapping[str, Callable[[float], float]]) -> None:
-        """Input signals over time for the reference result (``NAME_in.csv``); inputs without one keep their start."""
+        """Input signals over time for the reference result (`NAME_in.csv`); inputs without one keep their start."""
         known = self._element_names("input")
         for name in signals:
             if name not in known:
@@ -682,11 +682,11 @@ class Component:
 
     @_declares
     def check(self, positive: Any, message: str) -> None:
-        """Refuse parameters and inputs that do not fit together: ``positive`` must be > 0 when initialization ends.
+        """Refuse parameters and inputs that do not fit together: `positive` must be > 0 when initialization ends.
 
-        For relations between variables, which ``min`` and ``max`` of one variable cannot express. ``positive`` is an
+        For relations between variables, which `min` and `max` of one variable cannot express. `positive` is an
         expression of parameters, inputs and time; every element of it must be > 0. The FMU answers with an error and
-        ``message``, which names the variables and says what to do.
+        `message`, which names the variables and says what to do.
         """
         expression = ca.vec(self._symbols(positive))
         if not expression.numel():
@@ -753,7 +753,7 @@ class Component:
         raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
 
     def _flat(self, v: Variable, expression: Any, what: str) -> Any:
-        """``expression`` as row-major column of the elements of ``v``; a scalar is repeated."""
+        """`expression` as row-major column of the elements of `v`; a scalar is repeated."""
         expression = self._symbols(expression)
         if expression.numel() == 1:
             return ca.repmat(expression, v.size, 1)
@@ -848,7 +848,7 @@ class Component:
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
     ) -> Linearization:
-        """:meth:`Model.linearize` of the model."""
+        """`Model.linearize` of the model."""
         return self.model().linearize(x, u, p)
 
 

@@ -5,8 +5,8 @@ measured in metres is given in the new ones, each start, derivative, update and 
 too: multiplied by that power of four to the exponent that its unit has in m. What adds a length to a mass, drops a
 factor with a dimension or has one in a literal does not. Each base unit is tried by itself, with a power of four above
 1 and one below, at the operating points with fixed random values about them. Powers of four, and their roots, only move
-the exponents of binary numbers: sums, products, quotients and roots are bit-identical, ``fmax`` and ``if_else`` take
-the same branch. Only ``pow`` and the like round, for which 1e-12 is allowed.
+the exponents of binary numbers: sums, products, quotients and roots are bit-identical, `fmax` and `if_else` take
+the same branch. Only `pow` and the like round, for which 1e-12 is allowed.
 
 Radians count as dimensionless: rotations are full of products of lengths and angles. Degrees are no unit that a
 variable could have, only a display unit. A factor without a dimension (a forgotten 1/2, kN for N) is not found in this
@@ -68,8 +68,8 @@ class Violation:
     """An expression that does not scale as its variable's unit does.
 
     Attributes:
-        name: element of an output, ``der(state)``, or ``start of STATE``.
-        unit: what is declared, in words: ``m/s2``, ``m/s per s``.
+        name: element of an output, `der(state)`, or `start of STATE`.
+        unit: what is declared, in words: `m/s2`, `m/s per s`.
         base: base unit that was scaled.
         declared: exponent of the base unit in the declared unit.
         found: power with which the expression really scales; None when it is none, because quantities of different
@@ -154,7 +154,7 @@ def _quotient(a: Exponents, b: Exponents) -> Exponents:
 class _Row:
     """One scalar that is compared.
 
-    ``name`` and ``unit`` are for messages; ``exponents`` None: unknown; ``real``: whether it is a real number.
+    `name` and `unit` are for messages; `exponents` None: unknown; `real`: whether it is a real number.
     """
 
     name: str
@@ -173,7 +173,7 @@ class _Part:
 
     @classmethod
     def of(cls, v: Variable, pattern: str, expression: Any, per: Exponents, number: bool = False) -> _Part:
-        """The expression of ``v``, or of its derivative when ``per`` is a second."""
+        """The expression of `v`, or of its derivative when `per` is a second."""
         units = [v.unit or "no unit"] * v.size
         if v.rows:
             units = [f"{r} per {c}" if c else r for r in v.rows for c in v.columns or ("",)]
@@ -252,7 +252,7 @@ class _Scaling:
         return out
 
     def _near(self, role: Role, at: np.ndarray, rng: np.random.Generator, spread: float) -> np.ndarray:
-        """Random values about ``at`` within the limits; Integers and Booleans anywhere in their range."""
+        """Random values about `at` within the limits; Integers and Booleans anywhere in their range."""
         usual = np.where(at != 0, np.abs(at), self._vector(role, "nominal", 1.0))
         out = at + spread * usual * rng.uniform(-1.0, 1.0, at.shape)
         for v in self.d.of(role):
@@ -356,7 +356,7 @@ class _Scaling:
 
 
 def _power(ratio: float, factor: float) -> float | None:
-    """The power of ``factor`` that ``ratio`` is, None when it is none that an expression of units could have."""
+    """The power of `factor` that `ratio` is, None when it is none that an expression of units could have."""
     if not (math.isfinite(ratio) and ratio > 0):
         return None
     power = math.log(ratio) / math.log(factor)

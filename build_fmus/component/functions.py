@@ -19,7 +19,7 @@ _JACOBIAN_UP_TO = 10_000  # operations of `fwd`: beyond it a Jacobian in one pie
 
 
 def make_functions(declaration: Declaration) -> dict[str, ca.Function]:
-    """What :attr:`build_fmus.component.Model.functions` describes.
+    """What `build_fmus.component.Model.functions` describes.
 
     Raises:
         DeclarationError: an expression with an undeclared symbol, a check that depends on a state.

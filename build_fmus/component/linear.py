@@ -18,7 +18,7 @@ with extras.needed("build", extras.BUILDING):
 
 @dataclass(frozen=True)
 class Linearization:
-    """``dx/dt = A x + B u``, ``y = C x + D u`` about an operating point, with the names of rows and columns."""
+    """`dx/dt = A x + B u`, `y = C x + D u` about an operating point, with the names of rows and columns."""
 
     A: np.ndarray
     B: np.ndarray
@@ -30,7 +30,7 @@ class Linearization:
 
 
 def make_jacobians(d: Declaration, functions: Mapping[str, ca.Function]) -> ca.Function:
-    """``(t, x, u, p) -> d rhs/dx, d rhs/du, d y/dx, d y/du`` of a continuous component."""
+    """`(t, x, u, p) -> d rhs/dx, d rhs/du, d y/dx, d y/du` of a continuous component."""
     t = d.symbols.sym("t")
     x, u, p = (d.symbols.sym(r, d.size(r)) for r in VECTORS)
     dx, y = functions["rhs"](t, x, u, p), functions["out"](t, x, u, p)
@@ -39,7 +39,7 @@ def make_jacobians(d: Declaration, functions: Mapping[str, ca.Function]) -> ca.F
 
 
 def linearized(d: Declaration, jacobians: ca.Function, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Linearization:
-    """Linear model about ``(x, u, p)``; C and D cover all output elements in order."""
+    """Linear model about `(x, u, p)`; C and D cover all output elements in order."""
     A, B, Cy, Dy = (np.asarray(ca.DM(m).full()) for m in jacobians(0.0, x, u, p))
     outs = d.output_elements()
     C, D = np.zeros((len(outs), d.size("state"))), np.zeros((len(outs), d.size("input")))
@@ -68,7 +68,7 @@ class StateSpace:
     outputs: Mapping[str, str | None]
 
     def declare_in(self, c: Any, source: str) -> None:
-        """Declare inputs, states, outputs and equations in the empty builder ``c``.
+        """Declare inputs, states, outputs and equations in the empty builder `c`.
 
         The matrices become tunable parameters.
         """
@@ -100,7 +100,7 @@ def statespace(
     inputs: Mapping[str, str | None] | None,
     outputs: Mapping[str, str | None] | None,
 ) -> StateSpace:
-    """What :meth:`Component.from_statespace` is given, checked."""
+    """What `Component.from_statespace` is given, checked."""
     if isinstance(system, tuple):
         matrices, dt = system, sample_time or 0
     else:

@@ -31,16 +31,16 @@ class Model(Declaration):
     def functions(self) -> dict[str, ca.Function]:
         """The component's functions; arguments and results are dense column vectors.
 
-        ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
-        ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
-        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three
-        take their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each; with
-        random profiles they take these as last argument, and ``profile_settings (t, x, u, p)`` and ``spectra (wave
-        number, x, u, p)`` are what these come from (:mod:`build_fmus.random_profiles`); ``fwd (t, x, u, p, dx, du, dp)
-        -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous); ``jac (t, x, u, p) -> d rhs/dx, d
-        rhs/dt`` (solver ``ros2``, and wherever its code stays short); ``check (t, x, u, p) -> values`` that must be > 0
-        when initialization ends (components with checks); ``values (t, x, u, p) -> v1, v2, ...``: intermediate values
-        with a name, in this order (with solutions as ``out``).
+        `start (x, u, p) -> x0`: start state (declared starts pass through, calculated ones are evaluated);
+        `rhs (t, x, u, p) -> dx` (continuous) or `update (t, x, u, p) -> x_next` and
+        `tick (t, x, u, p) -> x_next, y` (discrete); `out (t, x, u, p) -> y`; with quadratic programs these three
+        take their solutions as fifth argument, and `programs (t, x, u, p) -> data` has q, l, u, case of each; with
+        random profiles they take these as last argument, and `profile_settings (t, x, u, p)` and `spectra (wave
+        number, x, u, p)` are what these come from (`build_fmus.random_profiles`); `fwd (t, x, u, p, dx, du, dp)
+        -> d rhs, d y` and `fwd_start (x, u, p, dx, du, dp) -> d x0` (continuous); `jac (t, x, u, p) -> d rhs/dx, d
+        rhs/dt` (solver `ros2`, and wherever its code stays short); `check (t, x, u, p) -> values` that must be > 0
+        when initialization ends (components with checks); `values (t, x, u, p) -> v1, v2, ...`: intermediate values
+        with a name, in this order (with solutions as `out`).
 
         Raises:
             DeclarationError: an expression with an undeclared symbol, a check that depends on a state.
@@ -48,7 +48,7 @@ class Model(Declaration):
         return functions.make_functions(self._in_numbers)
 
     def failed_checks(self, u: np.ndarray | None = None, p: np.ndarray | None = None) -> list[str]:
-        """Messages of the checks that inputs ``u`` and parameters ``p`` (start values by default) do not pass."""
+        """Messages of the checks that inputs `u` and parameters `p` (start values by default) do not pass."""
         if not self.checks:
             return []
         u, p = self._given(u, p)
@@ -57,17 +57,17 @@ class Model(Declaration):
 
     @cached_property
     def dependencies(self) -> dict[str, list[str]]:
-        """Exact structural dependencies from the sparsity pattern: :func:`structure.dependencies`."""
+        """Exact structural dependencies from the sparsity pattern: `structure.dependencies`."""
         return structure.dependencies(self, self.functions, initial=False)
 
     @cached_property
     def initial_dependencies(self) -> dict[str, list[str]]:
-        """As :attr:`dependencies`, during initialization."""
+        """As `dependencies`, during initialization."""
         return structure.dependencies(self, self.functions, initial=True)
 
     @cached_property
     def velocity_of(self) -> np.ndarray:
-        """For each state the slot of the state that is its derivative, or -1: :func:`structure.velocities`."""
+        """For each state the slot of the state that is its derivative, or -1: `structure.velocities`."""
         return structure.velocities(self, self.functions)
 
     @cached_property
@@ -77,16 +77,16 @@ class Model(Declaration):
 
     @cached_property
     def dimensions(self) -> Dimensions:
-        """Whether all expressions scale as the units of their variables do: :mod:`.dimensions`."""
+        """Whether all expressions scale as the units of their variables do: `.dimensions`."""
         _ = self.functions  # undeclared symbols are refused there
         return find_dimensions(self)
 
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
     ) -> linear.Linearization:
-        """Linear model about ``(x, u, p)`` (start values by default); C and D cover all output elements in order.
+        """Linear model about `(x, u, p)` (start values by default); C and D cover all output elements in order.
 
-        ``x`` None means the start state for ``u`` and ``p``. Continuous components only.
+        `x` None means the start state for `u` and `p`. Continuous components only.
         """
         if self.kind != "continuous":
             raise DeclarationError(f"{self.name}: only continuous components have a linear model here")

@@ -29,7 +29,7 @@ def constant_outputs(d: Declaration) -> dict[str, float]:
 def dependencies(d: Declaration, functions: Mapping[str, ca.Function], *, initial: bool) -> dict[str, list[str]]:
     """Maps each output and derivative element to the elements that it depends on directly.
 
-    Of continuous states and inputs (discrete components: of inputs, by feed-through at a sample instant); ``initial``:
+    Of continuous states and inputs (discrete components: of inputs, by feed-through at a sample instant); `initial`:
     during initialization, of parameters, inputs and settable start values, for calculated states too. Time is left out,
     though FMI allows it: no importer needs it, and OMSimulator refuses an FMI 3.0 FMU that lists it.
     """
@@ -112,7 +112,7 @@ def velocities(d: Declaration, functions: Mapping[str, ca.Function]) -> np.ndarr
 
 
 def _pattern(expression: Any, knowns: Any) -> list[set[int]]:
-    """For each row of a column expression the elements of ``knowns`` it depends on."""
+    """For each row of a column expression the elements of `knowns` it depends on."""
     rows: list[set[int]] = [set() for _ in range(expression.numel())]
     if expression.numel() and knowns.numel():
         for r, c in zip(*ca.jacobian_sparsity(expression, knowns).get_triplet(), strict=True):

@@ -47,10 +47,10 @@ def text_fault(text: str) -> str:
 class Variable:
     """One declared variable (scalar, vector or matrix).
 
-    ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
-    ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the
-    source of an input must have, None where any value will do. ``source`` says where the value of a parameter comes
-    from. ``rows`` and ``columns``: units of an array whose elements differ, see :meth:`Component.parameter`.
+    `slot` is the position of its first element in the vector of its role (`p`, `u`, `x` or `y`).
+    `start` is flat and row-major, or None when the value is calculated. `must_equal` is the constant that the
+    source of an input must have, None where any value will do. `source` says where the value of a parameter comes
+    from. `rows` and `columns`: units of an array whose elements differ, see `Component.parameter`.
     """
 
     name: str
@@ -82,11 +82,11 @@ class Variable:
 
     @property
     def tolerance(self) -> float:
-        """Difference from ``must_equal`` that passes, in the variable's unit."""
+        """Difference from `must_equal` that passes, in the variable's unit."""
         return math.inf if self.must_equal is None else _SAME * abs(self.must_equal)
 
     def element_names(self) -> list[str]:
-        """Scalar names in slot order: ``gain.y[2,3]``; row-major and 1-based as FMI's structured naming has it."""
+        """Scalar names in slot order: `gain.y[2,3]`; row-major and 1-based as FMI's structured naming has it."""
         if not self.shape:
             return [self.name]
         indices = product(*(range(1, n + 1) for n in self.shape))

@@ -2,12 +2,12 @@
 
 Modules of the package, lowest first:
 
-- ``operators``: how each operation of CasADi is written in C;
-- ``names``: C identifiers, and C structs over the runtime's vectors (``p->suspension_stiffness``);
-- ``graph``: operations of all functions of a component, each different one once, so that what has a name has it
+- `operators`: how each operation of CasADi is written in C;
+- `names`: C identifiers, and C structs over the runtime's vectors (`p->suspension_stiffness`);
+- `graph`: operations of all functions of a component, each different one once, so that what has a name has it
   everywhere;
-- ``statements``: one C function from its operations;
-- ``casadi_code``: CasADi's own code, for functions with operations that the others do not know.
+- `statements`: one C function from its operations;
+- `casadi_code`: CasADi's own code, for functions with operations that the others do not know.
 
 The order of operations is the declaration's: the code gives the bits that CasADi's would.
 """

@@ -1,4 +1,4 @@
-"""What only one value of a choice needs, under an ``if`` where that is worth a branch of the processor.
+"""What only one value of a choice needs, under an `if` where that is worth a branch of the processor.
 
 A choice takes one of two values, and a declaration computes both. An operation that only one of them needs, directly or
 by way of others, need not be carried out where the other one is taken; the results are the same. So a contact that is
@@ -59,7 +59,7 @@ _CHEAP = frozenset(
 
 
 def guards(graph: Graph, roots: Iterable[int], needed: Iterable[int]) -> dict[int, Guard]:
-    """The conditions of each operation that stands under some, of those ``needed`` for ``roots``.
+    """The conditions of each operation that stands under some, of those `needed` for `roots`.
 
     Empty where an operation works on vectors.
     """
@@ -127,7 +127,7 @@ class Block:
 def arranged(under: Sequence[Guard], needs: Sequence[frozenset[int]]) -> list[int | Block]:
     """Lines by their numbers; lines under conditions are in blocks.
 
-    There are as few blocks as possible where each line stands after the lines that it ``needs``.
+    There are as few blocks as possible where each line stands after the lines that it `needs`.
     """
 
     def place(lines: list[int], level: int) -> list[int | Block]:

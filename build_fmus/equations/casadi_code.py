@@ -26,7 +26,7 @@ _CAST = r"(?<!sizeof)\((?:casadi_)?int\)(?![ ]?sizeof) ?"  # a number to an inde
 def casadi_code(functions: Sequence[ca.Function]) -> tuple[str, dict[str, str]]:
     """C code of functions, and the name of each in it.
 
-    In C they have the form ``int (const double**, double**, int*, double*, int)``.
+    In C they have the form `int (const double**, double**, int*, double*, int)`.
 
     Raises:
         RuntimeError: code that allocates, or converts numbers to integers in a way that is not known.

@@ -40,7 +40,7 @@ class _Part:
 
     Attributes:
         name, title: of the C function; what its section is about.
-        function: of :attr:`Component.functions`.
+        function: of `Component.functions`.
         results: for each result the index among those of CasADi's function, and where it goes.
         skipped: slots of the first result that stay as they are.
     """
@@ -167,7 +167,7 @@ class Functions:
             return None
 
     def _inputs(self, function: str) -> tuple[str, ...]:
-        """What a function of :attr:`Component.functions` is given; what it does not take may follow."""
+        """What a function of `Component.functions` is given; what it does not take may follow."""
         c = self._component
         further = [p for p, there in (("s", c.programs), ("c", c.profiles)) if there]
         return _INPUTS.get(function, ("t", "x", "u", "p", *further))
@@ -198,7 +198,7 @@ class Functions:
         return names, constants
 
     def _value_nodes(self, results: Iterable[Result]) -> Iterator[tuple[str, str, int]]:
-        """Name, source and node of the intermediate values; of scalar graphs each element is one, ``turn_2_3``."""
+        """Name, source and node of the intermediate values; of scalar graphs each element is one, `turn_2_3`."""
         by_index: dict[int, list[Result]] = {}
         for r in results:
             by_index.setdefault(r.index, []).append(r)

@@ -35,9 +35,9 @@ class UnknownOperationError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
-    """One operation: its result has ``size`` numbers, those of a matrix column by column.
+    """One operation: its result has `size` numbers, those of a matrix column by column.
 
-    ``data`` belongs to the operation: the number or numbers of a constant, vector and first position of an input,
+    `data` belongs to the operation: the number or numbers of a constant, vector and first position of an input,
     positions of elements, sizes of matrices.
     """
 
@@ -49,7 +49,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Result:
-    """Elements of a function's result from ``start`` on."""
+    """Elements of a function's result from `start` on."""
 
     index: int
     start: int

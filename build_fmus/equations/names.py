@@ -94,9 +94,9 @@ _OWN = frozenset(
 
 
 def identifier(name: str, taken: Collection[str] = (), *, local: bool = True) -> str:
-    """A C identifier for ``name`` (``suspension.stiffness`` -> ``suspension_stiffness``) that is not taken yet.
+    """A C identifier for `name` (`suspension.stiffness` -> `suspension_stiffness`) that is not taken yet.
 
-    ``local``: of a variable in a generated function, where more names are taken than behind an arrow.
+    `local`: of a variable in a generated function, where more names are taken than behind an arrow.
     """
     result = re.sub(r"\W+", "_", name)
     while result in _KEYWORDS or result in taken or (local and result in _RESERVED):
@@ -125,7 +125,7 @@ class Struct:
     """A C struct that lies over a vector, field after field without gaps."""
 
     def __init__(self, name: str, title: str, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> None:
-        """``variables``: name, shape and comment of each; the title says what the struct is."""
+        """`variables`: name, shape and comment of each; the title says what the struct is."""
         self.name, self.title = name, title
         self.fields: list[Field] = []
         taken: set[str] = set()

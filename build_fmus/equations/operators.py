@@ -45,7 +45,7 @@ def constant(value: float) -> Text:
 
 
 def _infix(operator: str, level: int, *, operands: int | None = None, logical: bool = False) -> _Writer:
-    """Operators that C groups from the left; ``operands``: the level that both operands need instead."""
+    """Operators that C groups from the left; `operands`: the level that both operands need instead."""
 
     def write(a: Text, b: Text) -> Text:
         left, right = (level, level + 1) if operands is None else (operands, operands)
@@ -55,7 +55,7 @@ def _infix(operator: str, level: int, *, operands: int | None = None, logical: b
 
 
 def _condition(operator: str, level: int) -> _Writer:
-    """``&&`` and ``||``, whose operands are conditions; without parentheses only what no reader mistakes."""
+    """`&&` and `||`, whose operands are conditions; without parentheses only what no reader mistakes."""
 
     def write(a: Text, b: Text) -> Text:
         code = [x.code if x.level in (level, EQUAL, COMPARED, SIGNED, ATOM) else f"({x.code})" for x in (a, b)]
@@ -108,7 +108,7 @@ FUNCTIONS = (
     "hypot",
     "remainder",
 )
-"""Operations that C has a function for, of the same name; ``sign`` is one of ours."""
+"""Operations that C has a function for, of the same name; `sign` is one of ours."""
 
 _Writer = Callable[..., Text]
 _CONDITIONS = (ca.OP_NOT, ca.OP_AND, ca.OP_OR)
@@ -147,7 +147,7 @@ HELPERS = (
     "product",
     "add_product",
 )
-"""Functions of ``runtime/equations.h``, which no value may be called like."""
+"""Functions of `runtime/equations.h`, which no value may be called like."""
 
 
 def write(operation: int, operands: Sequence[Text]) -> Text:

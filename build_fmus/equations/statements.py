@@ -2,7 +2,7 @@
 
 What is used once stands where it is used; what has a name, is used more often, or makes a line too long gets a line of
 its own. The numbers of a vector are computed in one loop as far as they do not depend on each other. What only one
-value of a choice needs stands under its condition (:mod:`branches`).
+value of a choice needs stands under its condition (`branches`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _FREE = 16  # characters of an operand that no line of its own makes shorter
 
 
 class Index(NamedTuple):
-    """A position in a vector: ``step * variable + start``; variable "" for a number."""
+    """A position in a vector: `step * variable + start`; variable "" for a number."""
 
     variable: str
     step: int = 1
@@ -57,8 +57,8 @@ class Index(NamedTuple):
 class Value:
     """How a node is written in C.
 
-    ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a row. ``length`` is the
-    approximate number of characters; ``reads`` are the work arrays and named numbers that it is read from. A plain
+    `at` gives the code of one element; `pointer` that of the first where all lie in a row. `length` is the
+    approximate number of characters; `reads` are the work arrays and named numbers that it is read from. A plain
     value is stored and needs no calculation.
     """
 
@@ -83,9 +83,9 @@ class Name:
 
 @dataclass(frozen=True)
 class Target:
-    """Where a result goes: ``struct`` over ``pointer``, or an array where there is no struct.
+    """Where a result goes: `struct` over `pointer`, or an array where there is no struct.
 
-    ``sources`` of equations and ``comments`` are by element. ``array`` is the same as an array; ``zero_first``: all
+    `sources` of equations and `comments` are by element. `array` is the same as an array; `zero_first`: all
     elements become 0 before those that are not.
     """
 
@@ -130,7 +130,7 @@ class Tables:
 class _Line:
     """Lines of code, with the work arrays and named numbers that they write and read.
 
-    ``@`` stands for the position of the array that they begin. ``kind`` is the type of a number whose line does not say
+    `@` stands for the position of the array that they begin. `kind` is the type of a number whose line does not say
     it, because that depends on where the number is read.
     """
 
@@ -155,9 +155,9 @@ class Statements:
         *,
         branches: bool = True,
     ) -> None:
-        """Prepare the statements of functions over ``graph``.
+        """Prepare the statements of functions over `graph`.
 
-        ``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays; ``branches``:
+        `structs`: those of the vectors, by the pointer's name; `constants`: names of constant arrays; `branches`:
         whether code that only one value of a choice needs stands under its condition.
         """
         self._branches = branches
@@ -410,7 +410,7 @@ class Statements:
     def _loop(
         self, target: str, size: int, value: Value, writes: str = "", reads: frozenset[str] = frozenset()
     ) -> None:
-        """``target`` = value, element by element; with ``i`` in the target."""
+        """`target` = value, element by element; with `i` in the target."""
         if size == 1:
             line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).code};"
         else:
@@ -476,7 +476,7 @@ class Statements:
         self._lines.append(_Line([line], writes=storage, reads=value.reads))
 
     def _own(self, n: int, a: int) -> str:
-        """A work array for node ``n`` that begins as ``a``: that of ``a`` itself where nothing else reads it."""
+        """A work array for node `n` that begins as `a`: that of `a` itself where nothing else reads it."""
         if a in self._storage and self._uses[a] == 1:
             storage = self._storage[n] = self._storage[a]
             return storage

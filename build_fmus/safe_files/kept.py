@@ -1,6 +1,6 @@
 """What is kept to save work: every entry carries a hash of its content and its name, which is checked when it is read.
 
-A damaged entry is removed with a :class:`DamagedWarning` that names it, and counts as missing.
+A damaged entry is removed with a `DamagedWarning` that names it, and counts as missing.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ def keep_json(path: Path, value: Any) -> None:
 
 
 def kept_json(path: Path) -> Any:
-    """The value that :func:`keep_json` wrote there.
+    """The value that `keep_json` wrote there.
 
     Raises:
-        CacheMiss: no such file, one that is older than :func:`ignore_cache` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than `ignore_cache` allows, or a damaged one.
     """
     if not _usable(path):
         raise CacheMiss(path)
@@ -66,9 +66,9 @@ def _digest(name: str, value: Any) -> str:
 
 
 def keep_file(directory: Path, key: str, suffix: str, make: Callable[[Path], None]) -> Path:
-    """Keep the file that ``make`` writes to the path it is given.
+    """Keep the file that `make` writes to the path it is given.
 
-    Its name is made of ``key`` and the hash of its content.
+    Its name is made of `key` and the hash of its content.
     """
     directory.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=directory) as folder, named(directory, folder):
@@ -80,10 +80,10 @@ def keep_file(directory: Path, key: str, suffix: str, make: Callable[[Path], Non
 
 
 def kept_file(directory: Path, key: str, suffix: str) -> Path:
-    """The file that :func:`keep_file` kept under ``key``.
+    """The file that `keep_file` kept under `key`.
 
     Raises:
-        CacheMiss: no such file, one that is older than :func:`ignore_cache` allows, or a damaged one.
+        CacheMiss: no such file, one that is older than `ignore_cache` allows, or a damaged one.
     """
     for path in sorted(directory.glob(f"{key}-*{suffix}")):
         if path.name == f"{key}-{_file_digest(key, path)}{suffix}":
@@ -103,7 +103,7 @@ def _file_digest(key: str, path: Path) -> str:
 
 @contextmanager
 def ignore_cache(since: int) -> Iterator[None]:
-    """In the block, cache entries older than ``since`` (a time of :func:`clock`; 0: no limit) count as missing."""
+    """In the block, cache entries older than `since` (a time of `clock`; 0: no limit) count as missing."""
     token = _since.set(since)
     try:
         yield

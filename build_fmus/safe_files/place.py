@@ -17,10 +17,10 @@ class SharedFolderWarning(UserWarning):
 
 
 def cache_directory() -> Path:
-    """Where downloads and compiled code are kept: ``BUILD_FMUS_CACHE``, the user's cache folder, or a temporary one.
+    """Where downloads and compiled code are kept: `BUILD_FMUS_CACHE`, the user's cache folder, or a temporary one.
 
     A folder that belongs to another user, or to which others can write, is not used, with a
-    :class:`SharedFolderWarning`. Where no other is left, this process has a folder of its own, which is removed when it
+    `SharedFolderWarning`. Where no other is left, this process has a folder of its own, which is removed when it
     ends.
     """
     if chosen := os.environ.get("BUILD_FMUS_CACHE"):
@@ -41,7 +41,7 @@ def cache_directory() -> Path:
 
 
 def _usable(directory: Path, *, ours: bool) -> bool:
-    """Whether a folder for caches is there, or can be made, and is private; ``ours``: the user has not named it."""
+    """Whether a folder for caches is there, or can be made, and is private; `ours`: the user has not named it."""
     try:
         _make(directory)
         if reason := _open_to_others(directory):
@@ -67,7 +67,7 @@ def _make(directory: Path) -> None:
 def _open_to_others(directory: Path, *, is_cache: bool = True) -> str:
     """Why other users than the administrator can change what lies in a folder; "" if they cannot.
 
-    The folders above count too, since who can write to one can exchange what it holds; a sticky one (``/tmp``) protects
+    The folders above count too, since who can write to one can exchange what it holds; a sticky one (`/tmp`) protects
     what it holds. So do the folders that links lead to. Windows has no such modes: there a user's profile is private.
     """
     if not hasattr(os, "getuid"):

@@ -14,7 +14,7 @@ _count = itertools.count()
 
 
 def write(path: str | os.PathLike[str], content: str | bytes) -> Path:
-    """Write ``content`` (text in UTF-8, lines ended as they are) and return the path; see :func:`opened`."""
+    """Write `content` (text in UTF-8, lines ended as they are) and return the path; see `opened`."""
     with opened(path, "wb") as file:
         file.write(content.encode() if isinstance(content, str) else content)
     return Path(path)
@@ -22,14 +22,14 @@ def write(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 @contextmanager
 def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write that appears under ``path`` when the block ends without error.
+    """A file to write that appears under `path` when the block ends without error.
 
-    ``mode`` and ``options`` are as of ``open``. Until the end an older file stays as it is; after an error nothing is
-    left of the new one. The folder is made. A link stays a link; what is no regular file (``/dev/stdout``) is written
+    `mode` and `options` are as of `open`. Until the end an older file stays as it is; after an error nothing is
+    left of the new one. The folder is made. A link stays a link; what is no regular file (`/dev/stdout`) is written
     directly.
 
     Raises:
-        OSError: it cannot be written, with ``filename`` set (a full disk has no name of its own).
+        OSError: it cannot be written, with `filename` set (a full disk has no name of its own).
     """
     given = Path(path)
     target = Path(os.path.realpath(given))
@@ -50,9 +50,9 @@ def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Ite
 
 @contextmanager
 def named(path: str | os.PathLike[str], temporary: str | os.PathLike[str] | None = None) -> Iterator[None]:
-    """Around work on ``path``: an OSError without a file name (a full disk) gets this path.
+    """Around work on `path`: an OSError without a file name (a full disk) gets this path.
 
-    So does one that names the ``temporary`` file.
+    So does one that names the `temporary` file.
     """
     try:
         yield

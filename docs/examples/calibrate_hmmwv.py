@@ -4,7 +4,7 @@
 
 The data are given, not measured: this very model drives over Perryman 3 with the values of its FMU, and noise is added.
 So the fit must find these values where the data tell them, and says where they do not. With data of a car, replace
-``given`` by the table that was measured.
+`given` by the table that was measured.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def vehicle(speed_kmh: float) -> System:
 def fitted(speed_kmh: float, *, off: float = 1.1, seed: int = 1) -> tuple[Calibration, np.ndarray]:
     """The fit to noisy data of one drive, and the true values.
 
-    The fit starts from values that are wrong by the factor ``off``, up and down in turn.
+    The fit starts from values that are wrong by the factor `off`, up and down in turn.
     """
     with vehicle(speed_kmh) as system:
         declared = system["car"].description.parameters

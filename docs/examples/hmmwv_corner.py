@@ -4,7 +4,7 @@
 
 The controller holds the actuator at zero force, so that the wheel is not held by the oil. Every box is an FMU with a
 rate of its own. A SpeedProfile drives, and a controller of the vehicle would be connected to
-``tracking.force.desired``.
+`tracking.force.desired`.
 """
 
 from __future__ import annotations

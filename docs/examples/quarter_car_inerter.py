@@ -1,6 +1,6 @@
 """A component of your own, built into an FMU: a quarter car with an inerter.
 
-See ``docs/tutorials/first-component.md``.
+See `docs/tutorials/first-component.md`.
 
 python docs/examples/quarter_car_inerter.py      # writes QuarterCarInerter.fmu (FMI 3.0) here
 """

@@ -1,4 +1,4 @@
-"""A driver's seat, made with another tool: PythonFMU writes ``Seat.fmu`` (FMI 2.0) from this file.
+"""A driver's seat, made with another tool: PythonFMU writes `Seat.fmu` (FMI 2.0) from this file.
 
     pip install pythonfmu
     pythonfmu build -f docs/examples/seat.py

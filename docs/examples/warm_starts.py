@@ -33,7 +33,7 @@ def begin(path: Path) -> tuple[System, SystemState]:
 
 
 def reached(path: Path, force: float) -> float:
-    """Largest force in 0.1 s after a step to ``force`` [N], as part of it."""
+    """Largest force in 0.1 s after a step to `force` [N], as part of it."""
     system, state = begin(path)
     simulation = system.initialize(record=["actuator.force"], state=state)
     rest = simulation.recording["actuator.force"][0]

@@ -1,4 +1,4 @@
-"""Draw ``exchange.svg``: who reads what, and of which time, as the master runs four components.
+"""Draw `exchange.svg`: who reads what, and of which time, as the master runs four components.
 
 python docs/images/draw_exchange.py
 
@@ -33,7 +33,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Read:
-    """What a step began with: ``reader`` at ``time`` read the output that ``source`` had of ``of`` [ms]."""
+    """What a step began with: `reader` at `time` read the output that `source` had of `of` [ms]."""
 
     reader: str
     time: Fraction
@@ -69,7 +69,7 @@ class _Discrete(_Logged):
 
 
 def reads(*, group: bool) -> list[Read]:
-    """All that is read until the end of the picture, in the order of the calls; ``group``: actuator and car are one."""
+    """All that is read until the end of the picture, in the order of the calls; `group`: actuator and car are one."""
     found: list[Read] = []
     with System() as system:
         for source, name in pairwise(CHAIN):
@@ -100,7 +100,7 @@ WORDS = {
 
 
 def kind_of(read: Read) -> str:
-    """Of which age what was read is: a key of :data:`WORDS`."""
+    """Of which age what was read is: a key of `WORDS`."""
     return "same" if read.of == read.time else "held" if read.of < read.time else "ahead"
 
 

@@ -1,4 +1,4 @@
-"""Draw ``response.svg``, the result figure of the README, from the tables of the study.
+"""Draw `response.svg`, the result figure of the README, from the tables of the study.
 
 cosim study gpc
 python docs/images/draw_response.py [results/gpc]

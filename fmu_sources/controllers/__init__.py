@@ -1,14 +1,12 @@
 """Control laws, by method.
 
-==================  =================================================================================
-``skyhook``         dampers between body and sky (paper 001)
-``force_tracking``  hydraulic force tracking by dynamic surface control (paper 001)
-``lq``              linear-quadratic regulators and optimal preview control (papers 001 to 004)
-``mpc``             model predictive control of any plant, and the published control laws (papers 001 to 003)
-``gpc``             generalized predictive control, identified from a plant's FMU (paper 000)
-``trench``          cases and references for crossing trenches (paper 003)
-``checks``          checks of arguments that the designs share
-==================  =================================================================================
+- `skyhook`: dampers between body and sky (paper 001)
+- `force_tracking`: hydraulic force tracking by dynamic surface control (paper 001)
+- `lq`: linear-quadratic regulators and optimal preview control (papers 001 to 004)
+- `mpc`: model predictive control of any plant, and the published control laws (papers 001 to 003)
+- `gpc`: generalized predictive control, identified from a plant's FMU (paper 000)
+- `trench`: cases and references for crossing trenches (paper 003)
+- `checks`: checks of arguments that the designs share
 
-Models that control laws, filters and plants have in common are in :mod:`fmu_sources.models`.
+Models that control laws, filters and plants have in common are in `fmu_sources.models`.
 """

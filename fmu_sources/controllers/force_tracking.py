@@ -33,9 +33,9 @@ _UNUSED = {"supply.flow_limit", "valve.null_opening", "valve.smoothing", "bypass
 
 
 def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
-    """The filter (1.16) sampled exactly for an input that is held over ``period`` [s].
+    """The filter (1.16) sampled exactly for an input that is held over `period` [s].
 
-    Returns the matrices (4, 4) and (4,) of ``x+ = A x + B F``; the states are the output of the first section [N], its
+    Returns the matrices (4, 4) and (4,) of `x+ = A x + B F`; the states are the output of the first section [N], its
     rate [N/s], the filtered force [N], and its rate [N/s].
     """
     A = np.array(
@@ -56,7 +56,7 @@ def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
 def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: float = SAMPLE_TIME) -> Component:
     """Force controller of one wheel's actuator; its parameters are the assumed properties of the actuator.
 
-    ``period``: sample time [s].
+    `period`: sample time [s].
     """
     c = Component(
         name,

@@ -17,7 +17,7 @@ import scipy.linalg
 class SampledModel:
     """Car and noise at one sample time [s].
 
-    ``E`` and ``F`` are the effect of road rates that are held over a sample.
+    `E` and `F` are the effect of road rates that are held over a sample.
     """
 
     A: np.ndarray
@@ -45,9 +45,9 @@ def sampled_model(
     road: float,
     period: float,
 ) -> SampledModel:
-    """Sample ``dx/dt = A x + B u + E w``, ``y = C x + D u + F w`` with u and w held.
+    """Sample `dx/dt = A x + B u + E w`, `y = C x + D u + F w` with u and w held.
 
-    ``measured``: standard deviations of y; ``force``: that of the measured u; ``road``: intensity of the white road
+    `measured`: standard deviations of y; `force`: that of the measured u; `road`: intensity of the white road
     rates w [m2/s], held over a sample with variance road / period.
     """
     n, m = A.shape[0], B.shape[1]
@@ -66,7 +66,7 @@ def sampled_model(
 class Filter:
     """Correct, x += gain (y - C x - D u); then predict, x = A x + B u + Y y, with no cross-covariance left.
 
-    ``gain`` and the covariance before a measurement (``prior``) are those of the steady state; ``Q`` is what the
+    `gain` and the covariance before a measurement (`prior`) are those of the steady state; `Q` is what the
     process noise leaves that the measurements do not share.
     """
 

@@ -51,7 +51,7 @@ START_SIGMA = {"deflection": 0.03, "z": 0.05, "vz": 0.5, "roll": 0.05, "pitch": 
 
 
 def measurement_rows(sensors: SensorSet, output: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """``C``, ``D``, ``F`` of the twelve measurements, from a function that gives those of outputs of the car."""
+    """`C`, `D`, `F` of the twelve measurements, from a function that gives those of outputs of the car."""
     travel, hubs, body = output(SUSPENSION), output(_HUBS), output(_ACCELERATIONS)
     rates = output(("body.pitch_rate", "body.roll_rate"))
     places = np.array([[1.0, place.y.value, -place.x.value] for place in (sensors.chassis.front, sensors.chassis.rear)])
@@ -66,7 +66,7 @@ def measurement_noise(sensors: SensorSet) -> np.ndarray:
 
 
 def relative_filter(car: Component, sensors: SensorSet, road: float, period: float = SAMPLE_TIME) -> Filter:
-    """Filter of the 15 relative states for a road whose rate has the intensity ``road`` [m2/s]."""
+    """Filter of the 15 relative states for a road whose rate has the intensity `road` [m2/s]."""
     model = relative_model(car)
     C, D, F = measurement_rows(sensors, model.output)
     sampled = sampled_model(
@@ -342,7 +342,7 @@ def _sequential(covariance: Any, C: Any) -> tuple[Any, Any]:
 class _Tension:
     """Tension that the linear tires take and those of the car do not, once they have lost their static load.
 
-    ``force(x, known)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what
+    `force(x, known)` (4,) [N] on the wheels, for estimates x; `driving` (15, 4) and `measured` (12, 4) are what
     it does to the states over a sample and to the measurements.
     """
 
@@ -375,7 +375,7 @@ class _Tension:
         self.measured[[_SENSORS.index(f"hub.{k}.az") for k in CORNERS], range(4)] = per_mass
 
     def force(self, x: Any, known: Any) -> Any:
-        """Tension [N] of each tire that is to be taken off, 0 while the road is not ``known``.
+        """Tension [N] of each tire that is to be taken off, 0 while the road is not `known`.
 
         Without the road nothing measures the gap under a wheel in the air: the tension would feed on its own estimate
         and grow without bound. The gap that counts is limited for the same reason.

@@ -1,7 +1,7 @@
 """The states that the controllers of the quarter-car bench feed back (paper 002), and the bench's model in them.
 
 Suspension deflection, body velocity, tire deflection, wheel velocity. The plant's own states are heights;
-:func:`bench_model` changes to those of the paper.
+`bench_model` changes to those of the paper.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STATES = ("suspension.deflection", "body.vz", "tire.deflection", "wheel.vz")
 def bench_model(car: Component) -> Linearization:
     """The quarter car in the states of paper 002, equation (3).
 
-    Inputs are ``force`` and ``road.rate``, outputs the states.
+    Inputs are `force` and `road.rate`, outputs the states.
     """
     car_in_states = relative_model(car, STATES, forces=["force"], heights=["road.height"], rates=["road.rate"])
     return car_in_states.linearization()

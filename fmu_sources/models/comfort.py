@@ -1,14 +1,14 @@
 """What a rider feels: absorbed power, ISO 2631-1 weighted acceleration, vibration dose.
 
 Absorbed power has two definitions, and 6 W by one is not 6 W by the other: Donahue and Hedrick's filter of second order
-(:data:`HUMAN_RESPONSE`) and the one of third order of the ride-quality literature, which mobility models such as NRMM
-use (:data:`HUMAN_RESPONSE_NRMM`). On one acceleration the power of the latter is 1.06 times that of the former at 1 Hz,
-1.38 times at 4 Hz, 1.07 times at 8 Hz. Functions take either as ``response``.
+(`HUMAN_RESPONSE`) and the one of third order of the ride-quality literature, which mobility models such as NRMM
+use (`HUMAN_RESPONSE_NRMM`). On one acceleration the power of the latter is 1.06 times that of the former at 1 Hz,
+1.38 times at 4 Hz, 1.07 times at 8 Hz. Functions take either as `response`.
 
-The filters are given once, as analog sections (also :data:`WEIGHTING_WK`), and become
+The filters are given once, as analog sections (also `WEIGHTING_WK`), and become
 digital by the bilinear transformation; every section is prewarped at its own frequency, where its digital gain and
 phase are exact. Online components and the functions of this module use the same coefficients
-(:func:`digital_sections`), the same start (filters at rest) and the same sums (a sample stands for the sampling
+(`digital_sections`), the same start (filters at rest) and the same sums (a sample stands for the sampling
 interval before it).
 
 "Donahue and Hedrick" stands for "Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort".
@@ -52,9 +52,9 @@ LOWEST_RATE = 100.0  # Hz, for accelerations that a rider feels up to some 10 Hz
 
 @dataclass(frozen=True)
 class Section:
-    """Section ``(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)`` of a filter.
+    """Section `(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)` of a filter.
 
-    Exact at ``frequency`` [Hz] when made digital; of first order where ``b[2]`` and ``a[2]`` are 0.
+    Exact at `frequency` [Hz] when made digital; of first order where `b[2]` and `a[2]` are 0.
     """
 
     b: tuple[float, float, float]
@@ -99,7 +99,7 @@ WEIGHTING_WK = _weighting_wk()
 
 
 def digital_sections(sections: tuple[Section, ...], rate_hz: float) -> Array:
-    """One row ``b0 b1 b2 1 a1 a2`` per section, as `scipy.signal.sosfilt` takes them.
+    """One row `b0 b1 b2 1 a1 a2` per section, as `scipy.signal.sosfilt` takes them.
 
     At 1 kHz the human response is within 0.1 % in power up to 12 Hz and 0.3 % at 20 Hz, Wk within 0.2 dB up to 80 Hz;
     at the lowest rates they are 6 % (10 Hz) and 0.5 dB (80 Hz) low.
@@ -136,7 +136,7 @@ def absorbed_power_series(
 
 
 def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float, response: tuple[Section, ...] = HUMAN_RESPONSE) -> float:
-    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`.
+    """Mean absorbed power of the run [W], to be compared with `ABSORBED_POWER_LIMIT`.
 
     Source: Donahue and Hedrick, (1.19).
     """

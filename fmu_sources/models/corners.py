@@ -1,8 +1,8 @@
 """Corners of vehicles: names, axles, the order of all vectors over wheels, and declarations per corner.
 
 The variables of a car are in the order of kinds: all heights, then all velocities, not corner by corner. Its equations
-are those of one corner, four or six times. A :class:`Corner` holds what belongs to one of them, and
-:meth:`Corners.each` declares one kind after the other::
+are those of one corner, four or six times. A `Corner` holds what belongs to one of them, and
+`Corners.each` declares one kind after the other:
 
     corners = Corners(TWO_AXLES)
     corners.each(z=lambda k: c.state(f"wheel.{k}.z", "m", "height of the wheel"))
@@ -18,9 +18,9 @@ from types import SimpleNamespace
 from typing import Any
 
 TWO_AXLES = {f"{axle[0]}{side}": axle for axle in ("front", "rear") for side in "lr"}
-"""Corner -> axle: ``fl fr rl rr`` -> ``front`` or ``rear``."""
+"""Corner -> axle: `fl fr rl rr` -> `front` or `rear`."""
 THREE_AXLES = {f"{axle}{side}": axle for axle in ("a1", "a2", "a3") for side in "lr"}
-"""Corner -> axle: ``a1l a1r a2l a2r a3l a3r`` -> ``a1`` (the front), ``a2`` or ``a3``."""
+"""Corner -> axle: `a1l a1r a2l a2r a3l a3r` -> `a1` (the front), `a2` or `a3`."""
 
 CORNERS = tuple(TWO_AXLES)
 SIX_CORNERS = tuple(THREE_AXLES)
@@ -29,7 +29,7 @@ SIX_CORNERS = tuple(THREE_AXLES)
 class Corner(SimpleNamespace):
     """One corner, and all that it is given. In texts it is its name.
 
-    ``name``, ``axle``; ``side``: 1 left of the middle, -1 right; ``place`` in the order of the corners, from 0 on.
+    `name`, `axle`; `side`: 1 left of the middle, -1 right; `place` in the order of the corners, from 0 on.
     """
 
     def __init__(self, name: str, axle: str, place: int) -> None:

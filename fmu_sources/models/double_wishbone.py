@@ -8,7 +8,7 @@ chassis, positive upwards, 0 at design. The left side is computed; the right one
 x forward, y left, z up.
 
 What the motion of a wheel is needed for is smooth, so few numbers hold it: the coefficients of a uniform cubic B-spline
-(:class:`Spline`), which is twice continuously differentiable. :meth:`Spline.basis` has the values of the basis for
+(`Spline`), which is twice continuously differentiable. `Spline.basis` has the values of the basis for
 symbols as well.
 """
 
@@ -124,7 +124,7 @@ class DoubleWishbone:
         self._solved: dict[int, tuple[np.ndarray, np.ndarray]] = {0: (self.points["wheel_centre"], np.eye(3))}
 
     def arm(self, which: str) -> Arm:
-        """Geometry of the ``"upper"`` or ``"lower"`` arm at design."""
+        """Geometry of the `"upper"` or `"lower"` arm at design."""
         p = self.points
         return Arm(p[f"{which}_front"], p[f"{which}_rear"], p[f"{which}_ball"], p[f"{which}_com"])
 
@@ -199,7 +199,7 @@ class Arm:
         return np.asarray(along / np.linalg.norm(along))
 
     def from_axis(self, point: np.ndarray) -> np.ndarray:
-        """The part of ``point`` (3,) [m] that stands perpendicular on the axis."""
+        """The part of `point` (3,) [m] that stands perpendicular on the axis."""
         out = point - self.front
         return np.asarray(out - (out @ self.axis) * self.axis)
 
@@ -209,7 +209,7 @@ class Arm:
         return float(np.linalg.norm(self.from_axis(self.ball)))
 
     def turned(self, ball: np.ndarray) -> np.ndarray:
-        """Rotation (3, 3) that takes the ball joint from design to ``ball``."""
+        """Rotation (3, 3) that takes the ball joint from design to `ball`."""
         old, new = self.from_axis(self.ball), self.from_axis(ball)
         angle = np.arctan2(np.cross(old, new) @ self.axis, old @ new)
         return _rotation(angle * self.axis)
@@ -217,7 +217,7 @@ class Arm:
     def lumps(self, mass: float, inertia: float) -> tuple[float, float, float]:
         """Point masses [kg] at the ball joint, at the centre of mass and at the axis that move as the arm does.
 
-        They have its mass, its first moment about the axis, and its moment of inertia about the axis (``inertia`` [kg
+        They have its mass, its first moment about the axis, and its moment of inertia about the axis (`inertia` [kg
         m2] is that about the parallel through the centre of mass), where the centre of mass lies on the way from the
         axis to the ball joint.
         """
@@ -230,7 +230,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Spline:
-    """Uniform cubic B-splines over ``knots`` [m]: a function is one coefficient per knot.
+    """Uniform cubic B-splines over `knots` [m]: a function is one coefficient per knot.
 
     Linear functions have their own values as coefficients.
     """
@@ -255,7 +255,7 @@ class Spline:
     ) -> Any:
         """Value of a basis function at a distance from its knot, in steps.
 
-        ``largest`` and ``size``: maximum and absolute value, those of other libraries for symbols.
+        `largest` and `size`: maximum and absolute value, those of other libraries for symbols.
         """
         away = size(distance)
         wide, narrow = largest(0, 2 - away), largest(0, 1 - away)
@@ -266,7 +266,7 @@ class Spline:
         return np.asarray(self.basis((np.asarray(at)[:, None] - self.knots[None, :]) / self.step))
 
     def fitted(self, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Coefficients (count,) of the function that is nearest to ``values`` at arguments [m], in least squares."""
+        """Coefficients (count,) of the function that is nearest to `values` at arguments [m], in least squares."""
         return np.asarray(np.linalg.lstsq(self.matrix(at), values, rcond=None)[0])
 
 
@@ -294,7 +294,7 @@ class WheelMotion:
 
 
 def wheel_motion(mechanism: DoubleWishbone, least: float, most: float, count: int = 12) -> WheelMotion:
-    """The motion of a wheel from travel ``least`` to ``most`` [m] as splines with ``count`` knots.
+    """The motion of a wheel from travel `least` to `most` [m] as splines with `count` knots.
 
     Raises:
         HardpointError: the joints do not close somewhere in that range.

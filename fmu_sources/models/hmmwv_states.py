@@ -1,7 +1,7 @@
 """The relative states that the HMMWV's controllers and its estimator share (paper 001), and the car's model in them.
 
 The 15 relative states are one more than the car's own because the four road heights have a warp that no motion of the
-car can follow: on a flat road the relative states stay in the 14-dimensional range of T (:mod:`.relative`).
+car can follow: on a flat road the relative states stay in the 14-dimensional range of T (`.relative`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FORCE_LIMIT = 8000.0  # N, 001 Table 1.3
 
 
 def relative_model(car: Component) -> RelativeModel:
-    """The linear model of a four-wheeled ride car in :data:`RELATIVE_STATES`.
+    """The linear model of a four-wheeled ride car in `RELATIVE_STATES`.
 
     Raises:
         ValueError: an output or input that is missing; a car whose relative motion depends on absolute heights.
@@ -41,7 +41,7 @@ def relative_model(car: Component) -> RelativeModel:
 
 
 def relative_inputs(c: Component, car: Component) -> Any:
-    """Declare the 15 relative states as inputs of ``c``, named and described as on the car; their column (15, 1)."""
+    """Declare the 15 relative states as inputs of `c`, named and described as on the car; their column (15, 1)."""
     symbols = []
     for name in RELATIVE_STATES:
         v = car.variable(name)
@@ -52,7 +52,7 @@ def relative_inputs(c: Component, car: Component) -> Any:
 def force_outputs(c: Component, forces: Sequence[Any]) -> None:
     """Add what all higher-level controllers of this car have in common.
 
-    ``body.az`` among the inputs, and forces within a limit. ``forces``: expressions in the order of :data:`FORCES`.
+    `body.az` among the inputs, and forces within a limit. `forces`: expressions in the order of `FORCES`.
     """
     if not c.declares("body.az"):
         c.input("body.az", "m/s2", "vertical acceleration of the CG")

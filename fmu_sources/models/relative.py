@@ -5,8 +5,8 @@ u,
 
     dx/dt = A x + B u + E w,    y = C x + D u + F w
 
-is derived from the declaration of the car (:meth:`Component.linearize`), whose own states are absolute:
-``x = T x_absolute + R height``.
+is derived from the declaration of the car (`Component.linearize`), whose own states are absolute:
+`x = T x_absolute + R height`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _TOLERANCE = 1e-9  # of the largest element; what is left of a product that shou
 class RelativeModel:
     """A car in n relative states; rows and columns in the order of the names it was made with.
 
-    ``A`` (n, n), ``B`` (n, forces), ``E`` (n, road rates); ``T`` (n, its own states) and ``R`` (n, road heights) map
-    the car's own states (``absolute``) and the road heights: ``x = T x_absolute + R height``.
+    `A` (n, n), `B` (n, forces), `E` (n, road rates); `T` (n, its own states) and `R` (n, road heights) map
+    the car's own states (`absolute`) and the road heights: `x = T x_absolute + R height`.
     """
 
     A: np.ndarray
@@ -42,7 +42,7 @@ class RelativeModel:
     car: Component
 
     def output(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """``C`` (m, n), ``D`` (m, forces), ``F`` (m, rates) of outputs of the car by name: ``y = C x + D u + F w``.
+        """`C` (m, n), `D` (m, forces), `F` (m, rates) of outputs of the car by name: `y = C x + D u + F w`.
 
         Raises:
             ValueError: no output of the car, or one that the relative states do not determine (an absolute height).
@@ -59,7 +59,7 @@ class RelativeModel:
         return C, lin.D[np.ix_(rows, u)], lin.D[np.ix_(rows, w)]
 
     def linearization(self, outputs: Sequence[str] = ()) -> Linearization:
-        """The model with forces, then road rates as inputs; its states, then ``outputs`` of the car as outputs."""
+        """The model with forces, then road rates as inputs; its states, then `outputs` of the car as outputs."""
         C, D, F = self.output(outputs)
         n, inputs = len(self.states), [*self.forces, *self.rates]
         return Linearization(
@@ -76,7 +76,7 @@ class RelativeModel:
 def relative_model(
     car: Component, states: Sequence[str], *, forces: Sequence[str], heights: Sequence[str], rates: Sequence[str]
 ) -> RelativeModel:
-    """The linear model of ``car`` in ``states``, which are outputs of it.
+    """The linear model of `car` in `states`, which are outputs of it.
 
     Args:
         car: continuous component.
@@ -116,7 +116,7 @@ def relative_model(
 
 
 def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """X with ``X basis = rows``, rounding removed, and for each row whether there is none (boolean)."""
+    """X with `X basis = rows`, rounding removed, and for each row whether there is none (boolean)."""
     X = np.linalg.lstsq(basis.T, rows.T, rcond=None)[0].T
     size = np.maximum(np.abs(rows).max(axis=1, initial=0.0), 1e-300)
     X = np.where(np.abs(X) < _TOLERANCE * np.abs(X).max(axis=1, keepdims=True, initial=0.0), 0.0, X)

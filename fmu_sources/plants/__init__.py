@@ -1,22 +1,20 @@
 """Plants: one file per family.
 
-======================  ==========================================================================
-``quarter_car``         linear quarter car, the smallest complete example
-``ride_car``            linear ride cars on four or six wheels
-``ride_interface``      what every ride car shows, whatever its equations
-``linear_car``          the linear ride car of a nonlinear car, near rest
-``full_car``            nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
-``three_axle_trench``   6x6 over trenches and obstacles, with contact
-``wishbone_car``        nonlinear car on double wishbones: paths of their hardpoints, tables, enveloping tires
-``enveloping``          contact of a tire with a road that is uneven within the length of the contact
-``tables``              tables that are linear in between, as parameters
-``obstacle``            outlines of obstacles, and how far discs touch them
-``hydraulic_actuator``  servo valve, cylinder and bypass of an active strut
-``friction``            Coulomb friction that is smooth where it changes its sign
-``free_body``           body with six degrees of freedom, its driver and what it shows: of every nonlinear full car
-``gravity``             acceleration of gravity
-``seat``                acceleration of the driver's seat
-======================  ==========================================================================
+- `quarter_car`: linear quarter car, the smallest complete example
+- `ride_car`: linear ride cars on four or six wheels
+- `ride_interface`: what every ride car shows, whatever its equations
+- `linear_car`: the linear ride car of a nonlinear car, near rest
+- `full_car`: nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
+- `three_axle_trench`: 6x6 over trenches and obstacles, with contact
+- `wishbone_car`: nonlinear car on double wishbones: paths of their hardpoints, tables, enveloping tires
+- `enveloping`: contact of a tire with a road that is uneven within the length of the contact
+- `tables`: tables that are linear in between, as parameters
+- `obstacle`: outlines of obstacles, and how far discs touch them
+- `hydraulic_actuator`: servo valve, cylinder and bypass of an active strut
+- `friction`: Coulomb friction that is smooth where it changes its sign
+- `free_body`: body with six degrees of freedom, its driver and what it shows: of every nonlinear full car
+- `gravity`: acceleration of gravity
+- `seat`: acceleration of the driver's seat
 """
 
 from fmu_sources.plants.full_car import full_car

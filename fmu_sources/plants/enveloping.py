@@ -26,7 +26,7 @@ SLOPE_BASE = 0.05
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc of a radius (symbol [m]) over heights ``step`` (symbol [m]) apart."""
+    """A disc of a radius (symbol [m]) over heights `step` (symbol [m]) apart."""
 
     radius: Any
     step: Any
@@ -44,7 +44,7 @@ class Disc:
     def area(self, height: Any, profile: Any) -> Any:
         """Area [m2] of the disc below a profile.
 
-        ``height`` of the disc's centre [m] is above the middle of the profile, whose heights count from there.
+        `height` of the disc's centre [m] is above the middle of the profile, whose heights count from there.
         """
         lowest = height - self.radius
         return self.step * sum(ca.fmax(0, profile[i] - lowest - self._rise(n)) for i, n in enumerate(self._offsets))

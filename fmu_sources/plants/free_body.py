@@ -81,14 +81,14 @@ def driver_inputs(c: Component) -> tuple[Any, Any]:
 
 
 def start_position(c: Component) -> Any:
-    """Declare the parameter ``start.x`` [m]."""
+    """Declare the parameter `start.x` [m]."""
     return c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
 
 
 def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any) -> FreeBody:
     """Declare the states of a body.
 
-    It starts at ``x`` and ``z`` [m], ``roll`` and ``pitch`` [rad], with ``speed`` [m/s] along the road.
+    It starts at `x` and `z` [m], `roll` and `pitch` [rad], with `speed` [m/s] along the road.
     """
     at = c.state("x", "m", "distance of the CG along the road", start=x, output=True, nominal=10.0)
     beside = c.state("y", "m", "lateral position of the CG, positive left", output=True)
@@ -111,9 +111,9 @@ def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any)
 
 
 def course_steering(gains: Any, body: FreeBody, target_y: Any) -> Any:
-    """The driver's steering angle [rad] towards ``target_y`` [m].
+    """The driver's steering angle [rad] towards `target_y` [m].
 
-    ``gains`` are parameters of lateral offset, heading and yaw rate.
+    `gains` are parameters of lateral offset, heading and yaw rate.
     """
     course = gains.offset_gain * (target_y - body.y) - gains.heading_gain * body.angles[2]
     return limit(course - gains.yaw_rate_gain * body.yaw_velocity, gains.max_angle)
@@ -147,8 +147,8 @@ def body_outputs(c: Component, body: FreeBody, acceleration: Any, angular: Any, 
     Args:
         c: the component.
         body: its states.
-        acceleration: as in :func:`body_motion`.
-        angular: as in :func:`body_motion`.
+        acceleration: as in `body_motion`.
+        angular: as in `body_motion`.
         omega: angular velocity (3,) [rad/s], road axes.
         seat: parameters with the seat's position from the CG.
     """
@@ -176,7 +176,7 @@ def limit(value: Any, bound: Any) -> Any:
 
 
 def bump(at: float, height: float) -> Any:
-    """A bump over a tenth of a second from ``at`` [s], as a function of time."""
+    """A bump over a tenth of a second from `at` [s], as a function of time."""
     return lambda t: height * sin(pi * (t - at) / 0.1) ** 2 if at <= t < at + 0.1 else 0.0
 
 

@@ -22,7 +22,7 @@ def declare_friction(c: Component) -> Any:
 
 
 def friction_force(friction: Any, velocity: Any, acting: Any) -> Any:
-    """Friction force [N] that opposes ``velocity`` [m/s]: F_f v / sqrt(v^2 + v_s^2).
+    """Friction force [N] that opposes `velocity` [m/s]: F_f v / sqrt(v^2 + v_s^2).
 
     It has the sign of v, so it only dissipates.
     """

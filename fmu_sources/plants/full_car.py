@@ -37,7 +37,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     """Full car of a vehicle file; the structure is that of paper 000, section III (vehicle model).
 
     The springs are preloaded so that the given masses rest exactly at the given CG and hub heights: changing a mass
-    changes the preload, not the ride height. All ``z`` count from that position on a road at height 0.
+    changes the preload, not the ride height. All `z` count from that position on a road at height 0.
     """
     c = Component(
         name,
@@ -238,12 +238,12 @@ def _corners(p: Any, g: Any) -> Corners:
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
     """Rest position on the given wheel heights: exact on a level road, to second order in the angles otherwise.
 
-    Corners get the ``rest`` of their wheels [m].
+    Corners get the `rest` of their wheels [m].
 
-    Corners learn the ``rest`` of their wheels [m].
+    Corners learn the `rest` of their wheels [m].
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
-    is the stiffness-weighted mean of the two axles. ``least`` stiffness [N/m] keeps roll determined without any spring.
+    is the stiffness-weighted mean of the two axles. `least` stiffness [N/m] keeps roll determined without any spring.
     """
     fl, fr, rl, rr = corners.all("road")
     to_front, to_rear = corners[0].x, -corners[2].x

@@ -7,10 +7,10 @@ With load pressure P (the pressure difference across the piston) and spool posit
     Q_bypass = C_d2 a root(2 P) / sqrt(rho)
     tau du/dt = V/k - u
 
-``root`` is the odd square root ``root(p) = p / (p^2 + d^2)^(1/4)``: where the paper's root has no real value (a load
+`root` is the odd square root `root(p) = p / (p^2 + d^2)^(1/4)`: where the paper's root has no real value (a load
 pressure above the supply's) the flow turns round, as it does in the orifice, and its slope is finite at zero.
 
-Each flow times its pressure drop is a loss, so that with the energy of compression ``E = P^2 / (2 alpha)``
+Each flow times its pressure drop is a loss, so that with the energy of compression `E = P^2 / (2 alpha)`
 
     P_s Q_supply = F v + loss_valve + loss_bypass + loss_leakage + dE/dt
 """
@@ -27,7 +27,7 @@ from fmu_sources.vehicles import Actuator, declare
 
 
 def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Component:
-    """Actuator of one wheel. Force positive extends the strut; extension (``piston.velocity`` > 0) lowers the force."""
+    """Actuator of one wheel. Force positive extends the strut; extension (`piston.velocity` > 0) lowers the force."""
     c = Component(
         name,
         kind="continuous",

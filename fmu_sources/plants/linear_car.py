@@ -1,17 +1,17 @@
 """The linear ride car of a nonlinear car: its motion near rest in the coordinates of a ride car.
 
-It follows from the nonlinear car's own derivatives. Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body
-height, roll, pitch, and one height per wheel. With the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest,
-and ``q = P x``,
+It follows from the nonlinear car's own derivatives. Coordinates q are those of `fmu_sources.plants.ride_car`: body
+height, roll, pitch, and one height per wheel. With the linear model `dx/dt = A x + B u` of the nonlinear car at rest,
+and `q = P x`,
 
-Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body height, roll, pitch, and one height per wheel. With
-the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P x``,
+Coordinates q are those of `fmu_sources.plants.ride_car`: body height, roll, pitch, and one height per wheel. With
+the linear model `dx/dt = A x + B u` of the nonlinear car at rest, and `q = P x`,
 
     q'  = P A x                      (inputs do not move positions at once: P B = 0)
     q'' = P A A x + P A B u = N [q; q'] + P A B u
 
 where N exists as soon as nothing but q and q' determines the ride. It does for a car that stands, with tires
-that press on the road and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. The
+that press on the road and neither drive nor steer (`WITHOUT_SLIP`): then N is exact, which is checked. The
 notes of the component list the simplifications, among them dampers whose rates differ by direction and have no
 derivative at rest.
 """
@@ -43,10 +43,10 @@ _COMPUTED = "computed: linearisation of the car of the vehicle file at rest"
 
 @dataclass(frozen=True)
 class RideMotion:
-    """Motion of a car near rest: ``q'' = stiffness q + damping q' + inputs u``, and outputs likewise.
+    """Motion of a car near rest: `q'' = stiffness q + damping q' + inputs u`, and outputs likewise.
 
     Attributes:
-        stiffness, damping: accelerations (7, 7) by :data:`POSITIONS` and by their rates.
+        stiffness, damping: accelerations (7, 7) by `POSITIONS` and by their rates.
         inputs: accelerations by input, (7,) each.
         seen: of outputs by position (7,), by rate (7,), and by input.
         rest: of outputs, at rest.
@@ -60,20 +60,20 @@ class RideMotion:
 
     @property
     def matrix(self) -> np.ndarray:
-        """A (14, 14) of ``[q; q']``."""
+        """A (14, 14) of `[q; q']`."""
         return np.block([[np.zeros((7, 7)), np.eye(7)], [self.stiffness, self.damping]])
 
 
 def at_rest(car: Model, values: Mapping[str, float], speed: float = 0.0) -> Linearization:
     """The linear model of a nonlinear car that rests on a level road.
 
-    With other ``values`` of parameters, at a ``speed`` [m/s].
+    With other `values` of parameters, at a `speed` [m/s].
     """
     return car.linearize(u=car.vector("input", {"target.speed": speed}), p=car.vector("parameter", values))
 
 
 def positions_of(lin: Linearization) -> np.ndarray:
-    """:data:`POSITIONS` by state, (7, states)."""
+    """`POSITIONS` by state, (7, states)."""
     return lin.C[[lin.outputs.index(n) for n in POSITIONS]]
 
 
@@ -81,9 +81,9 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
     """The ride of a nonlinear car near rest.
 
     Args:
-        car: with the outputs :data:`POSITIONS` and inputs ``road.*.height``, ``road.*.slope``, ``force.*``,
-            ``target.speed``.
-        values: of its parameters, by which tires press on the road only (:data:`WITHOUT_SLIP`).
+        car: with the outputs `POSITIONS` and inputs `road.*.height`, `road.*.slope`, `force.*`,
+            `target.speed`.
+        values: of its parameters, by which tires press on the road only (`WITHOUT_SLIP`).
         outputs: of the car, to be had of the linear one too.
 
     Raises:
@@ -179,8 +179,8 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
     """Ride car with seven degrees of freedom, linearized near rest.
 
-    Its matrices are those of :func:`~fmu_sources.plants.wishbone_car.wishbone_car` near rest. Inputs, states and
-    outputs are those of :func:`~fmu_sources.plants.ride_car.ride_car`, by name and sign.
+    Its matrices are those of `fmu_sources.plants.wishbone_car.wishbone_car` near rest. Inputs, states and
+    outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
     shown = (
         "seat.ax",

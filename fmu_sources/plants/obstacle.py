@@ -27,7 +27,7 @@ _ALIKE = 1e-7  # contacts whose directions differ by less count as one
 class Touch:
     """One possible contact of a disc: penetration [m] (negative: distance), normal and share.
 
-    The normal of the ground points outwards (0 where there is no solid). ``share`` is 1 for a contact by itself, and
+    The normal of the ground points outwards (0 where there is no solid). `share` is 1 for a contact by itself, and
     less where two solids that meet at an obtuse corner push the same way.
     """
 

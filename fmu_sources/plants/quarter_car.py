@@ -22,7 +22,7 @@ def quarter_car(
     between the masses; its matrices (6) and (7) have it.
 
     Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
-    ``masses``: equations of the sprung and of the unsprung mass.
+    `masses`: equations of the sprung and of the unsprung mass.
     """
     c = Component(
         name,

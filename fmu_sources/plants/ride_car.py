@@ -1,6 +1,6 @@
 """Ride car: a body that heaves, rolls and pitches on wheels that hop, derived from its energies.
 
-Lagrange's equations in the coordinates ``q``: body height, roll and pitch at the CG, and one height per wheel,
+Lagrange's equations in the coordinates `q`: body height, roll and pitch at the CG, and one height per wheel,
 
     d/dt dT/dq' = Q - dV/dq - dR/dq'
 
@@ -43,7 +43,7 @@ def _numbers_004(corners: list[str]) -> list[str]:
 
 
 def _numbers_003(corners: list[str]) -> list[str]:
-    """As :func:`_numbers_004`.
+    """As `_numbers_004`.
 
     Roll and pitch have the other sign there; the paper counts the right wheel of an axle first.
     """
@@ -154,7 +154,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 
 
 def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
-    """Give each corner ``static``, the load [N] of its tire at rest: its wheel's weight and its share of the body's.
+    """Give each corner `static`, the load [N] of its tire at rest: its wheel's weight and its share of the body's.
 
     The body is in equilibrium on equal springs: with a car that is the same left and right, the lever rule.
     """

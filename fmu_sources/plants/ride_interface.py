@@ -15,7 +15,7 @@ from fmu_sources.plants.seat import seat_outputs
 
 
 def ride_inputs(c: Component, corners: Corners) -> None:
-    """Declare, for each corner, ``road`` [m], ``road_rate`` [m/s] and ``force`` [N]."""
+    """Declare, for each corner, `road` [m], `road_rate` [m/s] and `force` [N]."""
     lifts = "positive lifts the body and pushes the wheel down"
     corners.each(
         road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
@@ -50,9 +50,9 @@ def ride_states(c: Component, corners: Corners) -> tuple[list[Any], list[Any]]:
 
 
 def ride_outputs(c: Component, corners: Corners, acceleration: Sequence[Any], seat_ax: Any, seat_az: Any) -> None:
-    """Declare accelerations (in the order of :func:`ride_states`) and the outputs of corners.
+    """Declare accelerations (in the order of `ride_states`) and the outputs of corners.
 
-    Those are ``travel`` and ``travel_rate`` of the suspension, ``deflection`` of the tire [m], and ``tire_force`` [N].
+    Those are `travel` and `travel_rate` of the suspension, `deflection` of the tire [m], and `tire_force` [N].
     """
     az, roll_acceleration, pitch_acceleration, *wheel_az = acceleration
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")

@@ -1,7 +1,7 @@
 """What an accelerometer's place on the body moves like: the driver's seat of every car.
 
-``seat.az`` and ``seat.ax`` are kinematic: second derivatives of the height and of the position along the road of the
-point of the body at ``seat.x``, ``seat.y``, ``seat.z`` from the CG, in the axes of the road, without gravity. At rest
+`seat.az` and `seat.ax` are kinematic: second derivatives of the height and of the position along the road of the
+point of the body at `seat.x`, `seat.y`, `seat.z` from the CG, in the axes of the road, without gravity. At rest
 both are 0. An accelerometer that is fixed to the seat shows these turned into its own axes, plus 1 g upwards.
 """
 
@@ -21,7 +21,7 @@ SEAT_NOTE = (
 
 
 def of_rigid_body(acceleration: Any, angular_acceleration: Any, angular_velocity: Any, arm: Any) -> Any:
-    """Acceleration (3,) [m/s2] of a point at ``arm`` (3,) [m] from a point with known ``acceleration`` (3,).
+    """Acceleration (3,) [m/s2] of a point at `arm` (3,) [m] from a point with known `acceleration` (3,).
 
     All are in the same axes.
     """
@@ -30,7 +30,7 @@ def of_rigid_body(acceleration: Any, angular_acceleration: Any, angular_velocity
 
 
 def seat_outputs(c: Component, ax: Any, az: Any) -> None:
-    """Declare the outputs ``seat.az`` and ``seat.ax`` [m/s2]."""
+    """Declare the outputs `seat.az` and `seat.ax` [m/s2]."""
     how = "of the driver's seat, road axes, without gravity"
     c.output("seat.az", az, "m/s2", f"vertical acceleration {how}")
     c.output("seat.ax", ax, "m/s2", f"longitudinal acceleration {how}")

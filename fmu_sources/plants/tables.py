@@ -10,7 +10,7 @@ from build_fmus.component import Component
 
 
 def check_increasing(c: Component, row: Any, name: str) -> None:
-    """Let initialization refuse a row of parameters ``name`` whose values do not increase."""
+    """Let initialization refuse a row of parameters `name` whose values do not increase."""
     for i in range(1, row.numel()):
         c.check(
             row[i] - row[i - 1],
@@ -19,9 +19,9 @@ def check_increasing(c: Component, row: Any, name: str) -> None:
 
 
 def linear_table(at: Any, row: Any, values: Any, *, beyond: bool) -> Any:
-    """The function through ``values`` at increasing ``row``, linear in between.
+    """The function through `values` at increasing `row`, linear in between.
 
-    Before the first point it is constant; after the last one it continues along the last line if ``beyond``, else it is
+    Before the first point it is constant; after the last one it continues along the last line if `beyond`, else it is
     constant.
     """
     total = values[0]

@@ -73,7 +73,7 @@ class _Small:
 
 
 def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench") -> Component:
-    """The vehicle of a file of kind ``three_axle_trench`` in front of a trench or another obstacle."""
+    """The vehicle of a file of kind `three_axle_trench` in front of a trench or another obstacle."""
     c = Component(
         name,
         kind="continuous",
@@ -178,7 +178,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         return x + bx * ahead[0] + lifted * up[0], aside, height + z + bx * ahead[1] + lifted * up[1]
 
     def jacobian(bx: Any, by: Any, bz: Any) -> tuple[Any, Any, Any]:
-        """Velocity (x, z) of a point of the body per rate of pitch (two numbers) and of roll (along ``up``)."""
+        """Velocity (x, z) of a point of the body per rate of pitch (two numbers) and of roll (along `up`)."""
         lifted = by * ca.sin(roll) + bz * ca.cos(roll)
         return -bx * up[0] + lifted * ahead[0], -bx * up[1] + lifted * ahead[1], by * ca.cos(roll) - bz * ca.sin(roll)
 
@@ -409,7 +409,7 @@ def _side(w: Corner) -> str:
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Sum of the ground forces on one tire; ``px``, ``pz`` from the wheel centre to where it acts."""
+    """Sum of the ground forces on one tire; `px`, `pz` from the wheel centre to where it acts."""
 
     fx: Any
     fz: Any

@@ -4,7 +4,7 @@ Suspension tables and enveloping tires belong to it.
 
 Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where
 the wheel centre is and how the upright is turned are functions of q, splines that
-:mod:`fmu_sources.models.double_wishbone` computes from the hardpoints. With them the kinetic energy of wheel, upright
+`fmu_sources.models.double_wishbone` computes from the hardpoints. With them the kinetic energy of wheel, upright
 and arms is
 
     T = m V^2/2 + V.(w x s) + w.J w/2 + sum over wheels of (P.V + H.w) q' + M q'^2/2
@@ -67,7 +67,7 @@ _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle fi
 def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Component:
     """Car of a vehicle file with hardpoints.
 
-    All ``z`` count from where the car of the file rests on a road at height 0.
+    All `z` count from where the car of the file rests on a road at height 0.
     """
     c = Component(
         name,
@@ -328,7 +328,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
 
 def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
-    """Declare what follows from the hardpoints, and put the symbols into ``p``."""
+    """Declare what follows from the hardpoints, and put the symbols into `p`."""
 
     def number(name: str, value: Any, unit: str, text: str, **options: Any) -> Any:
         return c.parameter(name, value, unit, text, source=_COMPUTED, **options)
@@ -448,10 +448,10 @@ def _at(p: Any, path: str) -> Any:
 
 
 def _move(k: Corner, q: Any) -> None:
-    """Give a corner the values that its travel decides, with first and second derivatives ``_d``, ``_dd``.
+    """Give a corner the values that its travel decides, with first and second derivatives `_d`, `_dd`.
 
-    They are ``centre`` of the wheel from the CG, ``lean`` of the upright (rotation vector), ``turning`` (angular
-    velocity per travel rate), direction of the ``spindle``, lengths of spring and damper. Beyond the knots everything
+    They are `centre` of the wheel from the CG, `lean` of the upright (rotation vector), `turning` (angular
+    velocity per travel rate), direction of the `spindle`, lengths of spring and damper. Beyond the knots everything
     continues along its tangent.
     """
     axle = k.geometry
@@ -491,14 +491,14 @@ def _move(k: Corner, q: Any) -> None:
 
 
 def _basis(distance: Any) -> tuple[Any, Any, Any]:
-    """:meth:`Spline.basis` with its first and second derivative."""
+    """`Spline.basis` with its first and second derivative."""
     away, sign = ca.fabs(distance), ca.sign(distance)
     wide, narrow = ca.fmax(0, 2 - away), ca.fmax(0, 1 - away)
     return Spline.basis(distance, ca.fmax, ca.fabs), sign * (2 * narrow**2 - wide**2 / 2), wide - 4 * narrow
 
 
 def _inertia(k: Corner, p: Any) -> None:
-    """Give a corner its ``mass``, and moments and momenta about the CG as functions of its travel.
+    """Give a corner its `mass`, and moments and momenta about the CG as functions of its travel.
 
     Moments and momenta come with their derivatives.
     """
@@ -544,7 +544,7 @@ def _mirrored(k: Corner, place: Any) -> Any:
 def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
     """Position of a point of the upright from the CG, and its first and second derivative by the travel.
 
-    ``place``: of the point from the wheel centre, at design, on the left side.
+    `place`: of the point from the wheel centre, at design, on the left side.
     """
     arm = _mirrored(k, place)
     a, b, d = k.lean, k.lean_d, k.lean_dd
@@ -562,9 +562,9 @@ def _body_inertia(p: Any) -> tuple[Any, Any, Any]:
 
 
 def _strut(k: Corner, p: Any, *, moving: bool = True) -> None:
-    """Give a corner its ``spring_force`` and ``strut``.
+    """Give a corner its `spring_force` and `strut`.
 
-    ``strut`` is the generalized force of spring, stops and damper on the travel [N].
+    `strut` is the generalized force of spring, stops and damper on the travel [N].
     """
     axle, stops = k.geometry, p.suspension.stop
     compression = axle.spring.free_length - k.spring_length
@@ -602,9 +602,9 @@ class _Rest:
 
 
 def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
-    """Where the car rests on a level road at a ``speed`` (in parts of that below which slip is formed with it).
+    """Where the car rests on a level road at a `speed` (in parts of that below which slip is formed with it).
 
-    Newton's method from where the car of the vehicle file rests, standing, which is declared as ``rest.*``.
+    Newton's method from where the car of the vehicle file rests, standing, which is declared as `rest.*`.
     """
     unknown, rolling = ca.SX.sym("unknown", 4), ca.SX.sym("rolling")
     residual, wheels, _ = _static(p, g, unknown, rolling)
@@ -669,7 +669,7 @@ def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
     """Residuals of the rest on a level road, heights of the wheel centres, and deflections of the tires.
 
     The residuals vanish at rest: vertical force, pitch moment, generalized forces of front and rear travel.
-    ``unknown``: height of the CG, pitch, travels. A rolling tire that toes in presses against the road.
+    `unknown`: height of the CG, pitch, travels. A rolling tire that toes in presses against the road.
     """
     height, pitch = unknown[0], unknown[1]
     turn = rotation(0, pitch, 0)

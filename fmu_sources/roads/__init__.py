@@ -1,28 +1,26 @@
 """Roads under the wheels, and the speed at which they are driven.
 
-==================  ===========================================================
-``layout``          where the wheels are, what is previewed and scanned
-``road``            a road by formula: profile, heights, slopes, rates, preview
-``table``           a road by a table of heights
-``standard``        sine and curb (paper 000)
-``perryman3``       synthetic stand-in for the Perryman 3 course (paper 000)
-``hole_bump``       hole, flat and bump (paper 004)
-``bumps``           test track of speed bumps (paper 001)
-``iso8608``         random roads of ISO 8608, and off-road terrain
-``rms_course``      profiles with the rms and spectrum of measured courses
-``half_round``      half-round obstacle as a wheel rolls over it
-``half_cylinder``   half-round obstacle as it is, for tires that envelop it
-``proving_ground``  RMS courses and half-round under one car
-``random_road``     random roads with class, seed and length as parameters
-``enveloping``      what the centre of a rolling wheel follows
-``shallow_trench``  shallow trench under the 6x6 (paper 003)
-``bench``           motion of the bench's plate over time (paper 002)
-``user_file``       a road from a user's file
-``opencrg``         OpenCRG files
-``speed_command``   speed that follows a command, with the distance
-``speed_profile``   constant speed or a ramp, with the distance
-``errors``          what is wrong with a road
-==================  ===========================================================
+- `layout`: where the wheels are, what is previewed and scanned
+- `road`: a road by formula: profile, heights, slopes, rates, preview
+- `table`: a road by a table of heights
+- `standard`: sine and curb (paper 000)
+- `perryman3`: synthetic stand-in for the Perryman 3 course (paper 000)
+- `hole_bump`: hole, flat and bump (paper 004)
+- `bumps`: test track of speed bumps (paper 001)
+- `iso8608`: random roads of ISO 8608, and off-road terrain
+- `rms_course`: profiles with the rms and spectrum of measured courses
+- `half_round`: half-round obstacle as a wheel rolls over it
+- `half_cylinder`: half-round obstacle as it is, for tires that envelop it
+- `proving_ground`: RMS courses and half-round under one car
+- `random_road`: random roads with class, seed and length as parameters
+- `enveloping`: what the centre of a rolling wheel follows
+- `shallow_trench`: shallow trench under the 6x6 (paper 003)
+- `bench`: motion of the bench's plate over time (paper 002)
+- `user_file`: a road from a user's file
+- `opencrg`: OpenCRG files
+- `speed_command`: speed that follows a command, with the distance
+- `speed_profile`: constant speed or a ramp, with the distance
+- `errors`: what is wrong with a road
 """
 
 from fmu_sources.roads.bumps import road_bumps

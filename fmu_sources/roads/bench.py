@@ -46,7 +46,7 @@ def road_bench_bump(name: str = "RoadBenchBump") -> Component:
 
 
 def road_bench_random(name: str = "RoadBenchRandom", *, seed: int = SEED) -> Component:
-    """Random motion: sines with phases from ``seed`` and the displacement spectrum f^-2 of a road passed at speed."""
+    """Random motion: sines with phases from `seed` and the displacement spectrum f^-2 of a road passed at speed."""
     c = Component(
         name,
         kind="discrete",

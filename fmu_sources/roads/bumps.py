@@ -65,7 +65,7 @@ class _Bumps:
         return _any((self.heights[i] != 0) * (self._start(i) + reach > self.end) for i in range(PLACES))
 
     def any_above(self, travel: Any) -> Any:
-        """Whether a bump is higher, or a hollow deeper, than ``travel``."""
+        """Whether a bump is higher, or a hollow deeper, than `travel`."""
         return _any(ca.fabs(self.heights[i]) > travel for i in range(PLACES))
 
     def _start(self, place: int) -> Any:

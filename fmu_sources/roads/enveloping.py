@@ -13,10 +13,10 @@ from build_fmus.checks import number
 
 
 def rolled(heights: np.ndarray, step: float, radius: float) -> np.ndarray:
-    """Heights (n,) [m] of the lowest point of a disc of ``radius`` [m] that rolls over heights (n,) [m].
+    """Heights (n,) [m] of the lowest point of a disc of `radius` [m] that rolls over heights (n,) [m].
 
-    Heights are ``step`` [m] apart, and held outside. The highest of all points under the disc decides: ``max over |s| <
-    radius of z(x + s) - (radius - sqrt(radius^2 - s^2))``. With radius 0 the heights themselves.
+    Heights are `step` [m] apart, and held outside. The highest of all points under the disc decides: `max over |s| <
+    radius of z(x + s) - (radius - sqrt(radius^2 - s^2))`. With radius 0 the heights themselves.
     """
     number("radius of the wheel", radius, "m", least=0)
     reach = int(radius / step)

@@ -17,7 +17,7 @@ BEHIND = 100.0  # m of road behind it
 
 @dataclass(frozen=True)
 class HalfRound:
-    """A half cylinder of ``height`` [m] radius across the road at ``place`` [m]."""
+    """A half cylinder of `height` [m] radius across the road at `place` [m]."""
 
     height: Any
     place: Any

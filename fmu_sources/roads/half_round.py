@@ -10,9 +10,9 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class RolledHalfRound:
-    """Path of a disc of ``wheel`` [m] radius over a half-round: an arc about its axis.
+    """Path of a disc of `wheel` [m] radius over a half-round: an arc about its axis.
 
-    The half cylinder has a radius of ``height`` [m] and lies at ``place`` [m].
+    The half cylinder has a radius of `height` [m] and lies at `place` [m].
     """
 
     height: Any

@@ -85,7 +85,7 @@ class _HoleBump:
 def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
     """Hole, flat and bump (paper 004, Table 3 and Figures 4 to 7).
 
-    The defaults are lengths that last 0.1 s each at 75 km/h, and a hole that the front wheels of ``layout`` reach at
+    The defaults are lengths that last 0.1 s each at 75 km/h, and a hole that the front wheels of `layout` reach at
     0.12 s when the CG starts at x = 0 with that speed.
     """
     front = max(w.x for w in layout.wheels)

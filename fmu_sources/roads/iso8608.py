@@ -1,10 +1,10 @@
 """Random roads with the spectrum of ISO 8608, classes A to H.
 
-The standard gives the displacement spectrum of one track, ``Gd(n) = Gd(n0) (n / n0)^-2`` with ``n0`` = 0.1 cycles/m,
-and the geometric mean of ``Gd(n0)`` per class: 16e-6 m3 for A, four times as much for each next class. It does not say
+The standard gives the displacement spectrum of one track, `Gd(n) = Gd(n0) (n / n0)^-2` with `n0` = 0.1 cycles/m,
+and the geometric mean of `Gd(n0)` per class: 16e-6 m3 for A, four times as much for each next class. It does not say
 how the tracks of the two sides go together. Here their phases agree, and the part of the spectrum that both share falls
-with wave number: cross spectrum / ``Gd`` = ``exp(-decay track n)``, which is 1 for waves that tilt no axle and 0 for
-short ones. ``decay`` = 2 (assumed) is what the other synthetic road uses for its track of 1.82 m.
+with wave number: cross spectrum / `Gd` = `exp(-decay track n)`, which is 1 for waves that tilt no axle and 0 for
+short ones. `decay` = 2 (assumed) is what the other synthetic road uses for its track of 1.82 m.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ OFFROAD_CONTACT = 0.25  # m, as on the test track of the same vehicle
 
 
 def displacement_spectrum(n: Any, roughness: int) -> Any:
-    """``Gd(n)`` [m3] of class number ``roughness`` (0 for A) at wave numbers ``n`` [cycles/m]."""
+    """`Gd(n)` [m3] of class number `roughness` (0 for A) at wave numbers `n` [cycles/m]."""
     return CLASS_A * 4.0**roughness * (n / REFERENCE_WAVE_NUMBER) ** -2.0
 
 
 def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
-    """Cross spectrum of left and right over ``Gd`` (square root of the coherence) at wave numbers ``n`` [cycles/m]."""
+    """Cross spectrum of left and right over `Gd` (square root of the coherence) at wave numbers `n` [cycles/m]."""
     return np.exp(-decay * track * n)
 
 
@@ -51,9 +51,9 @@ def sum_of_waves(waves: np.ndarray) -> np.ndarray:
 def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: float = 0.0) -> HeightTable:
     """Heights of both tracks of a class A road, periodic over its length, rounded to 1e-7 m.
 
-    With ``contact`` [m] the heights are means over that length, as a tire's contact takes them.
+    With `contact` [m] the heights are means over that length, as a tire's contact takes them.
 
-    Two waves with fixed amplitude and random phase at each multiple of 1 / ``LENGTH``: one lifts both sides, the other
+    Two waves with fixed amplitude and random phase at each multiple of 1 / `LENGTH`: one lifts both sides, the other
     lifts one side and lowers the other.
     """
     if track < 0 or decay < 0 or contact < 0:
@@ -87,9 +87,9 @@ def road_iso8608(
     roughness: int = 2,
     contact: float = 0.0,
 ) -> Component:
-    """Random road, ISO 8608 class A to H as a parameter that starts at number ``roughness`` (0 for A).
+    """Random road, ISO 8608 class A to H as a parameter that starts at number `roughness` (0 for A).
 
-    ``seed``, ``decay`` and the ``contact`` length [m] over which the tires average are build options.
+    `seed`, `decay` and the `contact` length [m] over which the tires average are build options.
     """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
     track = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0

@@ -23,7 +23,7 @@ class WheelPosition:
 
     @property
     def side(self) -> str:
-        """Track the wheel runs in: ``"left"`` or ``"right"``."""
+        """Track the wheel runs in: `"left"` or `"right"`."""
         return "left" if self.y >= 0 else "right"
 
 
@@ -31,7 +31,7 @@ class WheelPosition:
 class RoadScan:
     """What range sensors see of both tracks.
 
-    ``count`` heights ``step`` m apart, the first ``start`` m ahead of the CG.
+    `count` heights `step` m apart, the first `start` m ahead of the CG.
     """
 
     start: float
@@ -60,8 +60,8 @@ class RoadScan:
 class RoadContact:
     """What a tire that envelops short obstacles touches.
 
-    ``count`` heights ``step`` m apart along it, the middle one under the wheel. The slope under such a wheel is that
-    over the next ``slope_base`` metres.
+    `count` heights `step` m apart along it, the middle one under the wheel. The slope under such a wheel is that
+    over the next `slope_base` metres.
     """
 
     step: float
@@ -77,14 +77,14 @@ class RoadContact:
 
 
 ENVELOPING = RoadContact(CONTACT_STEP, CONTACT_COUNT, SLOPE_BASE)
-"""What tires touch that envelop as :mod:`fmu_sources.plants.enveloping` has it."""
+"""What tires touch that envelop as `fmu_sources.plants.enveloping` has it."""
 
 
 @dataclass(frozen=True)
 class RoadLayout:
-    """Corners of the vehicle on the road, and preview of ``preview_count`` heights ``preview_step`` seconds apart.
+    """Corners of the vehicle on the road, and preview of `preview_count` heights `preview_step` seconds apart.
 
-    With ``scan`` the road also shows what range sensors see, with ``contact`` what tires touch that envelop it.
+    With `scan` the road also shows what range sensors see, with `contact` what tires touch that envelop it.
     """
 
     wheels: tuple[WheelPosition, ...]

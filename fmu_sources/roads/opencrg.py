@@ -27,10 +27,10 @@ _GUESSED = ("cannot read", "badly written")  # how warnings of the library begin
 
 
 def read_opencrg(path: Path, *, left: float, right: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance [m] along the reference line, and heights [m] at the lateral positions ``left`` and ``right`` [m].
+    """Distance [m] along the reference line, and heights [m] at the lateral positions `left` and `right` [m].
 
     Heights are those of the road that the file describes: grid, slope and banking, with the modifiers that it holds.
-    Missing values are filled only where the file says how (``GRID_NAN_MODE``).
+    Missing values are filled only where the file says how (`GRID_NAN_MODE`).
 
     Raises:
         RoadError: naming the file, the cross-section or line, and what is wrong.

@@ -21,7 +21,7 @@ POSITION, BEHIND = 30.0, 100.0  # m, of the half-round, and of level road behind
 
 @dataclass(frozen=True)
 class _Chosen:
-    """The profile, or the half-round where ``obstacle`` is true."""
+    """The profile, or the half-round where `obstacle` is true."""
 
     profile: Profile
     half_round: RolledHalfRound | HalfRound
@@ -41,9 +41,9 @@ class _Chosen:
 
 
 def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, radius: float) -> Component:
-    """The synthetic RMS courses and a half-round, under wheels of ``radius`` [m].
+    """The synthetic RMS courses and a half-round, under wheels of `radius` [m].
 
-    With 0 the heights are as they are, for tires that envelop; see :mod:`~fmu_sources.roads.rms_course`.
+    With 0 the heights are as they are, for tires that envelop; see `fmu_sources.roads.rms_course`.
     """
     track = np.mean([w.y for w in layout.wheels if w.side == "left"]) - np.mean(
         [w.y for w in layout.wheels if w.side == "right"]

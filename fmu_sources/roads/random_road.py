@@ -1,7 +1,7 @@
 """Random roads of ISO 8608 whose class, seed and length are parameters: each instance computes its own profile.
 
-The spectrum, and what left and right share, are those of :mod:`~fmu_sources.roads.iso8608`, whose roads are tables made
-when they are built. So a sweep over roads (``--vary road.seed=1:1000``) needs one FMU.
+The spectrum, and what left and right share, are those of `fmu_sources.roads.iso8608`, whose roads are tables made
+when they are built. So a sweep over roads (`--vary road.seed=1:1000`) needs one FMU.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def road_random(
 ) -> Component:
     """Random road of ISO 8608 with class, seed, length and more as parameters.
 
-    The class starts at number ``roughness``, 0 for A. ``nodes`` bounds the memory of an instance, 16 bytes for each of
-    the larger number, and with it the length. ``decay``: start value of how fast what both tracks share falls with wave
+    The class starts at number `roughness`, 0 for A. `nodes` bounds the memory of an instance, 16 bytes for each of
+    the larger number, and with it the length. `decay`: start value of how fast what both tracks share falls with wave
     number.
     """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]

@@ -6,13 +6,13 @@ Three courses of a proving ground in Michigan, detrended, of nominally 1, 2 and 
 measured; they are data of others. Here are Gaussian profiles of the same detrended rms and spectrum: sums of waves with
 random amplitudes and phases, whose mean squares follow the fitted spectrum, brought to exactly the rms. The spectrum
 was fitted to each course by maximum likelihood (Whittle) of its periodogram from 0.015 to 9 cycles/m, straight between
-:data:`KNOTS` on logarithmic scales; band averages of the measured course are within 20 % of it.
+`KNOTS` on logarithmic scales; band averages of the measured course are within 20 % of it.
 
 The measured courses of 2 and 4 inches are nearly Gaussian too (kurtosis 3.5 and 2.9); that of 1 inch is not (5.1): it
 has single bumps of five times its rms, which these profiles lack.
 
-The measured courses are the same left and right (``alike``). How the sides of such ground differ was not measured
-there: the other choice has the correlation that the random road of :mod:`fmu_sources.roads.iso8608` assumes.
+The measured courses are the same left and right (`alike`). How the sides of such ground differ was not measured
+there: the other choice has the correlation that the random road of `fmu_sources.roads.iso8608` assumes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ KNOTS = (0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.32, 0.5, 0.8, 1.3, 2.2, 4.5, 9.0)
 
 @dataclass(frozen=True)
 class RmsCourse:
-    """``rms`` [m] of the detrended heights, and ``density`` [m] at :data:`KNOTS`.
+    """`rms` [m] of the detrended heights, and `density` [m] at `KNOTS`.
 
     The density is that of the spectrum over the square of the rms.
     """
@@ -61,17 +61,17 @@ COURSES = {
 
 
 def course_spectrum(course: str, n: np.ndarray) -> np.ndarray:
-    """One-sided displacement spectrum [m3] of a course at wave numbers ``n`` [cycles/m]; 0 outside of the fit."""
+    """One-sided displacement spectrum [m3] of a course at wave numbers `n` [cycles/m]; 0 outside of the fit."""
     c = COURSES[course]
     fitted = np.exp(np.interp(np.log(n), np.log(KNOTS), np.log(c.density)))
     return np.asarray(c.rms**2 * np.where((n >= LOWEST) & (n <= HIGHEST), fitted, 0.0))
 
 
 def course_heights(course: str, seed: int, track: float, *, alike: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Heights [m] of the left and the right track every :data:`STEP` from 0 to :data:`LENGTH`.
+    """Heights [m] of the left and the right track every `STEP` from 0 to `LENGTH`.
 
-    Both are periodic and of exactly the rms. ``track`` [m] is the distance of the sides, which counts where they are
-    not ``alike``. The left one is the same in either.
+    Both are periodic and of exactly the rms. `track` [m] is the distance of the sides, which counts where they are
+    not `alike`. The left one is the same in either.
     """
     whole_number("seed of a course", seed, least=0)
     count = round(LENGTH / STEP)
@@ -87,9 +87,9 @@ def course_heights(course: str, seed: int, track: float, *, alike: bool = True) 
 
 
 def driven(heights: np.ndarray, radius: float) -> np.ndarray:
-    """Heights [m] of a wheel of ``radius`` [m] that rolls over a course (n,), rounded to 1e-6 m.
+    """Heights [m] of a wheel of `radius` [m] that rolls over a course (n,), rounded to 1e-6 m.
 
-    :data:`RAMP` is added before and behind the course.
+    `RAMP` is added before and behind the course.
     """
     ramp = round(RAMP / STEP)
     grown = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)

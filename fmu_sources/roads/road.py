@@ -17,7 +17,7 @@ _NODE_TOLERANCE = 1e-9  # a position this close (in node steps) below a node cou
 
 
 class Shape(Protocol):
-    """Heights along both tracks. ``end`` may be an expression of the component's parameters."""
+    """Heights along both tracks. `end` may be an expression of the component's parameters."""
 
     @property
     def end(self) -> Any:
@@ -30,20 +30,20 @@ class Shape(Protocol):
         ...
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
-        """Height [m] and slope dz/dx at a column of positions [m] on the ``"left"`` or ``"right"`` track.
+        """Height [m] and slope dz/dx at a column of positions [m] on the `"left"` or `"right"` track.
 
-        A shape that smooths its surface for the wheels also has ``surface(x, side)``, the height [m] that sensors see.
+        A shape that smooths its surface for the wheels also has `surface(x, side)`, the height [m] that sensors see.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Heights at nodes ``0 .. last``, ``step`` metres apart from ``start`` on; linear in between, held outside.
+    """Heights at nodes `0 .. last`, `step` metres apart from `start` on; linear in between, held outside.
 
-    ``height(node, side)`` gives the heights [m] at a column of whole node numbers for ``"left"`` or ``"right"``.
-    ``step``, ``last`` and ``start`` may be parameters of the component; numbers become constants in metres.
-    ``alike``: both tracks have the same heights, so that those under two wheels of one axle are computed once.
+    `height(node, side)` gives the heights [m] at a column of whole node numbers for `"left"` or `"right"`.
+    `step`, `last` and `start` may be parameters of the component; numbers become constants in metres.
+    `alike`: both tracks have the same heights, so that those under two wheels of one axle are computed once.
     """
 
     height: Callable[[Any, str], Any]
@@ -58,7 +58,7 @@ class Profile:
     )
 
     def declared(self, c: Component) -> Profile:
-        """The same with constants of ``c`` in place of numbers."""
+        """The same with constants of `c` in place of numbers."""
 
         def length(name: str, value: Any, text: str) -> Any:
             return c.constant(name, value, "m", text, source="see the road") if isinstance(value, float) else value
@@ -93,7 +93,7 @@ def road(
     notes: Iterable[str] = (),
     reference_start: float = 27.0,
 ) -> Component:
-    """A road under the wheels of ``layout``. ``profile`` declares the road's own parameters and gives its heights."""
+    """A road under the wheels of `layout`. `profile` declares the road's own parameters and gives its heights."""
     c = Component(name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols)
     shape = profile(c)
     if isinstance(shape, Profile):

@@ -16,7 +16,7 @@ from fmu_sources.roads.road import Profile, road
 
 @dataclass(frozen=True)
 class HeightTable:
-    """Heights [m] of the left and right track at ``start + k * step`` [m]."""
+    """Heights [m] of the left and right track at `start + k * step` [m]."""
 
     start: float
     step: float
@@ -30,7 +30,7 @@ class HeightTable:
         """Table from points at increasing distances, linear in between.
 
         Equidistant points are taken as they are. Others are sampled at the smallest distance between two of them, but
-        not closer than ``finest`` [m] and with ``most`` points at most.
+        not closer than `finest` [m] and with `most` points at most.
         """
         gaps = np.diff(distance)
         length = distance[-1] - distance[0]
@@ -48,7 +48,7 @@ class HeightTable:
 
 
 def node_heights(c: Component, table: HeightTable) -> Callable[[Any, str], Any]:
-    """Heights [m] at a column of whole node numbers of a side, as :class:`Profile` wants them; ``c`` has MX symbols."""
+    """Heights [m] at a column of whole node numbers of a side, as `Profile` wants them; `c` has MX symbols."""
     heights = {
         side: c.constant(f"heights.{side}", values + 0.0, "m", f"heights of the {side} track", source="table")  # no -0
         for side, values in (("left", table.left), ("right", table.right))

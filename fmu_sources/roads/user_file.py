@@ -28,13 +28,13 @@ _HEADER = "distance [m],left [m],right [m]"
 
 
 def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser", *, radius: float = 0.0) -> Component:
-    """A road from a CSV file with the columns ``distance [m],left [m],right [m]``, or from an OpenCRG file (``.crg``).
+    """A road from a CSV file with the columns `distance [m],left [m],right [m]`, or from an OpenCRG file (`.crg`).
 
     Comma or semicolon separate; with semicolons a decimal comma is understood. Each column has its unit. Distances must
     increase. Equidistant points are used as they are, others are sampled at their smallest spacing, see
-    :meth:`HeightTable.resampled`, which may be 1 m. From OpenCRG the tracks of the layout's wheels are sampled. Heights
-    are shifted so that the road starts at 0 (mean of both tracks). With a ``radius`` [m] they are those that a rigid
-    wheel follows, see :func:`fmu_sources.roads.enveloping.rolled`.
+    `HeightTable.resampled`, which may be 1 m. From OpenCRG the tracks of the layout's wheels are sampled. Heights
+    are shifted so that the road starts at 0 (mean of both tracks). With a `radius` [m] they are those that a rigid
+    wheel follows, see `fmu_sources.roads.enveloping.rolled`.
 
     Raises:
         RoadError: naming the file, the line and what is wrong.
@@ -76,10 +76,10 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
 def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance, left and right height [m] of a road file.
 
-    Of OpenCRG at ``half_track`` [m] to both sides of the reference line.
+    Of OpenCRG at `half_track` [m] to both sides of the reference line.
 
     Raises:
-        RoadError: as :func:`road_from_file`.
+        RoadError: as `road_from_file`.
     """
     if path.suffix.lower() == ".crg":
         return read_opencrg(path, left=half_track, right=-half_track)
@@ -87,7 +87,7 @@ def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.nda
 
 
 def read_csv(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance, left and right height [m] of a CSV road; see :func:`road_from_file`."""
+    """Distance, left and right height [m] of a CSV road; see `road_from_file`."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:

@@ -34,7 +34,7 @@ def preview_buffer(
     cells: int = CELLS,
     max_speed: float = MAX_SPEED,
 ) -> Component:
-    """Circular memory of each track's heights, one cell per ``cell`` metres of road, read ahead of each wheel.
+    """Circular memory of each track's heights, one cell per `cell` metres of road, read ahead of each wheel.
 
     Args:
         layout: wheels, and number and spacing [s] of the preview heights, as for the road that it stands in for.

@@ -24,9 +24,9 @@ _ROUNDS = 16
 
 
 def white_noise(c: Component, seed: Any, count: int) -> list[Any]:
-    """``count`` independent standard normal numbers, new ones at every sample of ``c``; adds six hidden states.
+    """`count` independent standard normal numbers, new ones at every sample of `c`; adds six hidden states.
 
-    ``seed``: whole number from 0 on (a parameter of the component); neighbouring seeds give unrelated numbers.
+    `seed`: whole number from 0 on (a parameter of the component); neighbouring seeds give unrelated numbers.
     """
     start = _start(seed)
     states = [c.state(f"random.s{i}", "1", "memory of the noise", start=s, nominal=1e9) for i, s in enumerate(start)]
@@ -51,7 +51,7 @@ def _draw(first: list[Any], second: list[Any]) -> tuple[list[Any], list[Any], An
 
 
 def _mod(x: Any, m: float) -> Any:
-    """``x`` modulo ``m``, exact for whole x of up to 2^53: the quotient may be off by one, which is corrected."""
+    """`x` modulo `m`, exact for whole x of up to 2^53: the quotient may be off by one, which is corrected."""
     r = x - m * ca.floor(x / m)
     return r + ca.if_else(r < 0, m, ca.if_else(r >= m, -m, 0))
 

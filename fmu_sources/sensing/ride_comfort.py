@@ -31,7 +31,7 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
 
     The same numbers come from `fmu_sources.models.comfort` for a finished recording.
 
-    ``period``: sample time [s].
+    `period`: sample time [s].
     """
     c = Component(
         name,
@@ -127,7 +127,7 @@ def _filtered(c: Component, name: str, sections: tuple[Section, ...], signal: An
 
 
 def _moving_mean(c: Component, value: Any, length: Any, period: float) -> Any:
-    """Mean of the last ``length`` [s], by a ring of as many samples; before the first one all were 0.
+    """Mean of the last `length` [s], by a ring of as many samples; before the first one all were 0.
 
     The sum is carried along, and replaced by one taken afresh each time round, so that rounding does not pile up and a
     silent window has a mean of exactly 0.

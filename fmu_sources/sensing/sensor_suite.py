@@ -233,7 +233,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
 
 
 def _averaged(heights: list[Any], spot: Any) -> list[Any]:
-    """Mean of equidistant ``heights`` over a window of ``spot`` steps, each height standing for one step around it."""
+    """Mean of equidistant `heights` over a window of `spot` steps, each height standing for one step around it."""
     half = spot / 2
     reach = 6
     weights = [
@@ -249,9 +249,9 @@ def _averaged(heights: list[Any], spot: Any) -> list[Any]:
 
 
 def _cast(heights: list[Any], top: Any, beam: Any, start: Any, step: Any, small: Any) -> tuple[Any, Any]:
-    """Where a beam from height ``top`` at angle ``beam`` from straight down first meets a profile.
+    """Where a beam from height `top` at angle `beam` from straight down first meets a profile.
 
-    ``heights`` [m] are ``step`` m apart, the first one ``start`` m ahead of the sensor; a cubic goes through the four
+    `heights` [m] are `step` m apart, the first one `start` m ahead of the sensor; a cubic goes through the four
     around the hit. Returns whether there is a hit within the profile, and the length of the beam [m].
     """
     slope = ca.tan(beam)

@@ -1,9 +1,7 @@
 """Vehicle files: parameter sets in TOML, each value with its unit and source.
 
-==========  =============================================================
-``schema``  what a file must contain: fields, units, limits, descriptions
-``loader``  files to vehicles, and vehicles to parameters of a component
-==========  =============================================================
+- `schema`: what a file must contain: fields, units, limits, descriptions
+- `loader`: files to vehicles, and vehicles to parameters of a component
 """
 
 from fmu_sources.vehicles.loader import (

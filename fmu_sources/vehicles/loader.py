@@ -47,7 +47,7 @@ def vehicle_names() -> list[str]:
 def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     """Load a vehicle by the name of a file of this package, or by a path.
 
-    ``kind`` (a key of :data:`~fmu_sources.vehicles.schema.KINDS`) is what the caller needs; None takes what the file
+    `kind` (a key of `fmu_sources.vehicles.schema.KINDS`) is what the caller needs; None takes what the file
     says.
 
     Raises:
@@ -76,52 +76,52 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
 
 
 def load_quarter_car(name_or_path: str | Path) -> QuarterCar:
-    """Load a vehicle of kind ``quarter_car``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `quarter_car`; see `load_vehicle`."""
     return cast(QuarterCar, load_vehicle(name_or_path, "quarter_car"))
 
 
 def load_ride_car(name_or_path: str | Path) -> RideCar:
-    """Load a vehicle of kind ``ride_car``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `ride_car`; see `load_vehicle`."""
     return cast(RideCar, load_vehicle(name_or_path, "ride_car"))
 
 
 def load_three_axle(name_or_path: str | Path) -> ThreeAxleCar:
-    """Load a vehicle of kind ``three_axle``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `three_axle`; see `load_vehicle`."""
     return cast(ThreeAxleCar, load_vehicle(name_or_path, "three_axle"))
 
 
 def load_three_axle_trench(name_or_path: str | Path) -> ThreeAxleTrenchCar:
-    """Load a vehicle of kind ``three_axle_trench``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `three_axle_trench`; see `load_vehicle`."""
     return cast(ThreeAxleTrenchCar, load_vehicle(name_or_path, "three_axle_trench"))
 
 
 def load_full_car(name_or_path: str | Path) -> FullCar:
-    """Load a vehicle of kind ``full_car``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `full_car`; see `load_vehicle`."""
     return cast(FullCar, load_vehicle(name_or_path, "full_car"))
 
 
 def load_wishbone_car(name_or_path: str | Path) -> WishboneCar:
-    """Load a vehicle of kind ``wishbone_car``; see :func:`load_vehicle`."""
+    """Load a vehicle of kind `wishbone_car`; see `load_vehicle`."""
     return cast(WishboneCar, load_vehicle(name_or_path, "wishbone_car"))
 
 
 def load_actuator(name_or_path: str | Path) -> Actuator:
-    """Load a file of kind ``actuator``; see :func:`load_vehicle`."""
+    """Load a file of kind `actuator`; see `load_vehicle`."""
     return cast(Actuator, load_vehicle(name_or_path, "actuator"))
 
 
 def load_sensors(name_or_path: str | Path) -> SensorSet:
-    """Load a file of kind ``sensors``; see :func:`load_vehicle`."""
+    """Load a file of kind `sensors`; see `load_vehicle`."""
     return cast(SensorSet, load_vehicle(name_or_path, "sensors"))
 
 
 def declare(c: Component, section: Section, prefix: str = "", leave_out: Collection[str] = ()) -> Any:
-    """Declare every quantity of a vehicle as an FMI parameter of ``c`` under its path in the file.
+    """Declare every quantity of a vehicle as an FMI parameter of `c` under its path in the file.
 
-    ``leave_out``: paths of fields or tables that the component has no use for.
+    `leave_out`: paths of fields or tables that the component has no use for.
 
-    Returns the symbols in the shape of the file: ``p.suspension.front.spring``. Of :class:`Axles` tables each wheel
-    gets its own parameters: ``p.suspension.fl.stiffness``.
+    Returns the symbols in the shape of the file: `p.suspension.front.spring`. Of `Axles` tables each wheel
+    gets its own parameters: `p.suspension.fl.stiffness`.
     """
     symbols = SimpleNamespace()
     for name, info in type(section).model_fields.items():
@@ -176,7 +176,7 @@ def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
     """The file of a vehicle, then the files that it builds on.
 
     Raises:
-        VehicleError: as :func:`load_vehicle`, as far as the files can be read at all.
+        VehicleError: as `load_vehicle`, as far as the files can be read at all.
     """
     path: Path | None = _find(name_or_path)
     found: list[Path] = []
@@ -220,7 +220,7 @@ def _parse(path: Path) -> tuple[dict[str, Any], Path | None]:
 
 
 def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """``base`` with ``changes``; tables merge, values (tables with a ``value``) are replaced whole."""
+    """`base` with `changes`; tables merge, values (tables with a `value`) are replaced whole."""
     merged = dict(base)
     for key, new in changes.items():
         old = merged.get(key)

@@ -1,6 +1,6 @@
 """What a vehicle file must contain: every field with its unit, meaning and limits, declared here and nowhere else.
 
-The FMI parameters of the plants are made from these declarations (:func:`fmu_sources.vehicles.declare`), so name, unit,
+The FMI parameters of the plants are made from these declarations (`fmu_sources.vehicles.declare`), so name, unit,
 limits and description of a parameter are those of the field in the file.
 """
 
@@ -35,7 +35,7 @@ class Declared:
 
 
 class Quantity(BaseModel):
-    """One value of a vehicle file. ``value`` is in the unit of the field's declaration once the file is loaded."""
+    """One value of a vehicle file. `value` is in the unit of the field's declaration once the file is loaded."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -74,9 +74,9 @@ def numbers(
     display_unit: str | None = None,
     nominal: float | None = None,
 ) -> Any:
-    """Declare a field of type :class:`Numbers`.
+    """Declare a field of type `Numbers`.
 
-    ``size``: how many (None: two at least); ``increasing``: where a table relies on it.
+    `size`: how many (None: two at least); `increasing`: where a table relies on it.
     """
     declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
     return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
@@ -91,7 +91,7 @@ def quantity(
     display_unit: str | None = None,
     nominal: float | None = None,
 ) -> Any:
-    """Declare a field of type :class:`Quantity`. ``nominal`` is for values that may well be 0."""
+    """Declare a field of type `Quantity`. `nominal` is for values that may well be 0."""
     declared = Declared(unit, min, max, display_unit, nominal)
     return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
 
@@ -154,9 +154,9 @@ def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
 
 
 class Axles(Section):
-    """A table with ``front`` and ``rear``: values of one wheel of that axle, the same left and right.
+    """A table with `front` and `rear`: values of one wheel of that axle, the same left and right.
 
-    In the FMU each wheel has parameters of its own (``fl fr rl rr``), so that a car may differ from side to side.
+    In the FMU each wheel has parameters of its own (`fl fr rl rr`), so that a car may differ from side to side.
     """
 
     axle_of: ClassVar[Mapping[str, str]] = TWO_AXLES
@@ -164,7 +164,7 @@ class Axles(Section):
 
 
 class ThreeAxles(Axles):
-    """A table with ``a1``, ``a2`` and ``a3``, counted from the front: values of one wheel of that axle."""
+    """A table with `a1`, `a2` and `a3`, counted from the front: values of one wheel of that axle."""
 
     axle_of = THREE_AXLES
 
@@ -384,7 +384,7 @@ class ThreeAxleTrenchCar(ThreeAxleCar):
     lidar: _Lidar
 
     def linear(self) -> ThreeAxleCar:
-        """The car of small motions: without what only obstacles need, the wheels where ``body.cg_offset`` has them."""
+        """The car of small motions: without what only obstacles need, the wheels where `body.cg_offset` has them."""
         data = {n: value for n, value in self.model_dump().items() if n in ThreeAxleCar.model_fields}
         data |= {"kind": "three_axle", "body": {n: data["body"][n] for n in _RideBody.model_fields}}
         for part in (*data["wheel"].values(), data["seat"]):

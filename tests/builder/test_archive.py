@@ -192,7 +192,7 @@ def test_unknown_platform() -> None:
 
 @needs_zig
 def test_ziglang_builds_for_the_host(no_compiler: None, tmp_path: Path) -> None:  # noqa: ARG001
-    """One small component. The other platforms take minutes the first time and are left to ``--platform all``."""
+    """One small component. The other platforms take minutes the first time and are left to `--platform all`."""
     target = resolve_platforms("host")[0]
     path = tmp_path / "ProbeDiscrete.fmu"
     path.write_bytes(build_fmu(filter_bank(), 3, [target], ObjectCache(FMUS / ".cache" / "ziglang")))

@@ -54,7 +54,7 @@ def task(monkeypatch: pytest.MonkeyPatch) -> Recorder:
 
 
 def build(catalog: list[Entry], names: list[str], out: Path, task: Recorder, **options) -> list[str]:  # type: ignore[no-untyped-def]
-    """Build and return the names built; ``sources`` defaults to unchanged code."""
+    """Build and return the names built; `sources` defaults to unchanged code."""
     force, sources = options.pop("force", False), options.pop("sources", "code")
     return builder.build(
         {e.name: e for e in catalog}, names, Options(out, **options), sources=sources, task=task, force=force

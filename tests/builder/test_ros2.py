@@ -1,4 +1,4 @@
-"""The solver ``ros2``: its order, what it does to stiff modes, and a matrix that cannot be solved.
+"""The solver `ros2`: its order, what it does to stiff modes, and a matrix that cannot be solved.
 
 In C and in Python.
 """
@@ -105,7 +105,7 @@ def test_solver_check(rate: float, fine: bool) -> None:
 
 
 def growing(step: float) -> Component:
-    """A mode whose true growth makes ``1 - gamma h lambda`` zero at this step."""
+    """A mode whose true growth makes `1 - gamma h lambda` zero at this step."""
     c = declare(step)
     calm = c.state("calm", None, start=1.0)
     x = c.state("wild", None, start=1.0)

@@ -1,4 +1,4 @@
-"""The solver ``semi_implicit`` for mechanical systems with contacts, and checks of relations between parameters."""
+"""The solver `semi_implicit` for mechanical systems with contacts, and checks of relations between parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What users of ``build-fmus`` can do wrong: each message names the thing and says what to do."""
+"""What users of `build-fmus` can do wrong: each message names the thing and says what to do."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ STARTER = (
 
 
 def interrupt(folder: Path, ready: Path, program: str, *arguments: str, delay: float = 0.0) -> str:
-    """Start a program, press Ctrl-C ``delay`` seconds after something fits ``ready``, and return what it printed."""
+    """Start a program, press Ctrl-C `delay` seconds after something fits `ready`, and return what it printed."""
     process = subprocess.Popen(
         [sys.executable, "-c", STARTER, str(BIN / program), *arguments],
         cwd=folder,
@@ -47,7 +47,7 @@ def interrupt(folder: Path, ready: Path, program: str, *arguments: str, delay: f
 
 
 def gone(group: int, within: float) -> bool:
-    """Whether a process group is empty after at most ``within`` seconds."""
+    """Whether a process group is empty after at most `within` seconds."""
     end = time.monotonic() + within
     while time.monotonic() < end:
         try:

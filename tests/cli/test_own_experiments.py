@@ -193,7 +193,7 @@ COSTLY = {
     ("trench", "three_axle_trench"),
     *(("ride", b) for b in ("hmmwv", "hmmwv_modified", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")),
 }
-"""Pairs that are the published experiment under other names and take minutes to build: left to ``make test-full``."""
+"""Pairs that are the published experiment under other names and take minutes to build: left to `make test-full`."""
 
 
 def _costly(pair: tuple[str, str]) -> Any:
@@ -220,7 +220,7 @@ def test_the_page_says_what_fits() -> None:
 
 
 def own_names(experiment: str, base: str) -> list[str]:
-    """Names of the FMUs of :func:`built`."""
+    """Names of the FMUs of `built`."""
     needs = EXPERIMENTS[experiment].needs[load_vehicle(base).kind]
     return [n.format(catalog_suffix(Path(f"on_{base}"))) for n in needs]
 

@@ -1,8 +1,8 @@
 """One Python face for the C interface of an FMU, FMI 2.0 and FMI 3.0 alike.
 
-:class:`Model` is what a model description says, :class:`Library` a loaded FMU, :class:`Instance` an instance of it.
-``Instance.call`` passes anything to any function and returns the status; the other methods wrap it for the usual cases
-and raise :class:`CallFailed` with the FMU's own message. Values are read and written by variable name.
+`Model` is what a model description says, `Library` a loaded FMU, `Instance` an instance of it.
+`Instance.call` passes anything to any function and returns the status; the other methods wrap it for the usual cases
+and raise `CallFailed` with the FMU's own message. Values are read and written by variable name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LOGGER3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 
 
 class Callbacks2(c.Structure):
-    """``fmi2CallbackFunctions``."""
+    """`fmi2CallbackFunctions`."""
 
     _fields_ = (
         ("logger", LOGGER2),
@@ -65,7 +65,7 @@ class Variable:
 
     @property
     def kind(self) -> str:
-        """``real``, ``integer`` or ``boolean``."""
+        """`real`, `integer` or `boolean`."""
         return _KINDS[self.type]
 
     @property
@@ -163,7 +163,7 @@ class Model:
 class Library(Model):
     """An FMU, unpacked and loaded once.
 
-    ``resources``: the resource path that instances get; None by default, since most need none.
+    `resources`: the resource path that instances get; None by default, since most need none.
     """
 
     resources: bytes | None = None
@@ -192,7 +192,7 @@ class Library(Model):
                 getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_char_p
 
     def documentation_csv(self, what: str) -> Signals:
-        """``NAME_in.csv`` or ``NAME_ref.csv`` of the documentation."""
+        """`NAME_in.csv` or `NAME_ref.csv` of the documentation."""
         return Signals.read((self.folder / "documentation" / f"{self.name}_{what}.csv").read_text())
 
     @cached_property
@@ -201,13 +201,13 @@ class Library(Model):
         return self.documentation_csv("in")
 
     def instance(self, kind: str = "cs", *, logging: bool = True) -> Instance:
-        """A new instance for Co-Simulation (``"cs"``) or Model Exchange (``"me"``)."""
+        """A new instance for Co-Simulation (`"cs"`) or Model Exchange (`"me"`)."""
         return Instance(self, kind, logging=logging)
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Columns by name over ``time``."""
+    """Columns by name over `time`."""
 
     time: np.ndarray
     values: np.ndarray
@@ -215,7 +215,7 @@ class Signals:
 
     @classmethod
     def read(cls, text: str) -> Signals:
-        """From CSV with a header row that starts with ``time``."""
+        """From CSV with a header row that starts with `time`."""
         rows = list(csv.reader(io.StringIO(text)))
         table = np.array(rows[1:], dtype=float)
         return cls(table[:, 0], table[:, 1:], rows[0][1:])
@@ -226,7 +226,7 @@ class Signals:
 
 
 class Instance:
-    """An instance of an FMU; ``messages`` holds (status, category, text) of everything it logged."""
+    """An instance of an FMU; `messages` holds (status, category, text) of everything it logged."""
 
     def __init__(
         self,
@@ -279,7 +279,7 @@ class Instance:
     # ------------------------------------------------------------------ calls
 
     def raw(self, function: str, *arguments: Any) -> Any:
-        """Call ``fmi<n><function>`` as it is."""
+        """Call `fmi<n><function>` as it is."""
         return getattr(self.library.dll, f"fmi{self.fmi}{function}")(*arguments)
 
     def call(self, function: str, *arguments: Any) -> int:
@@ -303,7 +303,7 @@ class Instance:
     # ------------------------------------------------------------------ life cycle
 
     def enter_initialization(self, start: float = 0.0, stop: float | None = None) -> int:
-        """``SetupExperiment`` where there is one, then ``EnterInitializationMode``; the first bad status."""
+        """`SetupExperiment` where there is one, then `EnterInitializationMode`; the first bad status."""
         self.time = start
         setup = (self.flag(False), 0.0, start, self.flag(stop is not None), stop or 0.0)
         if self.fmi == 2:
@@ -359,7 +359,7 @@ class Instance:
         return (c.c_uint32 * len(data))(*data)
 
     def access(self, direction: str, kind: str, references: Iterable[int], values: Any) -> int:
-        """``Get`` or ``Set`` by value reference and FMI type; the status."""
+        """`Get` or `Set` by value reference and FMI type; the status."""
         refs = self.references(references)
         count = () if self.fmi == 2 else (c.c_size_t(len(values)),)
         return self.call(f"{direction}{kind}", refs, c.c_size_t(len(refs)), values, *count)
@@ -408,7 +408,7 @@ class Instance:
     # ------------------------------------------------------------------ time
 
     def do_step(self, time: float, step: float) -> int:
-        """``DoStep``; the status."""
+        """`DoStep`; the status."""
         tail: tuple[Any, ...] = (self.flag(True),)
         if self.fmi == 3:
             flags = (c.c_bool * 3)()
@@ -418,7 +418,7 @@ class Instance:
         return self.call("DoStep", time, step, *tail)
 
     def step(self, step: float) -> None:
-        """Advance by ``step`` from where it is."""
+        """Advance by `step` from where it is."""
         status = self.do_step(self.time, step)
         if status > WARNING:
             raise CallFailed(f"DoStep at {self.time}: status {status}: {self.last_message}")
@@ -427,7 +427,7 @@ class Instance:
     def run(
         self, steps: int, stimulus: Signals | None = None, *, first: int = 0, step: float | None = None
     ) -> np.ndarray:
-        """Outputs after each of ``steps`` communication steps, inputs from rows ``first``... of ``stimulus``."""
+        """Outputs after each of `steps` communication steps, inputs from rows `first`... of `stimulus`."""
         stimulus = self.library.stimulus if stimulus is None else stimulus
         h = step or self.library.step
         out = []
@@ -485,7 +485,7 @@ class Instance:
     # ------------------------------------------------------------------ derivatives
 
     def try_directional(self, unknowns: list[str], knowns: list[str], seed: Iterable[float]) -> tuple[int, np.ndarray]:
-        """Status and sensitivities of ``unknowns`` for ``seed`` of ``knowns``."""
+        """Status and sensitivities of `unknowns` for `seed` of `knowns`."""
         z, v = (self.references(self.library.variables[n].reference for n in names) for names in (unknowns, knowns))
         dv, dz = (c.c_double * len(knowns))(*seed), (c.c_double * len(unknowns))()
         nz, nv = c.c_size_t(len(unknowns)), c.c_size_t(len(knowns))

@@ -22,7 +22,7 @@ def model(name: str) -> Model:
 
 
 def applies_to(*traits: Callable[[Model], Any]) -> pytest.MarkDecorator:
-    """Run a test over the FMUs for which all of ``traits`` give something: true, or what the test then loops over."""
+    """Run a test over the FMUs for which all of `traits` give something: true, or what the test then loops over."""
     names = [n for n in NAMES if all(trait(model(n)) for trait in traits)]
     if ALL_ARE_ASKED and not names:
         raise ValueError(f"no FMU has the traits {', '.join(t.__name__ for t in traits)}: the test would never be run")

@@ -33,7 +33,7 @@ class Function:
 
 
 def nothing(n: int) -> Arguments:
-    """``n`` empty arrays, each with its length 0."""
+    """`n` empty arrays, each with its length 0."""
     return lambda a: (None, c.c_size_t(0)) * n
 
 
@@ -76,7 +76,7 @@ def serialized(a: Instance) -> tuple[Any, ...]:
 
 
 class EventInfo(c.Structure):
-    """``fmi2EventInfo``."""
+    """`fmi2EventInfo`."""
 
     _fields_ = (*tuple((n, c.c_int) for n in "abcde"), ("f", c.c_double))
 

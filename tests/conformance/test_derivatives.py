@@ -26,7 +26,7 @@ def reals(fmu: Library, names: list[str]) -> list[str]:
 
 
 def difference(f: Callable[[float], np.ndarray], at: float, size: float) -> tuple[np.ndarray, float]:
-    """Derivative of ``f`` at ``at`` by extrapolated central differences, and the step that it is from.
+    """Derivative of `f` at `at` by extrapolated central differences, and the step that it is from.
 
     Of several difference steps the one counts for which a step and half of it agree best: large ones suffer from
     curvature, kinks and limits, small ones from rounding.
@@ -45,7 +45,7 @@ def difference(f: Callable[[float], np.ndarray], at: float, size: float) -> tupl
 
 
 def noise(f: Callable[[float], np.ndarray], at: float, size: float) -> np.ndarray:
-    """Rounding noise of each value of ``f`` near ``at``, whatever large numbers it subtracts inside.
+    """Rounding noise of each value of `f` near `at`, whatever large numbers it subtracts inside.
 
     Over so short a distance a smooth function is a line, so its sixth differences are noise; a white one of deviation s
     has some of variance 924 s2. Source: J. J. More, S. M. Wild, Estimating computational noise, SIAM J. Sci. Comput. 33
@@ -58,7 +58,7 @@ def noise(f: Callable[[float], np.ndarray], at: float, size: float) -> np.ndarra
 
 
 def check(a: Instance, unknowns: list[str], known: str, f: Callable[[float], np.ndarray], at: float) -> None:
-    """One column, given ``f``: value of the known -> values of the unknowns."""
+    """One column, given `f`: value of the known -> values of the unknowns."""
     v = a.library.variables[known]
     size = max(abs(at), v.nominal or 1e-2)
     expected, step = difference(f, at, size)

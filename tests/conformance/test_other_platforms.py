@@ -2,7 +2,7 @@
 
 Windows ones under Wine, ARM ones under QEMU, and their numbers are those of this machine.
 
-``host.c`` is compiled for each platform by ziglang, and replays the stimulus of every FMU (and of an exported system);
+`host.c` is compiled for each platform by ziglang, and replays the stimulus of every FMU (and of an exported system);
 the state travels as bytes into another instance halfway. macOS has no such stand-in: of its binaries only what they say
 of themselves is looked at.
 """

@@ -69,7 +69,7 @@ def simulate(fmu: Library, interface: str, path: Path | None = None, steps: int 
 
 
 def replay(fmu: Library, inputs: Signals, parameters: dict[str, float] | None = None) -> np.ndarray:
-    """Outputs at all rows of ``inputs``, by the C interface."""
+    """Outputs at all rows of `inputs`, by the C interface."""
     with fmu.instance() as a:
         a.initialize({**(parameters or {}), **inputs.row(0)})
         first = a.get(fmu.outputs)
@@ -86,7 +86,7 @@ def test_cosimulation_in_fmpy_meets_the_reference(fmu: Library) -> None:
 
 @pytest.mark.parametrize("name", CATALOG_NAMES)  # test components change with the tests
 def test_committed_reference(fmu: Library) -> None:
-    """Regression: numbers written down when they were last looked at (``tests/references/write.py`` says how).
+    """Regression: numbers written down when they were last looked at (`tests/references/write.py` says how).
 
     The tolerance leaves room for the mathematical library and the linear algebra of the machine that wrote them: gains
     are computed with them, and so are the numbers, by the Python evaluation.
@@ -103,7 +103,7 @@ def test_committed_reference(fmu: Library) -> None:
 def test_model_exchange_agrees_with_cosimulation(pair: tuple[Library, Library]) -> None:
     """FMPy's CVode (relative tolerance 1e-11) against our fixed steps.
 
-    The error of our solver is measured: halving the solver step changes the result by ``change``. For order 2 and
+    The error of our solver is measured: halving the solver step changes the result by `change`. For order 2 and
     higher the remaining error is at most 4/3 of it; kinks lower the order locally, so 4 times the change (and
     2e-6 of scale for CVode's own error) is allowed. Booleans and Integers may switch a step apart and are left out.
     """
@@ -226,7 +226,7 @@ def changed_value(v) -> float | None:  # type: ignore[no-untyped-def]
 
 
 def test_smaller_communication_steps(fmu: Library) -> None:
-    """One ``doStep(h)`` and two ``doStep(h/2)`` agree.
+    """One `doStep(h)` and two `doStep(h/2)` agree.
 
     To rounding for rk4 and ros2 with h/2 a multiple of the solver step and for discrete components, to solver error for
     am2, whose predictor restarts at every communication step.

@@ -78,7 +78,7 @@ def test_bypassed_smoothing_passes_the_force_itself(paper):
 
 
 def spool_for(flow: float, load: float, density: float) -> float:
-    """Spool stroke that passes ``flow`` against load pressure ``load``."""
+    """Spool stroke that passes `flow` against load pressure `load`."""
     return flow / (DISCHARGE * WIDTH * math.sqrt((SUPPLY - math.copysign(1, flow) * load) / density))
 
 

@@ -24,7 +24,7 @@ def controller(car):
 
 
 def command(controller, parameters=None, **inputs):
-    """Outputs by name for inputs by name (``__`` for ``.``), all others 0."""
+    """Outputs by name for inputs by name (`__` for `.`), all others 0."""
     evaluator = Evaluator(controller, parameters or {})
     slots = {e.name: e.slot for e in controller.elements("input")}
     for name, value in inputs.items():

@@ -11,7 +11,7 @@ from pythonfmu import builder
 
 @pytest.fixture
 def seat(workplace: Path) -> Path:
-    """The FMU in `path/to/` of the page on third-party FMUs, made by PythonFMU from its source in ``docs/examples``."""
+    """The FMU in `path/to/` of the page on third-party FMUs, made by PythonFMU from its source in `docs/examples`."""
     folder = workplace / "path" / "to"
     folder.mkdir(parents=True)
     return Path(builder.FmuBuilder.build_FMU(ROOT / "docs" / "examples" / "seat.py", dest=folder))

@@ -146,7 +146,7 @@ def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:
 
 
 def folders() -> dict[str, list[str]]:
-    """Each folder of ``fmu_sources`` with its modules and packages."""
+    """Each folder of `fmu_sources` with its modules and packages."""
     held: dict[str, list[str]] = {}
     for path in map(Path, files()):
         name, folder = (path.parent.name, path.parents[1]) if path.name == "__init__.py" else (path.stem, path.parent)
@@ -162,4 +162,4 @@ def test_every_folder_of_components_has_a_line_in_the_table() -> None:
 @pytest.mark.parametrize("folder", sorted(folders().keys() - {"fmu_sources"}))
 def test_the_docstring_of_a_folder_names_its_modules(folder: str) -> None:
     told = ast.get_docstring(ast.parse((ROOT / folder / "__init__.py").read_bytes())) or ""
-    assert sorted(re.findall(r"^``(\w+)``  +\S", told, re.MULTILINE)) == folders()[folder]
+    assert sorted(re.findall(r"^- `(\w+)`: \S", told, re.MULTILINE)) == folders()[folder]

@@ -2,7 +2,7 @@
 
 In Chromium at two widths and in both colour schemes, from a folder, without a network.
 
-``make test-pages`` runs these; see `browsers`.
+`make test-pages` runs these; see `browsers`.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ NO_TEXT = re.compile(r"\]\([^)]*\)")  # a link's target cannot be broken
 
 
 def test_no_folder_of_tests_is_passed_over(pytestconfig: pytest.Config) -> None:
-    """By default pytest skips folders of some names, such as ``build``."""
+    """By default pytest skips folders of some names, such as `build`."""
     passed_over = pytestconfig.getini("norecursedirs")
     assert passed_over
     for file in (ROOT / "tests").rglob("test_*.py"):

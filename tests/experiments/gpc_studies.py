@@ -41,7 +41,7 @@ def paper_study() -> Study:
 
 
 def change(rows: list[Row], by: Callable[[Row], dict[str, Any] | None]) -> int:
-    """Update rows with what ``by`` returns for them; how many it changed."""
+    """Update rows with what `by` returns for them; how many it changed."""
     changes = [(row, new) for row in rows if (new := by(row)) is not None]
     for row, new in changes:
         row.update(new)

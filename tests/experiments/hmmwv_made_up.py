@@ -67,7 +67,7 @@ Change = Callable[[Case, Row], None]
 def made_up_study(*changes: Change, worse: Collection[str] = ()) -> Results:
     """The vehicle as the paper has it, and parts with nothing remarkable.
 
-    ``changes`` are made to the metrics of the vehicle's runs; the named variants of the force tracking have ten times
+    `changes` are made to the metrics of the vehicle's runs; the named variants of the force tracking have ten times
     the error.
     """
 

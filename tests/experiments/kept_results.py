@@ -1,4 +1,4 @@
-"""The verdicts that are kept in ``docs/results``: what README and results.md say of each study."""
+"""The verdicts that are kept in `docs/results`: what README and results.md say of each study."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from cosim.study import Experiment, Results, Run, Task
 
 @dataclass(frozen=True)
 class MadeUpRun(Run):
-    """A run whose start values are given instead of read from FMUs: ``system`` is a dictionary of them."""
+    """A run whose start values are given instead of read from FMUs: `system` is a dictionary of them."""
 
     def start(self, name: str) -> Any:
         return self.system[name]

@@ -53,7 +53,7 @@ def scale(study: Study, which, **factors: float) -> None:
 
 
 def improve(study: Study, which, gains: dict[int, float]) -> None:
-    """Give the runs of ``which`` another improvement, by seed, matched or not."""
+    """Give the runs of `which` another improvement, by seed, matched or not."""
     rows = [*study.comparison, *study.unmatched]
 
     def new(r):

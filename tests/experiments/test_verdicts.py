@@ -41,7 +41,7 @@ def test_the_whole_study_gives_the_verdicts_that_are_told(experiment: str, fmus:
 @pytest.mark.full
 @pytest.mark.parametrize("experiment", ["bench", "preview-lq"])
 def test_a_study_on_a_cluster_writes_the_same_files(experiment: str, tmp_path: Path) -> None:
-    """``cosim study NAME --dask local``: page, tables, figures and summary of processes, byte for byte."""
+    """`cosim study NAME --dask local`: page, tables, figures and summary of processes, byte for byte."""
     written = []
     for place, options in (("processes", ()), ("cluster", ("--dask", "local"))):
         out = tmp_path / place

@@ -1,6 +1,6 @@
 """The showpieces in Chromium: no error, at least as fast as the clock, accessible, and the bits of the native run.
 
-``make test-pages`` runs these; see `browsers`.
+`make test-pages` runs these; see `browsers`.
 """
 
 from __future__ import annotations

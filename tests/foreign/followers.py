@@ -88,7 +88,7 @@ def description(version: int, name: str) -> str:
 
 
 def build(version: int, folder: Path, *, units: bool = True) -> Path:
-    """The FMU for this machine, in a folder. Without ``units`` values are exchanged as they are."""
+    """The FMU for this machine, in a folder. Without `units` values are exchanged as they are."""
     path = folder / f"Follower{version}.fmu"
     where, suffix = platform_folder(str(version))
     library = folder / f"follower{version}{suffix}"

@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz [TARGET ...] --cases N --seed S``: make cases, try them, keep those that fail."""
+"""`python -m tests.fuzz [TARGET ...] --cases N --seed S`: make cases, try them, keep those that fail."""
 
 from __future__ import annotations
 

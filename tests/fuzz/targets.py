@@ -2,9 +2,9 @@
 
 A target is a module of this folder, named here, with
 
-- ``make(rng: random.Random) -> bytes``: a case, the same for the same state of ``rng``;
-- ``run(case: bytes, folder: Path) -> None``: try it, in a folder of its own; what is raised is judged by ``bench``;
-- ``ALLOWED``: the errors that may come of it, with a message of one line each (or several, one a mistake).
+- `make(rng: random.Random) -> bytes`: a case, the same for the same state of `rng`;
+- `run(case: bytes, folder: Path) -> None`: try it, in a folder of its own; what is raised is judged by `bench`;
+- `ALLOWED`: the errors that may come of it, with a message of one line each (or several, one a mistake).
 """
 
 from __future__ import annotations

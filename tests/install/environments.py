@@ -29,7 +29,7 @@ class Environment:
 
     @property
     def site(self) -> Path:
-        """Its ``site-packages``."""
+        """Its `site-packages`."""
         return self._path("purelib")
 
     @property
@@ -68,7 +68,7 @@ class Environment:
 
 
 def make(folder: Path, wheel: Path, *extras: str) -> Environment:
-    """An environment with the wheel in it, as ``pip install 'suspension-fmus[EXTRAS]'`` would make it.
+    """An environment with the wheel in it, as `pip install 'suspension-fmus[EXTRAS]'` would make it.
 
     The packages that it depends on are links to those that the tests run with, because to download them takes minutes.
     Linked is what the wheel asks for by its own metadata and no more; pip then finds whether that is complete.

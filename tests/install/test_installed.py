@@ -88,7 +88,7 @@ def contents(wheel: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def core(place: Path, wheel: Path) -> Environment:
-    """What ``pip install suspension-fmus`` brings."""
+    """What `pip install suspension-fmus` brings."""
     return make(place / "core", wheel)
 
 
@@ -321,7 +321,7 @@ def study(environment: Environment, fmu: Path, *options: str) -> None:
 
 @pytest.fixture
 def foreign(with_reports: Environment) -> Iterator[Path]:
-    """Another project's package ``cosim`` in the same environment."""
+    """Another project's package `cosim` in the same environment."""
     package = with_reports.site / "cosim" / "__init__.py"
     package.parent.mkdir()
     package.write_text("WHOSE = 'not ours'\n")

@@ -1,4 +1,4 @@
-"""``python -m tests.mutants``: make mistakes, run the tests that should notice, list the mistakes that none noticed."""
+"""`python -m tests.mutants`: make mistakes, run the tests that should notice, list the mistakes that none noticed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def accepted() -> dict[str, str]:
 
 
 def of_group(group: Group, root: Path = ROOT) -> list[Mutant]:
-    """All mistakes in the files of a group, as they are in the tree ``root``."""
+    """All mistakes in the files of a group, as they are in the tree `root`."""
     found = [m for f in group.files(root) for m in mutants(f, (root / f).read_text(encoding="utf-8"))]
     return [m for m in found if m.kind not in group.leave]
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 class Group:
     """Files and their tests, as patterns from the project's folder.
 
-    ``leave``: kinds of mistakes that are not made in them. ``slower``: tests that are tried on what the others did not
+    `leave`: kinds of mistakes that are not made in them. `slower`: tests that are tried on what the others did not
         notice.
     """
 

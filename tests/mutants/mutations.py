@@ -54,7 +54,7 @@ _HIDDEN = (ast.Raise, ast.Assert, ast.Import, ast.ImportFrom)  # nothing in ther
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake: ``before`` became ``after`` in the function ``where``, the ``number``-th such place of it."""
+    """One mistake: `before` became `after` in the function `where`, the `number`-th such place of it."""
 
     file: str
     where: str
@@ -162,7 +162,7 @@ class _Sites:
             self.found.append(_Site(".".join(self._where) or "module", kind, _short(text), _short(after), apply))
 
     def _replace(self, kind: str, whole: ast.AST, owner: Any, field: str, new: Any) -> None:
-        """Note that ``owner.field`` becomes ``new``; ``whole`` is the expression that people know the place by."""
+        """Note that `owner.field` becomes `new`; `whole` is the expression that people know the place by."""
         old = getattr(owner, field)
 
         def apply() -> None:
@@ -329,7 +329,7 @@ def _names(tree: ast.Module) -> Iterator[str]:
 
 
 def _is_pattern(node: ast.AST) -> bool:
-    """A text made of names, such as ``f"car.wheel.{k}.z"``."""
+    """A text made of names, such as `f"car.wheel.{k}.z"`."""
     if not isinstance(node, ast.JoinedStr) or not any(isinstance(v, ast.FormattedValue) for v in node.values):
         return False
     written = "".join(str(v.value) for v in node.values if isinstance(v, ast.Constant))

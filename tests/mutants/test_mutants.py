@@ -1,4 +1,4 @@
-"""The mistakes that ``make mutants`` makes, and how it finds those that no test notices."""
+"""The mistakes that `make mutants` makes, and how it finds those that no test notices."""
 
 from __future__ import annotations
 

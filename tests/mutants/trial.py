@@ -72,9 +72,9 @@ def changed(file: Path, text: str) -> Iterator[None]:
 
 
 def passes(tree: Path, tests: Sequence[str], limit: float | None = None, first: Sequence[str] = ()) -> bool:
-    """Whether tests pass in a tree, within ``limit`` seconds, in a process of their own.
+    """Whether tests pass in a tree, within `limit` seconds, in a process of their own.
 
-    ``first``: names of the tests that run before the others, since they are likely to fail; the first that does ends
+    `first`: names of the tests that run before the others, since they are likely to fail; the first that does ends
         the trial.
     """
     process = _started(tree, tests, None, first)
@@ -115,7 +115,7 @@ def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
 def imported(tree: Path, files: Sequence[str]) -> list[Path]:
     """What files of a tree import of it, with their data.
 
-    See :func:`build_fmus.sources.imported`: it looks in the project that it lies in, so the function of the tree is
+    See `build_fmus.sources.imported`: it looks in the project that it lies in, so the function of the tree is
     called.
     """
     code = "import sys; from build_fmus.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
@@ -125,7 +125,7 @@ def imported(tree: Path, files: Sequence[str]) -> list[Path]:
 
 
 def copy_bytecode(tree: Path, others: Sequence[Path]) -> None:
-    """Give other copies what :func:`baseline` has compiled in a tree; their files have the same times."""
+    """Give other copies what `baseline` has compiled in a tree; their files have the same times."""
     for folder in tree.rglob("__pycache__"):
         for other in others:
             shutil.copytree(folder, other / folder.relative_to(tree), dirs_exist_ok=True)
@@ -157,7 +157,7 @@ def _passed(process: BaseProcess) -> bool:
 
 
 def _run(tree: str, tests: list[str], notes: Path | None, first: list[str]) -> None:
-    """Run tests in a process that has loaded nothing of the project; ends it with :data:`ENDED` and pytest's code."""
+    """Run tests in a process that has loaded nothing of the project; ends it with `ENDED` and pytest's code."""
     os.chdir(tree)
     sys.path[:] = [tree, f"{tree}/tests", *(p for p in sys.path if not (Path(p or ".") / "fmu_sources").is_dir())]
     for name in [n for n in sys.modules if n.partition(".")[0] in ("cosim", "build_fmus", "fmu_sources", "tests")]:

@@ -1,7 +1,7 @@
 """The same MPC step by an independent path: dense prediction in numpy, plain units, solved by quadprog.
 
 Nothing here uses the condensed program of the FMU: outputs are predicted by simulating the model, the cost is summed up
-step by step, and Goldfarb and Idnani's dual method of ``quadprog`` solves it. Tests and benchmarks compare the FMU with
+step by step, and Goldfarb and Idnani's dual method of `quadprog` solves it. Tests and benchmarks compare the FMU with
 it.
 """
 
@@ -24,7 +24,7 @@ _SPARE = 1e-10  # of a scaled unknown; two bounds that meet are one equality, wh
 class ReferenceStep:
     """Solution of one step.
 
-    ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without constants.
+    `command` (nu,) after clipping, all `moves` (blocks, nu), `slack`, cost without constants.
     """
 
     command: Array
@@ -43,9 +43,9 @@ class _Fixed:
 
 
 class MpcReference:
-    """One MPC, step by step. Needs the package ``quadprog``.
+    """One MPC, step by step. Needs the package `quadprog`.
 
-    Example::
+    For example:
 
         reference = MpcReference(mpc)
         step = reference.step(x, previous=u, disturbance=road, case=0)

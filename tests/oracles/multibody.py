@@ -29,7 +29,7 @@ Road = Callable[[np.ndarray], np.ndarray]
 
 
 def half_round(height: float, start: float) -> Road:
-    """A half cylinder of a height [m], which begins at ``start`` [m], on a level road."""
+    """A half cylinder of a height [m], which begins at `start` [m], on a level road."""
     return lambda x: np.sqrt(np.maximum(0.0, height**2 - (x - start - height) ** 2))
 
 
@@ -52,8 +52,8 @@ class Motion:
 class MultibodyCar:
     """The car over a road.
 
-    ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps.
-    ``shifted``: the road bears the tire where the code of the public model has it, not below the wheel centre along the
+    `force` (4,) [N]: of the actuators, at all times; `speed` [m/s] at the start, which the driver keeps.
+    `shifted`: the road bears the tire where the code of the public model has it, not below the wheel centre along the
     normal: at the point of the road (radius - depth) times the normal away, so behind the wheel where it climbs, with
     the normal that the road has there.
     """
@@ -336,7 +336,7 @@ class MultibodyCar:
         return True
 
     def run(self, duration: float, step: float = 1e-3) -> Motion:
-        """The motion over ``duration`` [s] in steps of ``step`` [s]."""
+        """The motion over `duration` [s] in steps of `step` [s]."""
         exu, mbs, self._step = self.exu, self.mbs, step
         rows: list[list[float]] = []
         kinds = exu.OutputVariableType

@@ -1,4 +1,4 @@
-"""Quadratic programs by another method than the FMUs': Goldfarb and Idnani, in the package ``quadprog``."""
+"""Quadratic programs by another method than the FMUs': Goldfarb and Idnani, in the package `quadprog`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class ReferenceSolution:
 def solve_reference(
     hessian: np.ndarray, linear: np.ndarray, constraints: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> ReferenceSolution:
-    """Solve ``minimise 1/2 z'Hz + q'z subject to l <= A z <= u`` with quadprog (Goldfarb and Idnani).
+    """Solve `minimise 1/2 z'Hz + q'z subject to l <= A z <= u` with quadprog (Goldfarb and Idnani).
 
-    Shapes: (n, n), (n,), (m, n), (m,), (m,). Needs the package ``quadprog`` (extra ``test``).
+    Shapes: (n, n), (n,), (m, n), (m,), (m,). Needs the package `quadprog` (extra `test`).
     """
     import quadprog
 

@@ -13,7 +13,7 @@ from build_fmus.component import Model
 def parameters(wheels: Mapping[str, tuple[float, float]]) -> st.SearchStrategy[dict[str, float]]:
     """Masses, springs and dampers above 0.
 
-    ``wheels``: corners, with the limits of their position ahead of the CG [m].
+    `wheels`: corners, with the limits of their position ahead of the CG [m].
     """
     limits = {"body.mass": (10.0, 1e5), "body.roll_inertia": (1.0, 1e6), "body.pitch_inertia": (1.0, 1e6)}
     for k, along in wheels.items():

@@ -31,7 +31,7 @@ def car(name: str) -> Model:
 
 @lru_cache
 def run(name: str, cut: float, solver_step: float = 5e-4) -> np.ndarray:
-    """Outputs every ``ROW`` of 1 s over the reference run's patch; ``cut`` is the length of a doStep [ms]."""
+    """Outputs every `ROW` of 1 s over the reference run's patch; `cut` is the length of a doStep [ms]."""
     component = car(name)
     one, outputs = Evaluator(component, {"solver.step": solver_step}), []
     slots = {e.name: e.slot for e in component.elements("input")}

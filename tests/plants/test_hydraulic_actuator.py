@@ -369,7 +369,7 @@ def test_parameter_sets():
 
 
 def exponents(text: str) -> dict[str, int]:
-    """Base units of a product like ``Pa`` or ``m3/s``; several factors separated by spaces."""
+    """Base units of a product like `Pa` or `m3/s`; several factors separated by spaces."""
     total: dict[str, int] = {}
     for part in text.split():
         for base, n in units.unit(part).powers.items():

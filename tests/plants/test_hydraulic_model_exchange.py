@@ -43,7 +43,7 @@ def path(name: str, built_fmus: BuiltFmus) -> str:
 
 @lru_cache
 def rows(name: str) -> np.ndarray:
-    """The reference inputs of the component, one row per ``STEP``.
+    """The reference inputs of the component, one row per `STEP`.
 
     The valve's step is from 0.06 s to the row after it.
     """

@@ -43,7 +43,7 @@ class Run(Evaluator):
 
 
 def drive(fmu, seconds: float, speed: float, *, stop: tuple[StopWhen, ...] = (), record="*", **parameters) -> Recording:
-    """A run with parameters by name (``__`` for the dot)."""
+    """A run with parameters by name (`__` for the dot)."""
     with System() as system:
         values = {k.replace("__", "."): v for k, v in parameters.items()}
         system.add("car", fmu, step=STEP, parameters=values, start={"target.speed": speed})

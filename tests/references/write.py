@@ -1,4 +1,4 @@
-"""Write ``NAME_in.csv`` and ``NAME_ref.csv`` of catalog FMUs into this folder.
+"""Write `NAME_in.csv` and `NAME_ref.csv` of catalog FMUs into this folder.
 
     python tests/references/write.py [NAME ...]      # all of the catalog when no name is given
 

@@ -12,7 +12,7 @@ from build_fmus.component import Component, Model
 
 
 def look(road: Component | Model, x: Any, speed: float = 0.0, **parameters: Any) -> dict[str, Any]:
-    """Outputs by name, at one position or as columns over many; parameters by name, with ``__`` for the dot."""
+    """Outputs by name, at one position or as columns over many; parameters by name, with `__` for the dot."""
     model = road.model() if isinstance(road, Component) else road
     p = model.vector("parameter", {name.replace("__", "."): value for name, value in parameters.items()})
     out = model.functions["out"]
@@ -30,9 +30,9 @@ def check_preview(
     within: float,
     **parameters: Any,
 ) -> None:
-    """Check that the preview shows what each wheel meets later, to ``within`` metres.
+    """Check that the preview shows what each wheel meets later, to `within` metres.
 
-    The places are counted from 0 and ``step`` seconds apart.
+    The places are counted from 0 and `step` seconds apart.
     """
     now = look(road, x, speed, **parameters)
     assert now["preview.step"] == step

@@ -147,9 +147,9 @@ def wave(x):
 
 
 def drive(buffer, steps, *, speed=SPEED, ahead=3.7, shape=wave, place=None, valid=None, start=5.0, **parameters):
-    """Outputs per step of a car that senses ``shape`` ``ahead`` metres away.
+    """Outputs per step of a car that senses `shape` `ahead` metres away.
 
-    ``place(k, x)``, ``valid(k)`` change that.
+    `place(k, x)`, `valid(k)` change that.
     """
     run = Ticks(buffer, {"leak.time": 1e6, **{n.replace("__", "."): v for n, v in parameters.items()}})
     rows = []

@@ -58,7 +58,7 @@ def run(suite, rows, **parameters):
 
 
 def surface(scan, x, heights, side="left"):
-    """Inputs of the scan for a road ``heights(x)`` with the CG at ``x``."""
+    """Inputs of the scan for a road `heights(x)` with the CG at `x`."""
     return {f"scan.{side}[{i + 1}]": heights(x + scan.start + i * scan.step) for i in range(scan.count)}
 
 

@@ -48,7 +48,7 @@ def test_distributions(text: str, law) -> None:
 
 
 def test_seeds_from_one_to_many() -> None:
-    """``1..N`` is every whole number from 1 to N: once each in a grid, and in a Latin hypercube of N samples."""
+    """`1..N` is every whole number from 1 to N: once each in a grid, and in a Latin hypercube of N samples."""
     seeds = axis("road.seed=1..200")
     assert seeds.grid() == list(range(1, 201))
     (found,) = Design((seeds,), samples=200).columns()

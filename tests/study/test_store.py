@@ -311,7 +311,7 @@ def test_lines_of_workers_are_taken_over(tmp_path: Path) -> None:
 
 
 class Full:
-    """A file on a disk with room for ``room`` more bytes."""
+    """A file on a disk with room for `room` more bytes."""
 
     def __init__(self, file: Any, room: int) -> None:
         self.file, self.room = file, room

@@ -1,4 +1,4 @@
-"""``python -m suspension_fmus`` is the command ``suspension-fmus``."""
+"""`python -m suspension_fmus` is the command `suspension-fmus`."""
 
 from build_fmus import run_as_module  # noqa: F401, I001 (before all others)
 from suspension_fmus import main

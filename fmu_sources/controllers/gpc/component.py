@@ -39,7 +39,7 @@ _EQUATIONS = {"implicit": "(15)", "explicit": "(19)", "preview": "(21)"}
 
 
 def gpc_controller(law: GpcLaw, *, name: str) -> Component:
-    """The controller FMU of a control law for four corners and the three responses of :data:`RESPONSES`.
+    """The controller FMU of a control law for four corners and the three responses of `RESPONSES`.
 
     The control law's gains are the start values of tunable parameters, so another control law (other weights, another
     identification) of the same order and horizon can be set at run time.

@@ -1,7 +1,7 @@
 """From a vehicle FMU to GPC controllers: excite it in a co-simulation, record, identify, design.
 
 The run is that of the paper: the synthetic Perryman 3 road at 40 km/h, zero-order-hold Gaussian excitation of all four
-actuators at 100 Hz. Responses and road heights are sampled as the controller FMU samples them (module ``component``).
+actuators at 100 Hz. Responses and road heights are sampled as the controller FMU samples them (module `component`).
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def published_laws(
 ) -> dict[str, GpcLaw]:
     """The three control laws with the paper's tuning, identified from the given FMUs.
 
-    With ``cache`` the result is kept by the content of the FMUs, the settings and the code that computes it.
+    With `cache` the result is kept by the content of the FMUs, the settings and the code that computes it.
     """
     s = settings or IdentificationSettings()
     path = None

@@ -1,6 +1,6 @@
-"""Multi-step prediction with an ARX model (module ``arx``): equations (6) to (8), (18) and (20) of paper 000.
+"""Multi-step prediction with an ARX model (module `arx`): equations (6) to (8), (18) and (20) of paper 000.
 
-Histories and futures are ordered as in module ``control_law``. Where the print is incomplete or damaged, the
+Histories and futures are ordered as in module `control_law`. Where the print is incomplete or damaged, the
 implementation is:
 
 * (8b), (8c) for every index: alpha_i^q = alpha_{i+1}^{q-1} + alpha_1^{q-1} alpha_i with alpha_{p+1} = 0; likewise
@@ -24,7 +24,7 @@ from fmu_sources.controllers.gpc.arx import ArxModel
 class MultiStepPredictor:
     """Matrices of the multi-step prediction (6), (18), (20).
 
-    Prediction::
+    Prediction:
 
         [y(t) ... y(t+h_p-1)] = tau [u(t) ... u(t+h_c-1)] + alpha [y(t-1) ...] + beta [u(t-1) ...]
                                 + delta [d(t-1) ...] + gamma [d(t) ... d(t+h_p-1)]

@@ -1,6 +1,6 @@
 """Linear-quadratic regulator of the quarter-car bench (paper 002).
 
-Its states are those of :mod:`fmu_sources.models.bench_states`.
+Its states are those of `fmu_sources.models.bench_states`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The index is the mean of weighted squares of heave acceleration, roll and pitch rate, suspension travel, hub velocity,
 tire deflection and force. It is minimized on the 14 absolute states of the car, with the exact integral between
-samples, and the gain is mapped to the 15 relative states that a controller knows, ``K_relative T = K_absolute``: no
+samples, and the gain is mapped to the 15 relative states that a controller knows, `K_relative T = K_absolute`: no
 force reaches the warp of the four road heights, so an index in relative states would have no finite optimum. Of all
 such gains this is the smallest one (least squares), which leaves the warp of the road out.
 """
@@ -42,7 +42,7 @@ _WEIGHTED = {
 
 @dataclass(frozen=True)
 class LqrWeights:
-    """Weights of the squares, one per kind of output; ``force`` is per squared newton."""
+    """Weights of the squares, one per kind of output; `force` is per squared newton."""
 
     acceleration: float  # heave of the CG, 1/(m/s2)2
     rates: float  # pitch and roll, 1/(rad/s)2
@@ -65,7 +65,7 @@ TABLE_1_1_KILONEWTON = replace(TABLE_1_1, force=1e-4 / 1000.0**2)
 
 
 def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -> tuple[np.ndarray, np.ndarray]:
-    """``K`` (4, 15) on the relative states, and the gain (4, 14) on the car's own states that it stands for; u = -K x.
+    """`K` (4, 15) on the relative states, and the gain (4, 14) on the car's own states that it stands for; u = -K x.
 
     Raises:
         LqError: the index has no optimum on this car.
@@ -99,7 +99,7 @@ def lqr_hmmwv(
     *,
     period: float = SAMPLE_TIME,
 ) -> Component:
-    """The controller FMU for a ride car with four wheels. Raises as :func:`lqr_gain` does."""
+    """The controller FMU for a ride car with four wheels. Raises as `lqr_gain` does."""
     gain, _ = lqr_gain(car, weights, period)
     c = Component(
         name,

@@ -2,7 +2,7 @@
 
 u = -K x + feed-forward. The feed-forward weighs the road ahead of each wheel over a horizon: the front wheels see the
 preview, the rear wheels see what the front wheels passed one wheelbase earlier, from the controller's own memory. What
-is used of it is a choice at run time (parameter ``mode``).
+is used of it is a choice at run time (parameter `mode`).
 
 With a period of 1 ms (the default) K is the exact sampled gain and the feed-forward the continuous integral (17) with
 the road linear between samples. Any other period uses the exact sampled form of both.
@@ -48,7 +48,7 @@ class Taps:
     """What the component needs of a design, on a grid of road samples one period apart, index j = 0, 1, ...
 
     With a horizon of n periods u = -K x + sum_{j<n} interior[j] w_j + end[n] w_n, and with the tail held + tail[n] w_n.
-    Arrays (count, controls, wheels); ``shift`` (controls,) is what is left of a unit shift of everything when the tail
+    Arrays (count, controls, wheels); `shift` (controls,) is what is left of a unit shift of everything when the tail
     is held, and is subtracted so that it is left unchanged exactly.
     """
 
@@ -93,7 +93,7 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
 
 
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
-    """Design the control law on a plant and lay its feed-forward out on ``count`` samples one period apart."""
+    """Design the control law on a plant and lay its feed-forward out on `count` samples one period apart."""
     index = output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS))
     if np.any(index.Nuw):
         raise ValueError(
@@ -128,7 +128,7 @@ def preview_lq(
 
     Args:
         car: the ride car.
-        weights: of the index; with ``tunable`` those at first.
+        weights: of the index; with `tunable` those at first.
         name: of the FMU.
         period: sample time [s].
         preview_count: number of points of the preview inputs.
@@ -138,7 +138,7 @@ def preview_lq(
 
     Raises:
         ValueError: the spacing is no multiple of the period, or a tunable control law has another period than
-            :data:`CONTINUOUS_PERIOD`, or is for a car whose sides differ.
+            `CONTINUOUS_PERIOD`, or is for a car whose sides differ.
         LqError: the design has no stabilizing solution.
     """
     every = round(preview_step / period)
@@ -328,11 +328,11 @@ class _Designed:
         self.feedback = c.initial_value("feedback", -taps.K, None, "-K: force per state")
 
     def table(self, kind: str, wheel: str) -> ca.MX:
-        """As of :class:`_Fixed`."""
+        """As of `_Fixed`."""
         return self._left(kind, wheel)[_seen_from(wheel), :]
 
     def column(self, kind: str, wheel: str, n: ca.MX) -> ca.MX:
-        """As of :class:`_Fixed`."""
+        """As of `_Fixed`."""
         return _column(ca.vec(self._left(kind, wheel)), n)[_seen_from(wheel)]
 
     def _left(self, kind: str, wheel: str) -> ca.MX:
@@ -377,7 +377,7 @@ _LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1
 def weight_parameters(weights: PreviewLqWeights) -> dict[str, float]:
     """Parameters that set these weights of a tunable control law: name -> value.
 
-    Names are ``weight.acceleration.heave``, ``weight.tire.front``, ...
+    Names are `weight.acceleration.heave`, `weight.tire.front`, ...
     """
     return {_parameter(name): value for name, value in weights.by_name().items()}
 

@@ -61,7 +61,7 @@ class PreviewLqWeights(_Strict):
         return given
 
     def by_name(self) -> dict[str, float]:
-        """All weights: ``acceleration.heave``, ``tire.front``, ..."""
+        """All weights: `acceleration.heave`, `tire.front`, ..."""
         return {
             f"{kind}.{name}": value
             for kind in self._kinds()

@@ -1,19 +1,17 @@
 """Model predictive control as a discrete component: any plant, weights, bounds, preview, cases.
 
-==============  ===========================================================================================
-``model``       prediction models: plant, delay and filters, sampled
-``settings``    weights, bounds, horizon, cases; every mistake is refused when the objects are made
-``observer``    state estimation
-``qp``          the condensed quadratic program
-``component``   inputs, outputs and solver of a control law in a component; :func:`mpc_component` makes a whole one
-``bench``       the published control laws of the quarter-car bench (paper 002)
-``hmmwv``       the published control law of the HMMWV (paper 001)
-``three_axle``  the published control laws of the 6x6 (paper 003)
-==============  ===========================================================================================
+- `model`: prediction models: plant, delay and filters, sampled
+- `settings`: weights, bounds, horizon, cases; every mistake is refused when the objects are made
+- `observer`: state estimation
+- `qp`: the condensed quadratic program
+- `component`: inputs, outputs and solver of a control law in a component; `mpc_component` makes a whole one
+- `bench`: the published control laws of the quarter-car bench (paper 002)
+- `hmmwv`: the published control law of the HMMWV (paper 001)
+- `three_axle`: the published control laws of the 6x6 (paper 003)
 
-Public names are imported from here. ``tests/oracles/mpc.py`` computes the same step by another solver.
+Public names are imported from here. `tests/oracles/mpc.py` computes the same step by another solver.
 
-Example: a quarter car with preview of the road, all states measured::
+Example: a quarter car with preview of the road, all states measured:
 
     car = quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
     model = MpcModel.sampled(
@@ -32,9 +30,9 @@ Example: a quarter car with preview of the road, all states measured::
         step=0.010)
     )
 
-Without all states: design an :class:`Observer` on the model of the plant, make the Mpc with ``observer.model``, and
-give the observer to :func:`mpc_component`. With states from elsewhere, or more than one control law in a component:
-:func:`add_mpc`.
+Without all states: design an `Observer` on the model of the plant, make the Mpc with `observer.model`, and
+give the observer to `mpc_component`. With states from elsewhere, or more than one control law in a component:
+`add_mpc`.
 """
 
 from fmu_sources.controllers.mpc.component import (

@@ -24,7 +24,7 @@ HORIZON = 50  # periods of the MPC: 0.5 s, the length of the longer bump; assume
 
 
 def bench_mpc(car: Component, cost: Literal["force", "moves"] = "force", horizon: int = HORIZON) -> Mpc:
-    """Settings of the MPC, see :func:`mpc_bench`."""
+    """Settings of the MPC, see `mpc_bench`."""
     model = MpcModel.sampled(bench_model(car), MPC_PERIOD, inputs=["force"], outputs=STATES)
     weight = math.sqrt(FORCE_WEIGHT)
     force = {"weight": weight} if cost == "force" else {"rate_weight": weight}
@@ -39,8 +39,8 @@ def bench_mpc(car: Component, cost: Literal["force", "moves"] = "force", horizon
 def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "moves"] = "force") -> Component:
     """MPC of paper 002, section III B, every 10 ms, |force| <= 8 N.
 
-    ``cost``: the input weight is on the force, as the LQR has it (``"force"``), or on its changes per period as in
-    equation (16) (``"moves"``). The paper prints neither weights nor horizons.
+    `cost`: the input weight is on the force, as the LQR has it (`"force"`), or on its changes per period as in
+    equation (16) (`"moves"`). The paper prints neither weights nor horizons.
     """
     mpc = bench_mpc(car, cost)
     what = "force" if cost == "force" else "changes of the force"
@@ -64,5 +64,5 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
 
 
 def mpc_bench_moves(car: Component, name: str = "MpcBenchMoves") -> Component:
-    """:func:`mpc_bench` with the weight on the moves, as paper 002 writes its index (16)."""
+    """`mpc_bench` with the weight on the moves, as paper 002 writes its index (16)."""
     return mpc_bench(car, name, cost="moves")

@@ -1,7 +1,7 @@
 """Model predictive control as a discrete component.
 
 Here are the declarations of a control law, and the whole controller of a plant. The package
-(:mod:`fmu_sources.controllers.mpc`) has an overview and an example.
+(`fmu_sources.controllers.mpc`) has an overview and an example.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from fmu_sources.controllers.mpc.settings import INFINITE, Mpc
 class Preview:
     """Inputs that give disturbances ahead of time.
 
-    ``inputs``: name of a disturbance of the model -> name of the input vector, index 1 = now, ``step`` seconds apart,
-    ``count`` of them. ``unused``: what is assumed while ``use_preview`` is false: ``"zero"``, or ``"hold"`` for the
+    `inputs`: name of a disturbance of the model -> name of the input vector, index 1 = now, `step` seconds apart,
+    `count` of them. `unused`: what is assumed while `use_preview` is false: `"zero"`, or `"hold"` for the
     value now.
     """
 
@@ -63,9 +63,9 @@ class Preview:
 class MpcSolution:
     """Symbols of a control law and of its prediction.
 
-    ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps; ``planned`` (nu,
-    prediction), inputs from now on, one period apart; ``predicted`` (ny, prediction), outputs from the next period on,
-    in the order of ``mpc.outputs``. When the last command is kept, both are those of keeping it.
+    `command` (nu,) after clipping, `held` whether the last one was kept, `slack` eps; `planned` (nu,
+    prediction), inputs from now on, one period apart; `predicted` (ny, prediction), outputs from the next period on,
+    in the order of `mpc.outputs`. When the last command is kept, both are those of keeping it.
     """
 
     command: Any
@@ -94,15 +94,15 @@ def add_mpc(
     the solver did not end, the last command is kept, clipped to the bounds of now.
 
     Args:
-        c: discrete component with ``symbols=ca.MX`` and the sample time of the model.
+        c: discrete component with `symbols=ca.MX` and the sample time of the model.
         mpc: the control law.
-        state: (n,) state of ``mpc.model`` now.
-        previous: (nu,) command of the step before, as :func:`previous_command` declares it. The caller updates it.
+        state: (n,) state of `mpc.model` now.
+        previous: (nu,) command of the step before, as `previous_command` declares it. The caller updates it.
         disturbance: (nw, last + 2) from now on; None for 0.
-        reference: (ny, prediction), rows in the order of ``mpc.outputs``; None for 0.
+        reference: (ny, prediction), rows in the order of `mpc.outputs`; None for 0.
         case: number of the case.
         backend: solver, or several of which the first is used; the default of the build when None.
-        solver: prefix of the outputs ``.status``, ``.iterations`` and ``.residual``.
+        solver: prefix of the outputs `.status`, `.iterations` and `.residual`.
 
     Raises:
         MpcError: the component's sample time is not the model's, or it is not made of MX symbols.
@@ -154,13 +154,13 @@ def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
 
 
 def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") -> Any:
-    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``.
+    """Declare the preview inputs, `preview.step`, `preview.used` and `use_preview`.
 
     Returns:
         Disturbances (nw, last + 2) of the model.
 
     Raises:
-        MpcError: see :meth:`Preview.grid`; a disturbance without an input, or an input for one that is not there.
+        MpcError: see `Preview.grid`; a disturbance without an input, or an input for one that is not there.
     """
     model = mpc.model
     for name in preview.inputs:
@@ -230,7 +230,7 @@ def reference_inputs(c: Component, mpc: Mpc, plant: Component, count: int | None
 
 
 def case_input(c: Component, mpc: Mpc) -> Any:
-    """Declare the input ``case`` where there is a choice; otherwise 0."""
+    """Declare the input `case` where there is a choice; otherwise 0."""
     if len(mpc.cases) == 1:
         return 0
     text = ", ".join(f"{i} {case.name}" for i, case in enumerate(mpc.cases))
@@ -238,7 +238,7 @@ def case_input(c: Component, mpc: Mpc) -> Any:
 
 
 def command_outputs(c: Component, mpc: Mpc, plant: Component, solution: MpcSolution) -> None:
-    """Declare the commands under the plant's names, ``command.held`` and, where there are soft bounds, ``slack``."""
+    """Declare the commands under the plant's names, `command.held` and, where there are soft bounds, `slack`."""
     for i, name in enumerate(mpc.model.inputs):
         v = plant.variable(name)
         c.output(name, solution.command[i], v.unit, v.description, display_unit=v.display_unit)
@@ -267,9 +267,9 @@ def mpc_component(
 ) -> Component:
     """The FMU of an MPC whose inputs carry the names of the plant's outputs.
 
-    Inputs: the states of the model (without ``observer``) or the measured outputs (with it), preview and
-    ``use_preview`` (with ``preview``), references that outputs name, ``case`` (with more than one). Outputs: the
-    commands under the names of the plant's inputs, ``command.held``, ``slack`` (with soft bounds) and those of the
+    Inputs: the states of the model (without `observer`) or the measured outputs (with it), preview and
+    `use_preview` (with `preview`), references that outputs name, `case` (with more than one). Outputs: the
+    commands under the names of the plant's inputs, `command.held`, `slack` (with soft bounds) and those of the
     solver.
 
     Raises:

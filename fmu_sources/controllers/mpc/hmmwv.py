@@ -84,7 +84,7 @@ def human_response_filter() -> Filter:
 
 
 def prediction_model(car: Component) -> MpcModel:
-    """The sampled model: inputs ``force.{c}``, disturbances ``road.{c}`` (heights, of which only rates act)."""
+    """The sampled model: inputs `force.{c}`, disturbances `road.{c}` (heights, of which only rates act)."""
     lin = relative_model(car).linearization(["body.az", *VELOCITY])
     lin = filter_output(filter_inputs(lin, FORCES, smoothing_filter()), "body.az", human_response_filter(), RESPONSE)
     roads = [Disturbance(f"road.{k}", rate=f"road.{k}.rate") for k in CORNERS]
@@ -94,7 +94,7 @@ def prediction_model(car: Component) -> MpcModel:
 
 
 def hmmwv_mpc(car: Component, weights: MpcHmmwvWeights | None = None, steps: int = STEPS) -> Mpc:
-    """Settings of the MPC. ``steps``: prediction and control horizon, in periods."""
+    """Settings of the MPC. `steps`: prediction and control horizon, in periods."""
     w = weights or MpcHmmwvWeights()
     root = math.sqrt
     unit = 1e3  # N

@@ -1,6 +1,6 @@
 """Prediction models of the MPC: a plant's linearization, filters around it, and its exact sampled form.
 
-Everything starts from :class:`build_fmus.component.Linearization`, so the model is the plant's own. A disturbance is a
+Everything starts from `build_fmus.component.Linearization`, so the model is the plant's own. A disturbance is a
 road height that the controller may know ahead of time; its rate, where the plant has one as an input, follows from it.
 """
 
@@ -25,7 +25,7 @@ class MpcError(ValueError):
 
 
 def position(what: str, name: str, known: Sequence[str]) -> int:
-    """Place of ``name`` in ``known``; MpcError that proposes the nearest one."""
+    """Place of `name` in `known`; MpcError that proposes the nearest one."""
     try:
         return list(known).index(name)
     except ValueError:
@@ -37,8 +37,8 @@ def position(what: str, name: str, known: Sequence[str]) -> int:
 class Disturbance:
     """A signal that the controller may know ahead, as height, rate, or both, of inputs of the plant.
 
-    ``height`` and ``rate`` name inputs of the linearization; the rate is taken as that of the height between samples.
-    Without ``height`` the plant sees the rate only (models in relative coordinates).
+    `height` and `rate` name inputs of the linearization; the rate is taken as that of the height between samples.
+    Without `height` the plant sees the rate only (models in relative coordinates).
     """
 
     name: str
@@ -57,8 +57,8 @@ class MpcModel:
 
     x(k+1) = A x(k) + B u(k) + E0 w(k) + E1 w(k+1),  y(k) = C x(k) + D u(k-1) + F0 w(k) + F1 w(k+1)
 
-    ``u`` is held between samples; a controller reads y(k) before its command u(k) acts, so u(k-1) is still in it.
-    Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1 (ny, nw). ``period`` [s].
+    `u` is held between samples; a controller reads y(k) before its command u(k) acts, so u(k-1) is still in it.
+    Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1 (ny, nw). `period` [s].
     """
 
     A: Array
@@ -108,12 +108,12 @@ class MpcModel:
         """Exact sampled form of a continuous linear model.
 
         Args:
-            lin: the plant's linearization (with filters around it, see :func:`filter_inputs`).
+            lin: the plant's linearization (with filters around it, see `filter_inputs`).
             period: sample time [s].
             inputs: names of the inputs that are controlled, zero-order hold.
             outputs: names of the outputs to predict (weighted, bounded or measured).
             disturbances: what may be known ahead.
-            hold: between samples the height of a disturbance is linear (``"foh"``) or held (``"zoh"``), and the rate is
+            hold: between samples the height of a disturbance is linear (`"foh"`) or held (`"zoh"`), and the rate is
                 (w(k+1) - w(k)) / period.
 
         Raises:
@@ -158,8 +158,8 @@ class MpcModel:
     def with_disturbance_states(self, outputs: Sequence[str] = (), *, roads: bool = False) -> MpcModel:
         """The model with integrators that stand for what it does not know.
 
-        ``outputs``: one constant offset per named output (state ``offset.NAME``). ``roads``: one constant height per
-        disturbance, added to what is known of it (state ``walk.NAME``).
+        `outputs`: one constant offset per named output (state `offset.NAME`). `roads`: one constant height per
+        disturbance, added to what is known of it (state `walk.NAME`).
         """
         n, nw = len(self.states), len(self.disturbances) if roads else 0
         rows = [position("output", name, self.outputs) for name in outputs]
@@ -206,9 +206,9 @@ class Filter:
 
     @classmethod
     def second_order(cls, frequency: float, damping: float, *, gain: float = 1.0, rate: bool = False) -> Filter:
-        """Transfer function gain w^2 / (s^2 + 2 z w s + w^2), with z the ``damping`` and w the ``frequency`` [rad/s].
+        """Transfer function gain w^2 / (s^2 + 2 z w s + w^2), with z the `damping` and w the `frequency` [rad/s].
 
-        With ``rate`` gain s / (s^2 + 2 z w s + w^2).
+        With `rate` gain s / (s^2 + 2 z w s + w^2).
         """
         w = frequency
         A = np.array([[0.0, w], [-w, -2 * damping * w]])
@@ -216,7 +216,7 @@ class Filter:
         return cls(A, np.array([0.0, w]), c)
 
     def then(self, other: Filter) -> Filter:
-        """This filter followed by ``other``."""
+        """This filter followed by `other`."""
         n, m = len(self.b), len(other.b)
         A = np.block([[self.A, np.zeros((n, m))], [np.outer(other.b, self.c), other.A]])
         return Filter(
@@ -225,9 +225,9 @@ class Filter:
 
 
 def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> Linearization:
-    """``lin`` with a filter upstream of each named input.
+    """`lin` with a filter upstream of each named input.
 
-    Filter states are ``NAME.filter[i]``, after those of ``lin``.
+    Filter states are `NAME.filter[i]`, after those of `lin`.
     """
     A, B, C, D, states = lin.A, lin.B.copy(), lin.C, lin.D.copy(), list(lin.states)
     for name in names:
@@ -243,7 +243,7 @@ def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> 
 
 
 def filter_output(lin: Linearization, output: str, filter_: Filter, name: str) -> Linearization:
-    """``lin`` with one more output ``name``: ``output`` after a filter, whose states are ``NAME.filter[i]``."""
+    """`lin` with one more output `name`: `output` after a filter, whose states are `NAME.filter[i]`."""
     i, m, n = position("output of the plant", output, lin.outputs), len(filter_.b), len(lin.A)
     A = np.block([[lin.A, np.zeros((n, m))], [np.outer(filter_.b, lin.C[i]), filter_.A]])
     B = np.vstack([lin.B, np.outer(filter_.b, lin.D[i])])

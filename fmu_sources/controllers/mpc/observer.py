@@ -2,9 +2,9 @@
 
 The disturbance model of the filter decides how an MPC without preview acts:
 
-- offsets on the outputs (``offsets``): every deviation is a constant added to an output. This is the usual default of
+- offsets on the outputs (`offsets`): every deviation is a constant added to an output. This is the usual default of
   MPC tools; it knows of no road, so it reacts to what the road has done to the body, and leaves no steady-state error.
-- heights that wander (``walks``): the filter estimates the road under each wheel, and predicts with it.
+- heights that wander (`walks`): the filter estimates the road under each wheel, and predicts with it.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """A filter for ``model``, which is the plant's with the disturbance states that the filter estimates.
+    """A filter for `model`, which is the plant's with the disturbance states that the filter estimates.
 
     At a sample: x = x_predicted + gain (y - C x_predicted - D u(k-1) - F w), with the measured outputs y as they stand
     before the new command acts; then x_predicted = A x + B u(k) + E w for the next sample.
-    ``gain`` (n, measured), ``covariance`` (n, n) of the prediction error.
+    `gain` (n, measured), `covariance` (n, n) of the prediction error.
     """
 
     model: MpcModel

@@ -8,7 +8,7 @@ Unknowns are the moves du of all blocks, one after the other, and one slack eps 
 
 The inputs are u(k + i) = u(k - 1) + sum of the moves up to step i (an integrator in the model), so that holding an
 input costs nothing but its own weight. Predicted outputs are what comes without any move (the free response, by
-recursion: no large matrix) plus ``response`` times the moves. Columns are scaled so that the Hessians have diagonals
+recursion: no large matrix) plus `response` times the moves. Columns are scaled so that the Hessians have diagonals
 near 1, rows of A to length 1.
 """
 
@@ -30,7 +30,7 @@ _NO_EFFECT = 1e-12  # of the largest: an output row that no move reaches
 
 
 Named = Callable[..., Any]
-"""``(name, expression, source="") -> expression``, such as :meth:`Component.value`."""
+"""`(name, expression, source="") -> expression`, such as `Component.value`."""
 
 
 def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: ARG001
@@ -41,7 +41,7 @@ def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: 
 class QpExpressions:
     """What changes from step to step in the quadratic program.
 
-    Columns of the program, and ``free`` (ny, prediction), the outputs without any move.
+    Columns of the program, and `free` (ny, prediction), the outputs without any move.
     """
 
     linear: Any
@@ -52,7 +52,7 @@ class QpExpressions:
 
 @dataclass(frozen=True, eq=False)
 class CondensedQp:
-    """The program of an :class:`Mpc`. Build it once, then :meth:`expressions` for each step."""
+    """The program of an `Mpc`. Build it once, then `expressions` for each step."""
 
     mpc: Mpc
 
@@ -70,7 +70,7 @@ class CondensedQp:
 
     @cached_property
     def _rows(self) -> tuple[int, ...]:
-        """Rows of the model's outputs, in the order of ``mpc.outputs``."""
+        """Rows of the model's outputs, in the order of `mpc.outputs`."""
         return tuple(position("output of the model", o.name, self.mpc.model.outputs) for o in self.mpc.outputs)
 
     @cached_property
@@ -178,16 +178,16 @@ class CondensedQp:
     # ------------------------------------------------------------------------------------ expressions for each step
 
     def _by_case(self, values: list[Any], case: Any) -> Any:
-        """Column of constants, chosen by ``case``."""
+        """Column of constants, chosen by `case`."""
         table = ca.DM(np.clip(np.array(values, dtype=float).T, -INFINITE, INFINITE))
         if len(values) == 1:
             return ca.MX(table)
         return ca.mtimes(ca.MX(table), ca.MX(ca.DM(np.arange(len(values), dtype=float))) == case)
 
     def free_response(self, x: Any, previous: Any, disturbance: Any, named: Named = _unnamed) -> Any:
-        """Outputs (ny, prediction) when the inputs stay at ``previous``.
+        """Outputs (ny, prediction) when the inputs stay at `previous`.
 
-        ``x`` (n,) now, ``disturbance`` (nw, prediction + 2) from now on, index 0 now; None for none.
+        `x` (n,) now, `disturbance` (nw, prediction + 2) from now on, index 0 now; None for none.
         """
         m, h = self.mpc.model, self.mpc.horizon
         rows = list(self._rows)
@@ -216,10 +216,10 @@ class CondensedQp:
     def expressions(
         self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any, named: Named = _unnamed
     ) -> QpExpressions:
-        """q, l, u of the scaled program; ``named`` gets the names of the values.
+        """q, l, u of the scaled program; `named` gets the names of the values.
 
-        Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw,
-        prediction + 2) or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.
+        Args (CasADi MX): `x` (n,) state now; `previous` (nu,) inputs of the step before; `disturbance` (nw,
+        prediction + 2) or None; `reference` (ny, prediction) or None for 0; `case` number of the case.
         """
         mpc, h = self.mpc, self.mpc.horizon
         cases = range(len(mpc.cases))
@@ -291,5 +291,5 @@ class CondensedQp:
         return ca.repmat(previous, 1, h.prediction) + ca.reshape(steps, nu, h.prediction)
 
     def predicted(self, free: Any, moves: Any) -> Any:
-        """Outputs (ny, prediction), in the order of ``mpc.outputs``, that the free response and these moves come to."""
+        """Outputs (ny, prediction), in the order of `mpc.outputs`, that the free response and these moves come to."""
         return free + ca.reshape(ca.mtimes(ca.MX(ca.DM(self.response)), moves), *free.shape)

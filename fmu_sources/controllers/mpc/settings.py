@@ -34,8 +34,8 @@ def _order(where: str, low: float, high: float, what: str) -> None:
 class Input:
     """A controlled input.
 
-    ``weight`` and ``rate_weight`` enter the cost as (weight / scale)^2 per (input - target)^2 and per (change per
-    period)^2. Bounds are hard: ``min``, ``max`` on the input, ``rate_min``, ``rate_max`` on its change per period.
+    `weight` and `rate_weight` enter the cost as (weight / scale)^2 per (input - target)^2 and per (change per
+    period)^2. Bounds are hard: `min`, `max` on the input, `rate_min`, `rate_max` on its change per period.
     """
 
     name: str
@@ -68,10 +68,10 @@ class Input:
 class Output:
     """A predicted output.
 
-    ``weight`` enters the cost as (weight / scale)^2 per (output - reference)^2 at every predicted step. ``min`` and
-    ``max`` are soft: min - ecr scale eps <= output <= max + ecr scale eps, with one slack eps >= 0 for the whole
-    problem. ``ecr=0`` makes them hard, at the price of problems without a solution. ``reference`` names the input
-    that gives the reference over the horizon (``"reference.pitch"``); None keeps it at 0.
+    `weight` enters the cost as (weight / scale)^2 per (output - reference)^2 at every predicted step. `min` and
+    `max` are soft: min - ecr scale eps <= output <= max + ecr scale eps, with one slack eps >= 0 for the whole
+    problem. `ecr=0` makes them hard, at the price of problems without a solution. `reference` names the input
+    that gives the reference over the horizon (`"reference.pitch"`); None keeps it at 0.
     """
 
     name: str
@@ -96,9 +96,9 @@ class Output:
 class Horizon:
     """Steps that are predicted, and how often the inputs may move in them.
 
-    ``prediction`` steps count in the cost, from the next sample on; outputs are those that will be measured there,
-    before that sample's command acts. ``blocks`` are the lengths of the intervals between moves; without it there are
-    ``control`` moves one step apart. The last move holds to the end.
+    `prediction` steps count in the cost, from the next sample on; outputs are those that will be measured there,
+    before that sample's command acts. `blocks` are the lengths of the intervals between moves; without it there are
+    `control` moves one step apart. The last move holds to the end.
     """
 
     prediction: int
@@ -136,7 +136,7 @@ _CHANGEABLE = {
 
 @dataclass(frozen=True)
 class Case:
-    """What differs in one case: ``{"force.a1l": {"min": -70e3, "max": -50e3}, "body.pitch": {"weight": 30}}``."""
+    """What differs in one case: `{"force.a1l": {"min": -70e3, "max": -50e3}, "body.pitch": {"weight": 30}}`."""
 
     name: str
     changes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

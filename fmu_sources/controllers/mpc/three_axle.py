@@ -128,9 +128,9 @@ def cases() -> dict[Choice, Case]:
 
 
 def three_axle_mpc(model: MpcModel) -> Mpc:
-    """Weights, bounds and horizon on a model with the names of :data:`MEASURED`.
+    """Weights, bounds and horizon on a model with the names of `MEASURED`.
 
-    Cases are as :func:`cases` numbers them.
+    Cases are as `cases` numbers them.
     """
     forces = tuple(
         Input(
@@ -156,7 +156,7 @@ def three_axle_mpc(model: MpcModel) -> Mpc:
 
 
 def observers(model: MpcModel) -> dict[str, Observer]:
-    """The estimators: ``offsets`` as MPC tools have it by default, ``road`` with wandering road heights."""
+    """The estimators: `offsets` as MPC tools have it by default, `road` with wandering road heights."""
     return {
         # Unit white noise on every input and measurement and a unit integrator (Ts / (z - 1)) on every output, scaled.
         "offsets": Observer.kalman(

@@ -41,7 +41,7 @@ class CrossingGeometry:
 
     @classmethod
     def of(cls, plant: Model) -> CrossingGeometry:
-        """From the rest position of a declared plant (``ThreeAxleTrench``)."""
+        """From the rest position of a declared plant (`ThreeAxleTrench`)."""
         rest = dict(zip((e.name for e in plant.output_elements()), Evaluator(plant).outputs(), strict=True))
         parameters = {e.name: e.start for e in plant.elements("parameter")}
         radius = float(parameters["disc.radius"] or 0.0)
@@ -68,7 +68,7 @@ class CrossingGeometry:
 def trench_crossing(
     geometry: CrossingGeometry, name: str = "TrenchCrossing", *, count: int = COUNT, step: float = STEP
 ) -> Component:
-    """The algorithm as a discrete component; ``count`` samples of reference and road, ``step`` [s] apart."""
+    """The algorithm as a discrete component; `count` samples of reference and road, `step` [s] apart."""
     c = Component(
         name,
         kind="discrete",
@@ -210,7 +210,7 @@ def trench_crossing(
 
 
 def _edge(beyond: Any, radius: Any) -> Any:
-    """Height [m] of a wheel over a falling edge, its centre ``beyond`` [m] past it.
+    """Height [m] of a wheel over a falling edge, its centre `beyond` [m] past it.
 
     0 before the edge, -radius where the wheel no longer touches it.
     """

@@ -12,7 +12,7 @@ COUNT, STEP = 50, 5e-3  # samples of the preview, and their distance [s]
 
 
 def pitch_reference(name: str = "PitchReference", *, count: int = COUNT, step: float = STEP) -> Component:
-    """Ramp up, hold, ramp down: a closed form of time, evaluated ``count`` times, ``step`` seconds apart."""
+    """Ramp up, hold, ramp down: a closed form of time, evaluated `count` times, `step` seconds apart."""
     c = Component(
         name,
         kind="discrete",

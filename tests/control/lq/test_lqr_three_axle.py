@@ -40,7 +40,7 @@ def test_gain_is_that_of_the_riccati_equation(car, lqr):
 
 
 def answer(lqr, **inputs):
-    """Outputs by name, inputs by name with ``__`` for ``.``."""
+    """Outputs by name, inputs by name with `__` for `.`."""
     run = Evaluator(lqr, {})
     slots = {e.name: e.slot for e in lqr.elements("input")}
     for name, value in inputs.items():

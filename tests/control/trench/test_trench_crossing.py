@@ -37,7 +37,7 @@ def component():
 
 
 class Drive:
-    """The algorithm beside a body whose CG is ``x`` before the start of the trench (negative: ahead of it is road)."""
+    """The algorithm beside a body whose CG is `x` before the start of the trench (negative: ahead of it is road)."""
 
     def __init__(self, component, **parameters):
         self.run = Evaluator(component, parameters)

@@ -25,17 +25,15 @@ horizon that ends earlier takes the disturbance to be 0 beyond its end, or with 
 known.
 
 In (17) the driving term is printed as (P E + Q12) w; here it is (P E + Q12 - K' Nuw) w, which differs when D' W F is
-not 0. Theorem 2, of an index in outputs with a known error, is used by no component: ``tests/oracles/lq.py``.
+not 0. Theorem 2, of an index in outputs with a known error, is used by no component: `tests/oracles/lq.py`.
 
-==============  =====================================================================
-``plant``       linear plants and quadratic indices
-``continuous``  Theorem 1, with preview of a disturbance that is linear between nodes
-``sampled``     the exact control law of a controller with a sample time
-``tunable``     both as expressions of the weights, for an FMU that designs its control law
-``modes``       whether a control law exists, and which mode stands in the way
-``riccati``     Newton steps on a Riccati equation
-``matrices``    checks and symmetry of matrices
-==============  =====================================================================
+- `plant`: linear plants and quadratic indices
+- `continuous`: Theorem 1, with preview of a disturbance that is linear between nodes
+- `sampled`: the exact control law of a controller with a sample time
+- `tunable`: both as expressions of the weights, for an FMU that designs its control law
+- `modes`: whether a control law exists, and which mode stands in the way
+- `riccati`: Newton steps on a Riccati equation
+- `matrices`: checks and symmetry of matrices
 """
 
 from fmu_sources.controllers.lq.design.continuous import ContinuousLq, FohWeights, continuous_lq

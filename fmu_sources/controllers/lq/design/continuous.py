@@ -78,7 +78,7 @@ class ContinuousLq:
 class FohWeights:
     """Weights of the nodes w_j = w(t + j step) when w is linear between them and known up to node n.
 
-    The feed-forward is::
+    The feed-forward is:
 
         u_ff = direct w_0 + sum_{j<n} interior[j] w_j + end[n] w_n  (+ tail[n] w_n with hold_tail)
 

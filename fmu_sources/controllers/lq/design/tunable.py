@@ -34,11 +34,11 @@ _HALVINGS, _TERMS = 8, 8  # of the step before the exponential series, and what 
 class TunableTaps:
     """Gains of a tunable control law as expressions.
 
-    Feedback ``K`` (controls, states) of the sampled control law, and feed-forward of the continuous one for a
-    disturbance that is linear between nodes (see :class:`FohWeights`): of each kind (controls, count * disturbances),
+    Feedback `K` (controls, states) of the sampled control law, and feed-forward of the continuous one for a
+    disturbance that is linear between nodes (see `FohWeights`): of each kind (controls, count * disturbances),
     node after node.
 
-    ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does
+    `residuals` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does
     not fail where weights have no control law, or none that double precision finds: what it gives then solves nothing.
     """
 
@@ -50,7 +50,7 @@ class TunableTaps:
 
 
 def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) -> TunableTaps:
-    """What ``sampled_lq`` and ``continuous_lq`` give for ``weights`` (outputs + controls,), which may be expressions.
+    """What `sampled_lq` and `continuous_lq` give for `weights` (outputs + controls,), which may be expressions.
 
     The index must not weigh a control and a disturbance together (D' W F = 0), as that of a suspension does not.
     """
@@ -63,7 +63,7 @@ def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) 
 def _indices(plant: LinearPlant) -> list[QuadraticIndex]:
     """Indices with a weight of 1 on one output or control and 0 on all others, for each in turn.
 
-    Every control has the weight :data:`_REGULAR` besides.
+    Every control has the weight `_REGULAR` besides.
     """
     outputs = len(plant.outputs)
     rows = np.eye(outputs + len(plant.controls))
@@ -117,7 +117,7 @@ def _sampled_gain(plant: LinearPlant, weights: ca.MX, period: float) -> tuple[ca
 
 
 def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16).
+    """As `ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16).
 
     The equation is solved by the doubling of its Cayley transform.
     """
