@@ -31,9 +31,13 @@ class Buildable(Protocol):
     """What the builder needs to know of a catalog entry."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the entry and of its FMUs."""
+
     @property
-    def needs(self) -> tuple[str, ...]: ...
+    def needs(self) -> tuple[str, ...]:
+        """Names of the entries that must be built before it."""
+
     @property
     def files(self) -> tuple[Path, ...]:
         """Files of the user that determine it."""

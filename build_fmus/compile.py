@@ -45,6 +45,7 @@ class Platform:
 
     @property
     def is_windows(self) -> bool:
+        """Whether the binaries are for Windows."""
         return self.suffix == ".dll"
 
     @property

@@ -33,7 +33,8 @@ class Backend(Protocol):
     """A solver and its settings."""
 
     @property
-    def name(self) -> BackendName: ...
+    def name(self) -> BackendName:
+        """Name of the solver."""
 
     @property
     def sources(self) -> tuple[str, ...]:

@@ -51,6 +51,7 @@ class OneOf(str):
     more: str
 
     def __new__(cls, table: str, more: str = "") -> OneOf:
+        """Text with the value `table`; the table itself is read later."""
         self = super().__new__(cls, table)
         self.table, self.more = table, more
         return self
@@ -128,6 +129,7 @@ class Command(TyperCommand):
         self.params += [option for option in _verbosity_options() if not taken & set(option.opts)]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments; the message on a wrong value shows the value."""
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
@@ -135,6 +137,7 @@ class Command(TyperCommand):
             raise
 
     def invoke(self, ctx: Any) -> Any:
+        """Run the command; Ctrl-C raises UserAbort, and messages name the options of the command."""
         options = {name for parameter in self.params for name in (*parameter.opts, *parameter.secondary_opts)}
         try:
             with surface.command(options):
@@ -143,10 +146,12 @@ class Command(TyperCommand):
             raise UserAbort(str(error)) from error
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, in which options list their choices."""
         list_choices(self)
         super().format_help(ctx, formatter)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options by the groups of `headings`, the others last."""
         left = {p.name: record for p in self.get_params(ctx) if (record := p.get_help_record(ctx)) is not None}
         for heading, names in self.headings.items():
             if rows := [left.pop(name) for name in list(left) if name in names]:
@@ -173,6 +178,7 @@ class Commands(TyperGroup):
     beside = ""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the named command; an unknown name ends with a message that hints at the nearest one."""
         name, *rest = args
         if name.startswith("-"):
             return super().resolve_command(ctx, args)
@@ -190,12 +196,14 @@ class Commands(TyperGroup):
         return {name: command for name, command in found if command is not None and not command.hidden}
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands, each with the first sentence of its help."""
         rows = [(name, re.split(r"\.(?:\s|$)", command.help or "")[0]) for name, command in self._shown(ctx).items()]
         if rows:
             with formatter.section("Commands"):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
+        """Run the chosen command; Ctrl-C raises UserAbort."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:

@@ -118,6 +118,7 @@ class Field:
 
     @property
     def size(self) -> int:
+        """Number of elements."""
         return prod(self.shape)
 
 

@@ -11,6 +11,7 @@ Array = npt.NDArray[np.float64]
 
 
 def finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:
+    """A read-only copy of `value`; ValueError for a value that is not finite, or another number of dimensions."""
     array = np.array(value, dtype=float)  # a copy, made read-only: a model or control law never changes once it exists
     array.setflags(write=False)
     if ndim is not None and array.ndim != ndim:

@@ -1,3 +1,5 @@
+"""Fixture of the tests of isolated FMUs."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+"""Fixtures of the tests of reports."""
+
 import pytest
 
 from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table

@@ -1,3 +1,5 @@
+"""Figures of reports: curves, panels, colors and legends in Plotly."""
+
 import itertools
 import re
 

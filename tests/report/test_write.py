@@ -1,3 +1,5 @@
+"""The files of a report: its page, tables and plots."""
+
 import csv
 import hashlib
 import json

@@ -106,9 +106,11 @@ class Excitation(PythonComponent):
         self.sequence = sequence
 
     def begin(self) -> None:
+        """Start at the first row of the sequence."""
         self.row = 0
 
     def step(self, t: float, h: float, u: np.ndarray, y: np.ndarray) -> None:  # noqa: ARG002
+        """Output the next row of the sequence; the last row is held."""
         y[:] = self.sequence[min(self.row, len(self.sequence) - 1)]
         self.row += 1
 

@@ -18,6 +18,7 @@ def by_decay(eigenvalues: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex1
 
 
 def even(value: Array) -> Array:
+    """The symmetric part of a matrix."""
     return np.asarray((value + value.T) / 2)
 
 
@@ -29,6 +30,7 @@ def scaled_lowest(value: Array) -> float:
 
 
 def positive_definite(name: str, value: Array) -> None:
+    """Refuse a symmetric matrix that is singular or not positive definite (ValueError)."""
     diagonal = np.diag(value)
     if np.any(diagonal <= 0.0):
         k = int(np.argmin(diagonal))
@@ -42,6 +44,7 @@ def positive_definite(name: str, value: Array) -> None:
 
 
 def symmetric(name: str, value: Array) -> Array:
+    """A read-only copy that is exactly symmetric; ValueError where `value` is not symmetric to 1e-12."""
     skew = np.abs(value - value.T)
     if value.size and np.max(skew) > 1e-12 * np.max(np.abs(value)):
         i, j = (int(k) for k in np.unravel_index(np.argmax(skew), skew.shape))
@@ -52,6 +55,7 @@ def symmetric(name: str, value: Array) -> Array:
 
 
 def matrix(name: str, value: npt.ArrayLike, shape: tuple[int | None, int | None], meaning: str) -> Array:
+    """A read-only copy of `value`; ValueError for another shape (None: any size) or a value that is not finite."""
     array = np.array(value, dtype=float)  # a copy, made read-only: a plant or control law never changes once it exists
     array.setflags(write=False)
     if array.ndim != 2 or any(size not in (None, have) for size, have in zip(shape, array.shape, strict=True)):
@@ -62,6 +66,7 @@ def matrix(name: str, value: npt.ArrayLike, shape: tuple[int | None, int | None]
 
 
 def weights(name: str, value: npt.ArrayLike, names: Sequence[str], kind: str) -> Array:
+    """Weights (n,), one for each of `names`; ValueError for another number, or a weight that is no finite number."""
     array = np.array(value, dtype=float)
     if array.shape != (len(names),):
         given = f"{array.size} weights" if array.ndim == 1 else f"shape {array.shape}"

@@ -84,6 +84,7 @@ def dominant(shape: Array, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def rate(eigenvalue: complex, unit: str = "1/s") -> str:
+    """Text of an eigenvalue for messages; with unit 1/s also its frequency [Hz]."""
     real, imaginary = float(np.real(eigenvalue)), abs(float(np.imag(eigenvalue)))
     real = 0.0 if abs(real) < 1e-9 * max(1.0, imaginary) else real
     if imaginary <= 1e-9 * max(1.0, abs(real)):

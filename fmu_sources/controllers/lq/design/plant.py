@@ -130,6 +130,7 @@ def index_from_outputs(plant: LinearPlant, W: Array, R: Array) -> QuadraticIndex
 
 
 def check_sizes(plant: LinearPlant, index: QuadraticIndex) -> None:
+    """Refuse an index whose weights do not have the sizes of the plant (ValueError)."""
     (n, nu), nw = plant.B.shape, plant.E.shape[1]
     if (len(index.Q1), len(index.R), len(index.Q2)) != (n, nu, nw):
         raise ValueError(
