@@ -435,7 +435,7 @@ class System(Wiring):
             self._room.cleanup()
 
 
-class Fmu(FmuFile):
+class Fmu(FmuFile):  # noqa: D101
     __doc__ = FmuFile.__doc__
 
     def linearize(
