@@ -90,7 +90,7 @@ class Drawings(Experiments):
     make = staticmethod(wiring_command)
 
 
-class Laws(Commands):
+class Controllers(Commands):
     """One command per experiment whose controllers are identified."""
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
@@ -168,7 +168,7 @@ app.add_typer(
     name="wiring",
 )
 app.add_typer(
-    typer.Typer(cls=Laws, help="Identify the controllers of an experiment again from its plant FMU.", **GROUP),
+    typer.Typer(cls=Controllers, help="Identify the controllers of an experiment again from its plant FMU.", **GROUP),
     name="identify",
 )
 

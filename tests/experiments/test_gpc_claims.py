@@ -9,7 +9,7 @@ from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.claims import CLAIMS
 from cosim.experiments.gpc.judge import CONVERGED, Judge
 from cosim.experiments.gpc.matching import Match, match_weight
-from cosim.experiments.gpc.published import LAWS, MATCHED
+from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, MATCHED
 from cosim.experiments.gpc.report import report as make_report
 from cosim.experiments.gpc.results import METRICS, Results, Study
 from cosim.experiments.gpc.runs import Case
@@ -42,8 +42,8 @@ def test_a_study_has_every_run(study: Study) -> None:
     for road in ("sine", "perryman3", "curb"):
         for speed in (50.0, 80.0, 72.0) if road == "curb" else (50.0, 80.0):
             assert results.passive(road, speed)["force"] == 0.0
-            assert all(results.published(road, speed, law, 0)["R"] == 1e-7 for law in LAWS)
-    assert len(study.histories) == 3 * (1 + len(LAWS))
+            assert all(results.published(road, speed, law, 0)["R"] == 1e-7 for law in ACTIVE_CONTROLLERS)
+    assert len(study.histories) == 3 * (1 + len(ACTIVE_CONTROLLERS))
 
 
 def test_matched_runs_have_the_response_of_explicit(study: Study) -> None:
@@ -87,7 +87,7 @@ def test_report_has_the_distributions_and_the_refinement(runs: Runs, study: Stud
     judged = {row[0] for t in tables.values() if t.id.startswith("distributions-") for row in t.rows}
     assert judged == {e.claim for e in CLAIMS.judge(Judge(study)).evidence}
     refined = tables["refinement"].rows
-    assert len(refined) == 3 * 3 * (1 + len(LAWS))  # roads, refinements, controllers
+    assert len(refined) == 3 * 3 * (1 + len(ACTIVE_CONTROLLERS))  # roads, refinements, controllers
     passive = next(row for row in refined if row[2] == "passive")
     assert len(passive) == 4 + len(METRICS)
 

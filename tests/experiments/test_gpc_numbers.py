@@ -27,8 +27,8 @@ from cosim.experiments.gpc.claims import CLAIMS
 from cosim.experiments.gpc.judge import Judge
 from cosim.experiments.gpc.matching import match_weight
 from cosim.experiments.gpc.published import (
+    ACTIVE_CONTROLLERS,
     CURB_SPEED,
-    LAWS,
     OPEN_LOOP_SPEEDS_KMH,
     SEEDS,
     SPEEDS_KMH,
@@ -195,7 +195,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(runs, "models", models)
     with Runner(EXPERIMENT, fmus) as runner:
-        for variant in LAWS:
+        for variant in ACTIVE_CONTROLLERS:
             system = runner.system(Case("curb", 72.0, variant, R=2e-7, seed=5))
             expected = runs.gain_parameters(law(fmus, variant, 10.0))
             values = system["controller"].values
@@ -635,7 +635,7 @@ def test_distributions_over_seeds(results: Results) -> None:
     changes = results.changes("curb", 10.0, "rms_az", "preview")
     assert changes is not None
     assert changes.values == pytest.approx([0.7 * (100 + s) - 100 for s in range(8)])
-    assert [results.matched_seeds("sine", 80.0, law) for law in LAWS] == [2, 8, 2]
+    assert [results.matched_seeds("sine", 80.0, law) for law in ACTIVE_CONTROLLERS] == [2, 8, 2]
     gains_by_weight = [0.45 + 0.02 * 3 - 0.2 * x for x in (0.0, math.log10(5), 1.0, math.log10(50))]
     assert results.over_weights(50.0, "improvement", 3) == pytest.approx(gains_by_weight)
 
@@ -841,7 +841,7 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
     speeds = [*SPEEDS_KMH[:7], 72.0, 80.0] if road == "curb" else list(SPEEDS_KMH)
     assert list(made_up.axes(page, id_).items()) == [(t, ("speed [km/h]", y)) for t, y in LABELS.items()]
     for panel, key in PANELS.items():
-        for law in LAWS:
+        for law in ACTIVE_CONTROLLERS:
             curve = made_up.series(page, id_, panel, law)
             assert (list(curve.x), curve.color, curve.dash, curve.mode) == (speeds, *LOOKS[law], "line+markers")
             for i, v in enumerate(speeds):
@@ -862,7 +862,10 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
     figure = next(f for f in page.figures if f.id == id_)
     title = {"sine": "sine road", "curb": "curb", "perryman3": "Perryman 3 road (synthetic)"}[road]
     assert figure.title == f"The three controllers on the {title} (figure {number} of the paper)"
-    assert [[s.name for s in p.series] for p in figure.panels] == [["passive", *LAWS], *[list(LAWS)] * 5]
+    assert [[s.name for s in p.series] for p in figure.panels] == [
+        ["passive", *ACTIVE_CONTROLLERS],
+        *[list(ACTIVE_CONTROLLERS)] * 5,
+    ]
 
 
 def test_weights_over_speed(page: Report) -> None:
@@ -913,7 +916,7 @@ def test_histories(page: Report, number: int, road: str, speed: int) -> None:
     for panel, key, scale in zip(
         made_up.axes(page, id_), ("az", "pitch", "roll", "force"), (1, 1, 1, 1e-3), strict=True
     ):
-        for law in ("passive", *LAWS) if key != "force" else LAWS:
+        for law in ("passive", *ACTIVE_CONTROLLERS) if key != "force" else ACTIVE_CONTROLLERS:
             curve, own = made_up.series(page, id_, panel, law), drawn(Case(road, controller=law))
             assert (list(curve.x), list(curve.y)) == (own["time"], pytest.approx([scale * v for v in own[key]]))
             assert (curve.color, curve.dash, curve.mode) == (*LOOKS[law], "line")
@@ -1203,7 +1206,10 @@ def test_rules_of_the_claims(study: Study) -> None:
     }
     assert {i: rule for i, rule in rules.items() if rule not in found[i].criterion} == {}
     motion, excitation = "the motion ratio", "2 kN per actuator"
-    assert {i for i, c in found.items() if motion in c.fitted} == {"open-loop-peak", *(f"sine-{law}" for law in LAWS)}
+    assert {i for i, c in found.items() if motion in c.fitted} == {
+        "open-loop-peak",
+        *(f"sine-{law}" for law in ACTIVE_CONTROLLERS),
+    }
     assert {i for i, c in found.items() if excitation in c.fitted} == {
         "sine-implicit",
         "implicit-power",
@@ -1385,5 +1391,5 @@ def test_laws_derived_again(
         ["preview", "34", "34,", "0.5,", "0.25", "yes"],
     ]
     folder = tmp_path / "gpc" / "laws"
-    assert {p.name for p in folder.iterdir()} == {f"{n}-seed3.json" for n in LAWS}
+    assert {p.name for p in folder.iterdir()} == {f"{n}-seed3.json" for n in ACTIVE_CONTROLLERS}
     assert GpcLaw.from_dict(json.loads((folder / "preview-seed3.json").read_text())).variant == "preview"

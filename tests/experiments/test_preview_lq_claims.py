@@ -19,7 +19,7 @@ from cosim.experiments.preview_lq import EXPERIMENT, published
 from cosim.experiments.preview_lq.claims import CLAIMS, relative, relative_index
 from cosim.experiments.preview_lq.published import PRINTED, corrected, over_preview, plateau
 from cosim.experiments.preview_lq.report import report
-from cosim.experiments.preview_lq.runs import CONTROLLERS, LAWS, Case, passive
+from cosim.experiments.preview_lq.runs import CONTROLLERS, WEIGHTED_CONTROLLERS, Case, passive
 from cosim.experiments.steps import HALVED, halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
@@ -210,7 +210,7 @@ def test_cosimulation_equals_the_exact_discrete_loop(runner: Runner, weights: st
     longer = runner.record(Case("left", weights, controller, solver_parts=4), stop_time=1.5)
     height = {k: longer[f"road.road.{k}.height"] for k in CORNERS}
     plant = ride_plant(ride_car(load_ride_car("sedan"), name="RideCarSedan"))
-    taps = design_taps(plant, load_weights(LAWS[weights][1]), 1e-3, 600)
+    taps = design_taps(plant, load_weights(WEIGHTED_CONTROLLERS[weights][1]), 1e-3, 600)
     before = 400
     past = {k: np.concatenate([np.zeros(before), height[k]]) for k in ("fl", "fr")}
 

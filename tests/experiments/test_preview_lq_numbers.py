@@ -170,9 +170,9 @@ def test_lengths_labels_and_laws() -> None:
     assert dataclasses.replace(case, weights="my.toml").label == "left-my-preview-50ms-60kmh-sine-hold"
     assert Case().label == "both-comfort-preview"
     assert passive(case) == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
-    laws = {w: Case(weights=w).law for w in ("comfort", "road-holding", "comfort-5ms", "a/my_own.toml")}
+    laws = {w: Case(weights=w).controller_fmu for w in ("comfort", "road-holding", "comfort-5ms", "a/my_own.toml")}
     assert list(laws.values()) == ["PreviewLqComfort", "PreviewLqRoadHolding", "PreviewLqComfort5ms", "PreviewLqMyOwn"]
-    assert passive(case).law is None
+    assert passive(case).controller_fmu is None
 
 
 # ------------------------------------------------------------------------------------------------------------ designs
@@ -868,7 +868,7 @@ def test_systems_of_the_live_page() -> None:
     ]
     assert [c.case.controller for c in shown.cases] == ["passive", "active", "delay", "preview"] * 2
     assert [c.case.weights for c in shown.cases] == ["comfort"] * 4 + ["road-holding"] * 4
-    assert [c.case.law for c in shown.cases] == [None, *["PreviewLqTunable"] * 3] * 2
+    assert [c.case.controller_fmu for c in shown.cases] == [None, *["PreviewLqTunable"] * 3] * 2
     page = shown.page
     assert page.plots == ["car.body.z", "car.body.pitch", "controller.force.fl"]
     assert (page.pace, page.group_label, page.finish.patience) == (0.1, "weights for", 1.2)  # type: ignore[union-attr]

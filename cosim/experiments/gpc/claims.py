@@ -31,7 +31,7 @@ from cosim.experiments.gpc.judge import (
     same,
     span,
 )
-from cosim.experiments.gpc.published import CURB_SPEED, LAWS, MATCHED, PERRYMAN_SPEED, SINE_SPEED, WEIGHTS
+from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, MATCHED, PERRYMAN_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, ClaimList, Distribution, Evidence, Finding, Row, RunFailed
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
@@ -68,14 +68,14 @@ def _open_loop_peak(j: Judge) -> Finding:
     )
 
 
-def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
+def _gain_on_sine(controller: str) -> Callable[[Judge], Finding]:
     """Judge the gain of explicit on the sine, with the other two controllers matched to it, or of one unmatched."""
-    matched = law == "explicit"
+    matched = controller == "explicit"
 
     def judge(j: Judge) -> Finding:
         r, seen = j.results, Evidence()
         counts = {other: r.matched_seeds("sine", SINE_SPEED, other) for other in MATCHED}
-        gains = r.improvements("sine", SINE_SPEED, law)
+        gains = r.improvements("sine", SINE_SPEED, controller)
         holds = seen.is_significant(f"improvement, {R_TEXT}", gains, lambda x: x > 0, "%")
         shared = (
             f"; a weight gives the same to implicit in {counts['implicit']}, to preview in {counts['preview']} of "
@@ -90,7 +90,7 @@ def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
             band=Band.around(60),
             criterion="clearly below the passive car's response over the seeds"
             + ("; implicit and preview can be matched in as many" if matched else ""),
-            fitted=chosen(j.fitted, EXCITATION if law == "implicit" else None, MATCHING if matched else None),
+            fitted=chosen(j.fitted, EXCITATION if controller == "implicit" else None, MATCHING if matched else None),
             undecided=j.open(gains.median, Band.around(60), "%"),
             evidence=seen,
         )
@@ -98,18 +98,18 @@ def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
     return judge
 
 
-for _law in ("explicit", *MATCHED):
+for _controller in ("explicit", *MATCHED):
     CLAIMS.claim(
-        f"sine-{_law}",
+        f"sine-{_controller}",
         (
             f"The three controllers reduce the response on the sine road at {SINE_SPEED:g} km/h, its peak (implicit and"
             " preview are matched to explicit: one number)"
-            if _law == "explicit"
-            else f"With explicit's weight, {R_TEXT}, not matched, GPC {_law} reduces the response there as much"
+            if _controller == "explicit"
+            else f"With explicit's weight, {R_TEXT}, not matched, GPC {_controller} reduces the response there as much"
         ),
         published="60 %",
         source="Figure 7",
-    )(_gain_on_sine(_law))
+    )(_gain_on_sine(_controller))
 
 
 @CLAIMS.claim(
@@ -201,16 +201,16 @@ def _implicit_force_50(j: Judge) -> Finding:
 def _sine_signals(j: Judge) -> Finding:
     r, seen = j.results, Evidence()
     lower, rolls, words = [], [], []
-    for law in LAWS:
+    for controller in ACTIVE_CONTROLLERS:
         parts = []
         for name, key in (("acceleration", "rms_az"), ("pitch", "rms_pitch")):
-            change = r.changes("sine", SINE_SPEED, key, law)
-            lower.append(seen.is_significant(f"{name}, {law}", change, lambda x: x < 0, "%"))
+            change = r.changes("sine", SINE_SPEED, key, controller)
+            lower.append(seen.is_significant(f"{name}, {controller}", change, lambda x: x < 0, "%"))
             parts.append(f"{name} {median_text(change, '{:+.0f} %')}")
-        share = r.at_equal_response("sine", SINE_SPEED, (law,), lambda row: row["rms_roll"] / row["rms_pitch"])
-        rolls.append(seen.is_significant(f"roll / pitch, {law}", share, lambda x: x >= VISIBLE_ROLL))
+        share = r.at_equal_response("sine", SINE_SPEED, (controller,), lambda row: row["rms_roll"] / row["rms_pitch"])
+        rolls.append(seen.is_significant(f"roll / pitch, {controller}", share, lambda x: x >= VISIBLE_ROLL))
         parts.append(f"roll {median_text(share, '{:.3f} of pitch')}")
-        words.append(f"{law} {', '.join(parts)}")
+        words.append(f"{controller} {', '.join(parts)}")
     return Finding(
         "; ".join(words) + " (medians of the seeds)",
         all(lower) and all(rolls),
@@ -270,10 +270,10 @@ def _sine_implicit_signals(j: Judge) -> Finding:
 MORE_THAN_25 = Band(25.0, math.inf, "the paper's bound")  # %
 
 
-def _gain_on_perryman(law: str) -> Callable[[Judge], Finding]:
+def _gain_on_perryman(controller: str) -> Callable[[Judge], Finding]:
     def judge(j: Judge) -> Finding:
         seen, worst = Evidence(), j.results.worst_speed("perryman3")
-        gains = j.results.improvements("perryman3", worst, law)
+        gains = j.results.improvements("perryman3", worst, controller)
         return Finding(
             f"{gains.text('{:.0f}', '%', MORE_THAN_25.__contains__)}, at {worst:g} km/h",
             seen.is_significant(f"improvement, {worst:g} km/h", gains, lambda x: x > 0, "%"),
@@ -282,7 +282,7 @@ def _gain_on_perryman(law: str) -> Callable[[Judge], Finding]:
             over=gains,
             band=MORE_THAN_25,
             criterion="clearly below the passive car's response over the seeds, at the speed of its highest response",
-            fitted=chosen(EXCITATION if law == "implicit" else None, STAND_IN["perryman3"]),
+            fitted=chosen(EXCITATION if controller == "implicit" else None, STAND_IN["perryman3"]),
             undecided=j.open(gains.median, MORE_THAN_25, "%"),
             evidence=seen,
         )
@@ -290,13 +290,13 @@ def _gain_on_perryman(law: str) -> Callable[[Judge], Finding]:
     return judge
 
 
-for _law in LAWS:
+for _controller in ACTIVE_CONTROLLERS:
     CLAIMS.claim(
-        f"perryman-{_law}" + "-gain" * (_law == "implicit"),
-        f"GPC {_law} reduces the highest open-loop response on Perryman 3 ({R_TEXT})",
+        f"perryman-{_controller}" + "-gain" * (_controller == "implicit"),
+        f"GPC {_controller} reduces the highest open-loop response on Perryman 3 ({R_TEXT})",
         published="more than 25 %",
         source="Figure 9",
-    )(_gain_on_perryman(_law))
+    )(_gain_on_perryman(_controller))
 
 
 @CLAIMS.claim(
@@ -329,14 +329,14 @@ def _perryman_implicit(j: Judge) -> Finding:
 def _perryman_roll(j: Judge) -> Finding:
     seen, v = Evidence(), PERRYMAN_SPEED
     falls, rises, largest, words = [], [], [], []
-    for law in LAWS:
-        change = {k: j.results.changes("perryman3", v, k, law) for k in ("peak_pitch", "rms_roll", "rms_az")}
-        falls.append(seen.is_significant(f"peak of pitch, {law}", change["peak_pitch"], lambda x: x < 0, "%"))
+    for controller in ACTIVE_CONTROLLERS:
+        change = {k: j.results.changes("perryman3", v, k, controller) for k in ("peak_pitch", "rms_roll", "rms_az")}
+        falls.append(seen.is_significant(f"peak of pitch, {controller}", change["peak_pitch"], lambda x: x < 0, "%"))
         for name, key in (("roll", "rms_roll"), ("acceleration", "rms_az")):
-            rises.append(seen.is_significant(f"{name}, {law}", change[key], lambda x: x > 0, "%"))
+            rises.append(seen.is_significant(f"{name}, {controller}", change[key], lambda x: x > 0, "%"))
             largest += [d.median for d in [change[key]] if d is not None]
         words.append(
-            f"{law}: peak of pitch {median_text(change['peak_pitch'], '{:+.0f} %')}, roll"
+            f"{controller}: peak of pitch {median_text(change['peak_pitch'], '{:+.0f} %')}, roll"
             f" {median_text(change['rms_roll'], '{:+.0f} %')}, acceleration"
             f" {median_text(change['rms_az'], '{:+.0f} %')}"
         )
@@ -369,17 +369,17 @@ def _perryman_roll(j: Judge) -> Finding:
 def _curb_gain(j: Judge) -> Finding:
     r, seen = j.results, Evidence()
 
-    def lower(law: str) -> list[float]:
-        quantity = f"improvement, {law}, {R_TEXT}"
-        return j.where(seen, quantity, lambda v: r.improvements("curb", v, law), lambda x: x > 0, "%")
+    def lower(controller: str) -> list[float]:
+        quantity = f"improvement, {controller}, {R_TEXT}"
+        return j.where(seen, quantity, lambda v: r.improvements("curb", v, controller), lambda x: x > 0, "%")
 
-    where = {law: lower(law) for law in LAWS}
+    where = {controller: lower(controller) for controller in ACTIVE_CONTROLLERS}
     gains = r.improvements("curb", TOP_SPEED, "explicit")
-    others = {law: r.improvements("curb", TOP_SPEED, law).median for law in MATCHED}
+    others = {controller: r.improvements("curb", TOP_SPEED, controller).median for controller in MATCHED}
     return Finding(
         f"explicit at {TOP_SPEED:g} km/h {gains.text('{:.0f}', '%', lambda x: x > 0)}, lower"
         f" {at_speeds(where['explicit'], j.speeds)}; with the same weight, not matched,"
-        f" {' and '.join(f'{law} {x:.0f} %' for law, x in others.items())}",
+        f" {' and '.join(f'{controller} {x:.0f} %' for controller, x in others.items())}",
         all(speeds == list(j.speeds) for speeds in where.values()),
         f"explicit is worse than the passive car in {gains.count(lambda x: x <= 0)} of {len(gains.values)} seeds at"
         f" {TOP_SPEED:g} km/h: it assumes that the road ahead is at height 0, so a step up is fought for as long as it"
@@ -507,7 +507,7 @@ def _curb_preview_power(j: Judge) -> Finding:
     source="Figure 12",
 )
 def _curb_peak(j: Judge) -> Finding:
-    r, seen, v, laws = j.results, Evidence(), CURB_SPEED, ("preview", "implicit", "explicit")
+    r, seen, v, controllers = j.results, Evidence(), CURB_SPEED, ("preview", "implicit", "explicit")
 
     def against_others(*rows: Row) -> float:
         """Of the first to the lower of the others; a run that diverged has no largest force."""
@@ -517,8 +517,8 @@ def _curb_peak(j: Judge) -> Finding:
     def lowest(share: float) -> bool:
         return share < 1
 
-    ratio = r.at_equal_response("curb", v, laws, against_others)
-    published = Distribution(against_others(*(r.published("curb", v, c, s) for c in laws)) for s in r.seeds)
+    ratio = r.at_equal_response("curb", v, controllers, against_others)
+    published = Distribution(against_others(*(r.published("curb", v, c, s) for c in controllers)) for s in r.seeds)
     return Finding(
         (
             f"{ratio.text('{:.2f}', 'times', lowest)} the lower of the others' peaks"

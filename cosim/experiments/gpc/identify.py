@@ -44,7 +44,7 @@ def identify(
     settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
     folder = make_folder(out / "gpc" / "laws")
     models = identify_models(chosen.path(PLANT), road_file(chosen, "perryman3"), chosen.path(SPEED), settings)
-    table = Table("law", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
+    table = Table("controller", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
     for variant in VARIANTS:
         law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
         safe_files.write(folder / f"{variant}-seed{seed}.json", law.to_json())

@@ -78,9 +78,11 @@ class Judge:
             " band)"
         )
 
-    def ratio_by_speed(self, road: str, quantity: str, law: str, to: str) -> Callable[[float], Distribution | None]:
+    def ratio_by_speed(
+        self, road: str, quantity: str, controller: str, to: str
+    ) -> Callable[[float], Distribution | None]:
         """A function of the speed [km/h]: ratios of a quantity of one controller to that of another, over the seeds."""
-        return lambda v: self.results.ratios(road, v, quantity, law, to)
+        return lambda v: self.results.ratios(road, v, quantity, controller, to)
 
 
 def most(count: int, seeds: Sequence[int]) -> bool:

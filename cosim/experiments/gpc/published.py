@@ -17,7 +17,7 @@ WEIGHTS = (1e-7, 5e-7, 1e-6, 5e-6)  # figure 6
 OPEN_LOOP_SPEEDS_KMH = (42.5, 45.0, 47.5, 52.5, 55.0, 57.5)  # about the peak, besides SPEEDS_KMH
 SINE_SPEED, CURB_SPEED, PERRYMAN_SPEED = 50.0, 72.0, 50.0  # km/h
 HISTORIES = (("sine", SINE_SPEED), ("perryman3", PERRYMAN_SPEED), ("curb", CURB_SPEED))  # figures 8, 10, 12
-LAWS = tuple(c for c in CONTROLLERS if c != "passive")
+ACTIVE_CONTROLLERS = tuple(c for c in CONTROLLERS if c != "passive")
 MATCHED = ("implicit", "preview")  # controllers whose weight is chosen so that their response equals explicit's
 REFINEMENTS: dict[str, dict[str, Any]] = {  # words -> fields of a case
     "as run": {},
@@ -87,10 +87,10 @@ class Comparison:
     def __call__(self, runner: Any) -> dict[str, list[Row]]:
         """Run the controllers at their weights."""
         explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
-        laws = [replace(explicit, controller=c) for c in MATCHED]
+        controllers = [replace(explicit, controller=c) for c in MATCHED]
         return {
-            "compared": [row(runner, explicit), *(matched_row(runner, law) for law in laws)],
-            "unmatched": [row(runner, law) for law in laws],
+            "compared": [row(runner, explicit), *(matched_row(runner, controller) for controller in controllers)],
+            "unmatched": [row(runner, controller) for controller in controllers],
         }
 
 
@@ -115,9 +115,9 @@ class History:
     def __call__(self, runner: Any) -> list[Row]:
         """Signals and values of the case of each car."""
         explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
-        laws = [replace(explicit, controller=c) for c in MATCHED]
+        controllers = [replace(explicit, controller=c) for c in MATCHED]
         cases = [replace(explicit, controller="passive"), explicit]
-        cases += [replace(law, R=matched_row(runner, law)["R"]) for law in laws]
+        cases += [replace(controller, R=matched_row(runner, controller)["R"]) for controller in controllers]
         return [{**values(c), **runner.entry(c, signals=True)["signals"]} for c in cases]
 
 

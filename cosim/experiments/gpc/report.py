@@ -11,7 +11,7 @@ from typing import Any
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.claims import CLAIMS
 from cosim.experiments.gpc.judge import R_TEXT, Judge, number
-from cosim.experiments.gpc.published import CURB_SPEED, LAWS, SINE_SPEED, WEIGHTS
+from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.results import METRICS, Results, Study, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
 from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Report, Section, Series, Table
@@ -72,10 +72,12 @@ def report(runs: Runs, fmus: FmuSet) -> Report:
 
 def _main_result(results: Results) -> tuple[str, Figure]:
     """Response over speed on the sine road."""
-    gains = {law: results.improvements("sine", SINE_SPEED, law).median for law in LAWS}
+    gains = {
+        controller: results.improvements("sine", SINE_SPEED, controller).median for controller in ACTIVE_CONTROLLERS
+    }
     changes = [
-        f"{compared(1 - gain / 100, 1.0) if math.isfinite(gain) else 'diverged'} with {law}"
-        for law, gain in gains.items()
+        f"{compared(1 - gain / 100, 1.0) if math.isfinite(gain) else 'diverged'} with {controller}"
+        for controller, gain in gains.items()
     ]
     lead = (
         f"On the sine road at {SINE_SPEED:g} km/h, the response of the car (objective J of vertical acceleration, pitch"
@@ -85,15 +87,18 @@ def _main_result(results: Results) -> tuple[str, Figure]:
     )
     curves = [
         _passive_curve(results, "sine"),
-        *(_curve(results, "response", law, results.speeds, _at_published_weight(results, law)) for law in LAWS),
+        *(
+            _curve(results, "response", controller, results.speeds, _at_published_weight(results, controller))
+            for controller in ACTIVE_CONTROLLERS
+        ),
     ]
     panel = Panel("", _SPEED, _QUANTITIES[0][2], [c for c in curves if c is not None])
     caption = f"{R_TEXT} for every controller: nothing is matched. {_OVER_SEEDS}"
     return lead, Figure("main-result", "Response over speed on the sine road", caption, [panel])
 
 
-def _at_published_weight(results: Results, law: str) -> Rows:
-    return lambda v, s: results.published("sine", v, law, s)
+def _at_published_weight(results: Results, controller: str) -> Rows:
+    return lambda v, s: results.published("sine", v, controller, s)
 
 
 def _fitted(parameters: Iterable[Parameter]) -> str:
@@ -148,8 +153,8 @@ def _panels(curves: Callable[[str], Iterable[Series | None]]) -> list[Panel]:
     return [Panel(title, _SPEED, label, [c for c in curves(key) if c is not None]) for key, title, label in _QUANTITIES]
 
 
-def _matched(results: Results, road: str, law: str) -> Rows:
-    return lambda v, s: results.matched(road, v, law, s)
+def _matched(results: Results, road: str, controller: str) -> Rows:
+    return lambda v, s: results.matched(road, v, controller, s)
 
 
 def _passive_curve(results: Results, road: str) -> Series | None:
@@ -205,7 +210,10 @@ def _road(results: Results, *, road: str, found: Claims) -> Section:
     def curves(key: str) -> list[Series | None]:
         return [
             _passive_curve(results, road) if key == "response" else None,
-            *(_curve(results, key, law, _speeds(results, road), _matched(results, road, law)) for law in LAWS),
+            *(
+                _curve(results, key, controller, _speeds(results, road), _matched(results, road, controller))
+                for controller in ACTIVE_CONTROLLERS
+            ),
         ]
 
     comparison = Figure(
@@ -277,23 +285,23 @@ def _comparison_table(results: Results, road: str) -> Table:
     for v in _speeds(results, road):
         passive = results.passive(road, v)
         rows.append([v, "passive", None, None, round(passive["response"], 4), *[0.0] * 6])
-        for law in LAWS:
-            found = [r for s in results.seeds if (r := results.matched(road, v, law, s)) is not None]
+        for controller in ACTIVE_CONTROLLERS:
+            found = [r for s in results.seeds if (r := results.matched(road, v, controller, s)) is not None]
             if not found:
-                rows.append([v, law, None, "not found", *[None] * 7])
+                rows.append([v, controller, None, "not found", *[None] * 7])
                 continue
             gain = Distribution(results.improvement(r) for r in found)
             m = {k: Distribution(r[k] for r in found).median for k in ("R", "response", "force", "power", "peak_force")}
             spread = [round(x, 4) for x in (gain.median, gain.low, gain.high)]
             efforts = [round(m["force"], 1), round(m["power"], 1), round(m["peak_force"], 0)]
-            matched = None if law == "explicit" else f"{len(found)} of {len(results.seeds)}"
-            rows.append([v, law, float(f"{m['R']:.3g}"), matched, round(m["response"], 4), *spread, *efforts])
+            matched = None if controller == "explicit" else f"{len(found)} of {len(results.seeds)}"
+            rows.append([v, controller, float(f"{m['R']:.3g}"), matched, round(m["response"], 4), *spread, *efforts])
     return Table(
         f"comparison-{road}",
         f"Runs on the {_title(road)}, medians over the seeds",
         [
             "speed [km/h]",
-            "law",
+            "controller",
             "R [1/N2]",
             "matched",
             "J [-]",
@@ -313,9 +321,9 @@ def _seeds(results: Results) -> Section:
     cases = [("sine", SINE_SPEED), ("perryman3", results.worst_speed("perryman3")), ("curb", CURB_SPEED)]
     rows: list[list[float | str | None]] = []
     for road, v in cases:
-        for law in LAWS:
+        for controller in ACTIVE_CONTROLLERS:
             for seed in results.seeds:
-                r = results.published(road, v, law, seed)
+                r = results.published(road, v, controller, seed)
                 own = (
                     [None] * 4
                     if r["diverged"]
@@ -326,7 +334,7 @@ def _seeds(results: Results) -> Section:
                         round(r["peak_force"], 0),
                     ]
                 )
-                rows.append([_NAMES[road], v, law, seed, *own])
+                rows.append([_NAMES[road], v, controller, seed, *own])
     return Section(
         "Spread over identification seeds",
         [
@@ -339,7 +347,16 @@ def _seeds(results: Results) -> Section:
             Table(
                 "seeds",
                 f"{R_TEXT}, {len(results.seeds)} identification seeds",
-                ["road", "speed [km/h]", "law", "seed", "improvement [-]", "force [N]", "power [W]", "peak force [N]"],
+                [
+                    "road",
+                    "speed [km/h]",
+                    "controller",
+                    "seed",
+                    "improvement [-]",
+                    "force [N]",
+                    "power [W]",
+                    "peak force [N]",
+                ],
                 rows,
             )
         ],
@@ -366,7 +383,7 @@ def _refinement(results: Results) -> Section:
             Table(
                 "refinement",
                 "Change of metrics when steps are halved",
-                ["road", "speed [km/h]", "law", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
+                ["road", "speed [km/h]", "controller", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
                 rows,
                 f"{R_TEXT}, seed {results.seeds[0]}; the controllers stay those identified with the steps of the"
                 " study.",

@@ -104,9 +104,9 @@ class Results:
         self.seeds = study.seeds
         self.speeds = study.speeds
         self._passive = {(r["road"], r["speed_kmh"]): r for r in study.comparison if r["controller"] == "passive"}
-        self._matched = self._by_law(study.comparison)
+        self._matched = self._by_controller(study.comparison)
         # Explicit is not matched to anything: it has R = 1e-7 in the comparison.
-        self._published = self._by_law([*select(study.comparison, controller="explicit"), *study.unmatched])
+        self._published = self._by_controller([*select(study.comparison, controller="explicit"), *study.unmatched])
         self._sweep = {(r["speed_kmh"], r["R"], r["seed"]): r for r in study.sweep}
 
     def _row(self, rows: Mapping[K, Row], key: K) -> Row:
@@ -116,7 +116,7 @@ class Results:
         return rows[key]
 
     @staticmethod
-    def _by_law(rows: Iterable[Row]) -> dict[tuple[str, float, str, int], Row]:
+    def _by_controller(rows: Iterable[Row]) -> dict[tuple[str, float, str, int], Row]:
         return {
             (r["road"], r["speed_kmh"], r["controller"], r["seed"]): r for r in rows if r["controller"] != "passive"
         }
@@ -127,14 +127,14 @@ class Results:
         """The passive car's run."""
         return self._row(self._passive, (road, speed))
 
-    def matched(self, road: str, speed: float, law: str, seed: int) -> Row | None:
+    def matched(self, road: str, speed: float, controller: str, seed: int) -> Row | None:
         """The controller at the weight at which its response equals explicit's; None where there is no such weight."""
-        row = self._row(self._matched, (road, speed, law, seed))
+        row = self._row(self._matched, (road, speed, controller, seed))
         return None if row["diverged"] or not row.get("matched", True) else row
 
-    def published(self, road: str, speed: float, law: str, seed: int) -> Row:
+    def published(self, road: str, speed: float, controller: str, seed: int) -> Row:
         """The controller at R = 1e-7."""
-        return self._row(self._published, (road, speed, law, seed))
+        return self._row(self._published, (road, speed, controller, seed))
 
     def swept(self, weight: float, speed: float, seed: int) -> Row:
         """Preview on the sine road with a weight of figure 6."""
@@ -164,38 +164,38 @@ class Results:
 
     # ------------------------------------------------------------------ over seeds
 
-    def improvements(self, road: str, speed: float, law: str) -> Distribution:
+    def improvements(self, road: str, speed: float, controller: str) -> Distribution:
         """Improvement of a controller at R = 1e-7 [%], -inf where it diverged."""
-        return Distribution(100 * self.improvement(self.published(road, speed, law, s)) for s in self.seeds)
+        return Distribution(100 * self.improvement(self.published(road, speed, controller, s)) for s in self.seeds)
 
     def at_equal_response(
-        self, road: str, speed: float, laws: Iterable[str], value: Callable[..., float]
+        self, road: str, speed: float, controllers: Iterable[str], value: Callable[..., float]
     ) -> Distribution | None:
         """`value(row of each controller ...)` over the seeds in which all these controllers have explicit's response.
 
         None if there is no such seed.
         """
-        laws = tuple(laws)
+        controllers = tuple(controllers)
         found = []
         for seed in self.seeds:
-            rows = [self.matched(road, speed, law, seed) for law in laws]
+            rows = [self.matched(road, speed, controller, seed) for controller in controllers]
             if all(row is not None for row in rows):
                 found.append(value(*rows))
         of = "seeds" if len(found) == len(self.seeds) else f"seeds of {len(self.seeds)} that could be matched"
         return Distribution(found, of) if found else None
 
-    def ratios(self, road: str, speed: float, quantity: str, law: str, to: str) -> Distribution | None:
+    def ratios(self, road: str, speed: float, quantity: str, controller: str, to: str) -> Distribution | None:
         """A metric of one controller over that of another at equal response."""
-        return self.at_equal_response(road, speed, (law, to), lambda a, b: a[quantity] / b[quantity])
+        return self.at_equal_response(road, speed, (controller, to), lambda a, b: a[quantity] / b[quantity])
 
-    def changes(self, road: str, speed: float, quantity: str, law: str) -> Distribution | None:
+    def changes(self, road: str, speed: float, quantity: str, controller: str) -> Distribution | None:
         """Change of a metric from that of the passive car [%], at explicit's response."""
         base = self.passive(road, speed)[quantity]
-        return self.at_equal_response(road, speed, (law,), lambda row: 100 * (row[quantity] / base - 1))
+        return self.at_equal_response(road, speed, (controller,), lambda row: 100 * (row[quantity] / base - 1))
 
-    def matched_seeds(self, road: str, speed: float, law: str) -> int:
+    def matched_seeds(self, road: str, speed: float, controller: str) -> int:
         """Number of seeds in which a weight gives the controller explicit's response."""
-        return sum(self.matched(road, speed, law, s) is not None for s in self.seeds)
+        return sum(self.matched(road, speed, controller, s) is not None for s in self.seeds)
 
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
         """A quantity of `figures` of preview on the sine road, the smallest weight first."""
@@ -223,9 +223,9 @@ class Results:
         """Refined runs in words, with the relative changes of their metrics; NaN where one diverged."""
         rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
         found = []
-        for (road, v, law, words), r in rows.items():
+        for (road, v, controller, words), r in rows.items():
             if words != "as run":
-                found.append((r, words, _moves(r, self._row(rows, (road, v, law, "as run")))))
+                found.append((r, words, _moves(r, self._row(rows, (road, v, controller, "as run")))))
         return found
 
     def largest_move(self) -> float:

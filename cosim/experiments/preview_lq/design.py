@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from cosim.experiments.preview_lq.runs import CAR, LAWS, designed_weights
+from cosim.experiments.preview_lq.runs import CAR, WEIGHTED_CONTROLLERS, designed_weights
 from cosim.fmu.file import FmuFile
 from cosim.study.runner import Runner
 from fmu_sources.controllers.lq.design import continuous_lq, output_index
@@ -37,7 +37,7 @@ class Design:
         said = FmuFile(runner.fmus.path(CAR)).description.parameters
         car = ride_car(load_ride_car("sedan"), name=CAR)  # the equations; the numbers are the FMU's
         plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.model().elements("parameter")]))  # type: ignore[arg-type]
-        chosen = designed_weights(runner.fmus.path(LAWS[self.weights][0]))
+        chosen = designed_weights(runner.fmus.path(WEIGHTED_CONTROLLERS[self.weights][0]))
         index = output_index(plant, chosen.outputs(CORNERS), chosen.controls(CORNERS))
         if not self.without:
             eigenvalues = continuous_lq(plant, index).eigenvalues

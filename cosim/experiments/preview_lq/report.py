@@ -34,10 +34,10 @@ from cosim.experiments.preview_lq.runs import (
     CONTROLLERS,
     DURATION,
     INPUTS,
-    LAWS,
     PLATEAU_MM,
     PREVIEW_TIME,
     SPEED_KMH,
+    WEIGHTED_CONTROLLERS,
     Case,
     designed_weights,
 )
@@ -400,7 +400,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     """Of the car, and of the controllers' weights, as the FMUs have them."""
     rows = parameters(fmus.path(CAR))
     for weights in WEIGHT_SETS:
-        w = designed_weights(fmus.path(LAWS[weights][0]))
+        w = designed_weights(fmus.path(WEIGHTED_CONTROLLERS[weights][0]))
         for name, value, unit in (
             ("heave", w.acceleration.heave, "s4/m2"),
             ("pitch", w.acceleration.pitch, "s4/rad2"),

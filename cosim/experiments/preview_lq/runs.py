@@ -21,13 +21,13 @@ from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_we
 from fmu_sources.models.corners import CORNERS
 
 CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
-LAWS = {  # name of the weights -> FMU of the controller, file of the weights
+WEIGHTED_CONTROLLERS = {  # name of the weights -> FMU of the controller, file of the weights
     "comfort": ("PreviewLqComfort", "comfort"),
     "road-holding": ("PreviewLqRoadHolding", "road_holding"),
     "comfort-5ms": ("PreviewLqComfort5ms", "comfort"),
 }
 TUNABLE = "PreviewLqTunable"  # the controller whose weights are parameters
-FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in LAWS.values()), TUNABLE)
+FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in WEIGHTED_CONTROLLERS.values()), TUNABLE)
 CONTROLLERS = ("passive", *MODES)
 INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
 PLATEAU_MM = 50.0
@@ -55,7 +55,7 @@ class Case(Stepped):
     input: str = option("both", choices=INPUTS, help="wheels that meet hole and bump", always=True)
     weights: str = option(
         "comfort",
-        choices=LAWS,
+        choices=WEIGHTED_CONTROLLERS,
         files=".toml",
         help="weights of the controller: published ones, or a weights file (see build-fmus --weights)",
         always=True,
@@ -95,13 +95,13 @@ class Case(Stepped):
         return Path(self.weights) if self.weights.endswith(".toml") else None
 
     @property
-    def law(self) -> str | None:
+    def controller_fmu(self) -> str | None:
         """Name of the controller's FMU; None for the passive car."""
         if self.controller == "passive":
             return None
         if self.tunable:
             return TUNABLE
-        return LAWS[self.weights][0] if self.own_weights is None else weights_name(self.own_weights)
+        return WEIGHTED_CONTROLLERS[self.weights][0] if self.own_weights is None else weights_name(self.own_weights)
 
 
 def passive(case: Case) -> Case:
@@ -111,12 +111,12 @@ def passive(case: Case) -> Case:
 
 def weights_of(case: Case) -> PreviewLqWeights:
     """The weights of a case's index, which are those that its controller was designed with."""
-    return load_weights(case.own_weights or LAWS[case.weights][1])
+    return load_weights(case.own_weights or WEIGHTED_CONTROLLERS[case.weights][1])
 
 
-def designed_weights(law: Path) -> PreviewLqWeights:
+def designed_weights(controller: Path) -> PreviewLqWeights:
     """The weights that an FMU's controller was designed with."""
-    return PreviewLqWeights.model_validate(designed_with(law)["weights"])
+    return PreviewLqWeights.model_validate(designed_with(controller)["weights"])
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -124,7 +124,7 @@ def designed_weights(law: Path) -> PreviewLqWeights:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return case.law, case.weights if case.law and not case.tunable else "", case.exchange_parts
+    return case.controller_fmu, case.weights if case.controller_fmu and not case.tunable else "", case.exchange_parts
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
@@ -134,12 +134,14 @@ def wire(fmus: FmuSet, case: Case) -> System:
         FileNotFoundError: an FMU is not there; the message says how to build it.
         CaseError: the controller was designed with other weights than their file has now.
     """
-    law = None
-    if case.law is not None:
-        law = fmus.path(case.law)
-        if not case.tunable and designed_weights(law) != weights_of(case):
-            build = fmus.build_command(fmus.own.get(case.law, ("", ""))[1])
-            raise CaseError(f"{law} was designed with other weights than {case.weights} has now: run `{build}` again")
+    controller = None
+    if case.controller_fmu is not None:
+        controller = fmus.path(case.controller_fmu)
+        if not case.tunable and designed_weights(controller) != weights_of(case):
+            build = fmus.build_command(fmus.own.get(case.controller_fmu, ("", ""))[1])
+            raise CaseError(
+                f"{controller} was designed with other weights than {case.weights} has now: run `{build}` again"
+            )
     system = System()
     system.add("speed", fmus.path(SPEED))
     system.add("road", fmus.path(ROAD))
@@ -147,8 +149,8 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.connect("speed.x", "road.x")
     system.connect("speed.speed", "road.speed")
     system.connect_matching("road", "car", "road.*")
-    if law is not None:
-        system.add("controller", law)
+    if controller is not None:
+        system.add("controller", controller)
         system.connect_matching("car", "controller")
         system.connect_matching("road", "controller")
         system.connect("speed.speed", "controller.speed")
@@ -163,10 +165,10 @@ def configure(system: System, case: Case) -> None:
     known = system["road"].description.parameters
     as_built: dict[str, Any] = {n: known[n].start for sizes in SHAPES.values() for n in sizes}
     system["road"].set({**as_built, **SHAPES[case.shape], "side": INPUTS[case.input]})
-    configure_law(system, case)
+    configure_controller(system, case)
 
 
-def configure_law(system: System, case: Case) -> None:
+def configure_controller(system: System, case: Case) -> None:
     """What of a case concerns its controller, on any road."""
     if case.controller != "passive":
         system["controller"].set(

@@ -72,18 +72,18 @@ def systems(car: str | None = None) -> list[System]:
     found = []
     for name, made in CARS.items():
         if car in (None, name):
-            for law in made.controllers:
+            for controller in made.controllers:
                 for actuators in ACTUATORS if name == "hmmwv" else ("ideal",):
                     try:
-                        found.append(_at((name, law, actuators), "1in"))
+                        found.append(_at((name, controller, actuators), "1in"))
                     except CaseError:  # a passive car with ideal actuators
                         continue
     return [(c.car, c.controller, c.actuators) for c in found]
 
 
 def _at(system: System, course: str, **more: object) -> Case:
-    car, law, actuators = system
-    return Case(car, law, actuators, course, 1.0, **more)  # type: ignore[arg-type]
+    car, controller, actuators = system
+    return Case(car, controller, actuators, course, 1.0, **more)  # type: ignore[arg-type]
 
 
 def _guess(system: System, course: str) -> float:

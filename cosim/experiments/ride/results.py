@@ -40,10 +40,10 @@ WORDS = {"never": "never", "always": "at any speed"}
 
 def name(system: System) -> str:
     """Controller and actuators for people: "MPC, hydraulic"."""
-    car, law, actuators = system
-    if (car, law, actuators) == ("hmmwv", "zero", "ideal"):
+    car, controller, actuators = system
+    if (car, controller, actuators) == ("hmmwv", "zero", "ideal"):
         return "no actuators"
-    return NAMES[law] + (", hydraulic" if actuators == "hydraulic" else "")
+    return NAMES[controller] + (", hydraulic" if actuators == "hydraulic" else "")
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ CARS = {
         WHEEL_RADIUS["sedan"],
         preview_lq.Case,
         preview_lq.wire,
-        preview_lq.configure_law,
+        preview_lq.configure_controller,
     ),
     "6x6": Car(
         "three_axle",
@@ -136,7 +136,7 @@ CARS = {
         WHEEL_RADIUS["6x6"],
         three_axle.Case,
         three_axle.wire,
-        three_axle.configure_law,
+        three_axle.configure_controller,
     ),
     "full-car": Car(
         "hmmwv_modified",
@@ -168,7 +168,7 @@ CARS = {
     ),
 }
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
-LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.controllers))
+CONTROLLERS = tuple(dict.fromkeys(controller for car in CARS.values() for controller in car.controllers))
 ROADS = tuple(car.road for car in CARS.values())
 FMUS = tuple(
     dict.fromkeys(
@@ -180,7 +180,7 @@ FMUS = tuple(
             "HydraulicActuator",
             "ForceTracking",
             preview_lq.CAR,
-            *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")),
+            *(preview_lq.WEIGHTED_CONTROLLERS[w][0] for w in ("comfort", "road-holding")),
             *(n for n in three_axle.FMUS if not n.startswith("Road")),
             gpc.PLANT,
             *filter(None, gpc.CONTROLLERS.values()),
@@ -203,7 +203,7 @@ class Case(BaseCase):
 
     car: str = option("full-car", choices=CARS, help="car", always=True)
     controller: str = option(
-        "passive", choices=LAWS, help="control law; each car has those of its own paper", always=True
+        "passive", choices=CONTROLLERS, help="control law; each car has those of its own paper", always=True
     )
     actuators: str = option(
         "ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once"
@@ -283,7 +283,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
         car.plant in fmus.own
         and case.car == "sedan"
         and case.controller != "passive"
-        and preview_lq.LAWS[case.other.weights][0] not in fmus.own
+        and preview_lq.WEIGHTED_CONTROLLERS[case.other.weights][0] not in fmus.own
     ):
         raise CaseError(
             f"{fmus.name(car.plant)} has no controllers of the sedan: its tires have damping, and preview LQ"

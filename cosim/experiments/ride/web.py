@@ -25,18 +25,20 @@ def live(case: Case) -> Live:
     Actuators, profile and height are those of the case.
     """
     car = CARS[case.car]
-    laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.controllers), case.controller)))
+    controllers = tuple(dict.fromkeys((*SHOWN.get(case.car, car.controllers), case.controller)))
     courses = (
         {n: f"{n.removesuffix('in')} in rms" for n in COURSES} | {OBSTACLE: OBSTACLE}
         if case.course in NUMBER
         else {case.course: ""}
     )
-    cases = [_system(case, law, course, words) for course, words in courses.items() for law in laws]
+    cases = [
+        _system(case, controller, course, words) for course, words in courses.items() for controller in controllers
+    ]
     page = WebPage(
         "Drive a proving ground",
         f"{CAR_NAMES[case.car][0].upper()}{CAR_NAMES[case.car][1:]}:"
-        f" {'its controllers side by side' if len(laws) > 1 else 'without a controller'}, over {_courses(case)}. How"
-        " fast until the driver has had enough?",
+        f" {'its controllers side by side' if len(controllers) > 1 else 'without a controller'}, over {_courses(case)}."
+        " How fast until the driver has had enough?",
         controls=[
             Control("speed", ["speed.start.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp")),
             *(
@@ -48,7 +50,7 @@ def live(case: Case) -> Live:
         plots=[
             "car.seat.az",
             f"car.suspension.{car.corners[0]}.deflection",
-            *([f"controller.force.{car.corners[0]}"] if len(laws) > 1 else []),
+            *([f"controller.force.{car.corners[0]}"] if len(controllers) > 1 else []),
         ],
         measures=[
             Measure("acceleration of the driver's seat, rms", ["car.seat.az"], "rms", "m/s2"),
@@ -75,12 +77,12 @@ def live(case: Case) -> Live:
     return Live(page, cases)
 
 
-def _system(case: Case, law: str, course: str, group: str) -> LiveCase:
+def _system(case: Case, controller: str, course: str, group: str) -> LiveCase:
     """The case with another controller and course; what it says of another kind of course is left out."""
-    made = passive(case) if law == "passive" else replace(case, controller=law)
+    made = passive(case) if controller == "passive" else replace(case, controller=controller)
     fields = {"seed": course in COURSES, "sides": course in COURSES, "height": course == OBSTACLE}
     made = replace(made, course=course, **{f: getattr(case if used else Case, f) for f, used in fields.items()})
-    return LiveCase(name((made.car, law, made.actuators)), made, group=group)
+    return LiveCase(name((made.car, controller, made.actuators)), made, group=group)
 
 
 def _courses(case: Case) -> str:

@@ -92,10 +92,10 @@ def configure(system: System, case: Case) -> None:
     set_solver_step(system["car"], case)
     system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
     system["road"].set({"trench.depth": case.depth})
-    configure_law(system, case)
+    configure_controller(system, case)
 
 
-def configure_law(system: System, case: Case) -> None:
+def configure_controller(system: System, case: Case) -> None:
     """What of a case concerns its controller, on any road."""
     if CONTROLLERS[case.controller] == "MpcThreeAxle":
         system["controller"].set(
