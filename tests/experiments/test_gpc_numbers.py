@@ -676,12 +676,12 @@ def test_a_finer_run_that_diverges_moves_without_limit() -> None:
 
 def test_comparison(page: Report) -> None:
     rows = made_up.table(page, "comparison-sine")
-    assert [(r["speed [km/h]"], r["law"]) for r in rows] == [
+    assert [(r["speed [km/h]"], r["controller"]) for r in rows] == [
         (v, law) for v in SPEEDS_KMH for law in ("passive", "implicit", "explicit", "preview")
     ]
     columns = [
         "speed [km/h]",
-        "law",
+        "controller",
         "R [1/N2]",
         "matched",
         "J [-]",
@@ -702,9 +702,9 @@ def test_comparison(page: Report) -> None:
     curb = made_up.table(page, "comparison-curb")
     assert [r["speed [km/h]"] for r in curb[::4]] == [10, 20, 30, 40, 50, 60, 70, 72, 80]
     assert list(curb[13].values()) == [40.0, "implicit", None, "not found", *[None] * 7]
-    assert (curb[29]["law"], curb[29]["matched"]) == ("implicit", "7 of 8")
+    assert (curb[29]["controller"], curb[29]["matched"]) == ("implicit", "7 of 8")
     rows = made_up.table(page, "comparison-perryman3")
-    assert (rows[11]["law"], rows[11]["matched"], rows[11]["highest [-]"]) == ("preview", "6 of 8", 0.42)
+    assert (rows[11]["controller"], rows[11]["matched"], rows[11]["highest [-]"]) == ("preview", "6 of 8", 0.42)
     titles = {t.id: t.title for t in page.tables}
     assert titles["comparison-perryman3"] == "Runs on the Perryman 3 road (synthetic), medians over the seeds"
     assert titles["comparison-curb"] == "Runs on the curb, medians over the seeds"
@@ -712,7 +712,7 @@ def test_comparison(page: Report) -> None:
 
 def test_spread_over_seeds(page: Report) -> None:
     rows = made_up.table(page, "seeds")
-    assert [(r["road"], r["speed [km/h]"], r["law"], r["seed"]) for r in rows] == [
+    assert [(r["road"], r["speed [km/h]"], r["controller"], r["seed"]) for r in rows] == [
         (road, v, law, s)
         for road, v in (("sine", 50.0), ("Perryman 3", 40.0), ("curb", 72.0))
         for law in ("implicit", "explicit", "preview")
@@ -722,7 +722,7 @@ def test_spread_over_seeds(page: Report) -> None:
         {
             "road": "sine",
             "speed [km/h]": 50.0,
-            "law": "implicit",
+            "controller": "implicit",
             "seed": 1,
             "improvement [-]": 0.57,
             "force [N]": 6300.0,
@@ -745,7 +745,7 @@ def test_refinement(page: Report) -> None:
         "r.m.s. acceleration [%]",
         "r.m.s. pitch [%]",
     ]
-    assert list(rows[0]) == ["road", "speed [km/h]", "law", "refinement", *metrics_]
+    assert list(rows[0]) == ["road", "speed [km/h]", "controller", "refinement", *metrics_]
     assert len(rows) == 3 * 4 * 3
     cells = {tuple(r.values())[:4]: list(r.values())[4:] for r in rows}
     assert cells["curb", 72.0, "explicit", "solver step halved"] == [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
