@@ -68,9 +68,6 @@ def front_section(
     order = np.flatnonzero(best)[np.argsort(points[best, 0], kind="stable")]
     columns = [*(labels[n] for n in names), *parameters[0]]
     rows = [[*points[i].tolist(), *parameters[i].values()] for i in order.tolist()]
-    count = (
-        f"{int(best.sum())} of {len(points)} trials are on the front: no trial is better in one respect without being"
-        " worse in another."
-    )
+    count = f"{int(best.sum())} of {len(points)} trials are Pareto-optimal."
     figure = Figure("front", title, count, panels, columns=min(2, len(panels)))
     return Section(title, [count], [figure], [Table("front", f"{title}: the front", columns, rows)])

@@ -459,7 +459,7 @@ def _worst(
     recorded = len(recording.names) if runs else 0
     panels = [Panel(name, "time [s]", labels[name], series) for name, series in histories.items()]
     text = (
-        f"The same run again, with its files: the command of the sweep with --run {runs[0]}."
+        f"To repeat a run and save its time histories, add --run {runs[0]} to the sweep command."
         if runs
         else "No run has this metric."
     )

@@ -44,7 +44,7 @@ class Table:
     discrete components: by default every millisecond, or at the interval of its rows where that is shorter and always
     the same.
 
-    The last row counts as long as the one before it. After that a run ends with an error, and one whose stop time is
+    The last row is held for the length of the interval before it. After that a run ends with an error, and one whose stop time is
     later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to all times.
     Raises TableError.
     """

@@ -82,7 +82,7 @@ def main() -> None:
     print("published: " + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in published.items()))
     better = [t for t in done if all(t.row[n] < published[n] for n in OBJECTIVES)]
     print(
-        f"{len(found.front)} of {len(done)} trials are on the front; {len(better)} are better than the published"
+        f"{len(found.front)} of {len(done)} trials are Pareto-optimal; {len(better)} are better than the published"
         " weights in all three"
     )
     calmest = min(done, key=lambda t: t.row["absorbed_power"])

@@ -114,7 +114,7 @@ def main() -> None:
             + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items())
             + f"; {better} trials are better in all three"
         )
-    print(f"{len(found.front)} of {len(found.done)} trials are on the front")
+    print(f"{len(found.front)} of {len(found.done)} trials are Pareto-optimal")
     report = Report(
         "preview-lq-front", "Weights of the preview LQ law", "Every trial is a law that was built.", sections=[section]
     )

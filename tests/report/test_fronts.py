@@ -68,4 +68,4 @@ def test_panels_and_rows_of_a_front() -> None:
         "tried": ("grey", "markers"),
         "front": ("blue", "markers"),
     }
-    assert found.paragraphs[0].startswith("3 of 4 trials are on the front")
+    assert found.paragraphs[0].startswith("3 of 4 trials are Pareto-optimal")

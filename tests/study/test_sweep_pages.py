@@ -255,7 +255,7 @@ def test_worst_cases_are_rows_with_what_was_measured(page: Report) -> None:
     assert [row[1:] for row in table.rows] == [(5, 2, 25e3, None), (4, 2, 24e3, -4.0), (3, 2, 23e3, -3.0)]
     assert [p.title for p in _figure(page, "worst-runs").panels] == ["mass.z"]
     assert _section(page, "Worst cases").paragraphs == (
-        f"The same run again, with its files: the command of the sweep with --run {table.rows[0][0]}.",
+        f"To repeat a run and save its time histories, add --run {table.rows[0][0]} to the sweep command.",
     )
 
 
