@@ -44,9 +44,9 @@ class Table:
     discrete components: by default every millisecond, or at the interval of its rows where that is shorter and always
     the same.
 
-    The last row is held for the length of the interval before it. After that a run ends with an error, and one whose stop time is
-    later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to all times.
-    Raises TableError.
+    The last row is held for the length of the interval before it. After that a run ends with an error, and one whose
+    stop time is later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to
+    all times. Raises TableError.
     """
 
     def __init__(
