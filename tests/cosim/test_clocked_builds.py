@@ -136,7 +136,7 @@ def test_check_has_nothing_to_say(fmus: dict[str, dict[bool, Path]]) -> None:
     assert [str(f) for _, f in report.findings() if f.severity != "note"] == []
 
 
-def test_saved_states_continue(fmus: dict[str, dict[bool, Path]]) -> None:
+def test_saved_states_continue(fmus: dict[str, dict[bool, Path]], raises) -> None:
     with System() as system:
         system.add("law", fmus["ProbeQpDaqp"][True])
         with system.initialize(record=["law.*"], engine="python", allow_unconnected=True) as simulation:
@@ -147,10 +147,7 @@ def test_saved_states_continue(fmus: dict[str, dict[bool, Path]]) -> None:
             simulation.restore(state)
             simulation.advance(0.2)
             np.testing.assert_array_equal(simulation.recording.data, first)
-            with pytest.raises(
-                CosimError,
-                match="because of 'law': it has clocks, and when they tick is not in what the FMU serializes",
-            ):
+            with raises(CosimError):
                 state.to_bytes()
 
 
