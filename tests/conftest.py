@@ -73,6 +73,8 @@ VARIES = (
     (r"<tests>/[^ '\"]*?\d(?=/)", "<folder>"),
     (r"<temporary>/[^ /'\"]+(?=/)", "<temporary>"),
     (r"(not well-formed) \(.*?\)\)", r"\1 (<reason>)"),
+    (r"(not a TOML file): .*", r"\1: <reason>"),
+    (r"^Usage: .* Error:", "<usage>"),
     (r"(127\.0\.0\.1):\d+", r"\1:<port>"),
     (r"0x[0-9a-fA-F]{6,}", "<address>"),
     (r"\b(pid|process) \d+", r"\1 <pid>"),
