@@ -76,6 +76,9 @@ VARIES = (
     (r"(not a TOML file): .*", r"\1: <reason>"),
     (r"^Usage: .* Error:", "<usage>"),
     (r"(127\.0\.0\.1):\d+", r"\1:<port>"),
+    (r"suspension-fmus-\d+", "suspension-fmus-<user>"),
+    (r"\b\d{20}-\d+\b", "<time and process>"),
+    (r"\b[0-9a-f]{32,}\b", "<hash>"),
     (r"0x[0-9a-fA-F]{6,}", "<address>"),
     (r"\b(pid|process) \d+", r"\1 <pid>"),
     (r"\b3\.1\d\.\d+\b", "<version of Python>"),
@@ -96,8 +99,9 @@ def sentence(snapshot, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory)
     }
 
     def compare(text: str) -> None:
-        for place in sorted(places, key=lambda p: -len(str(p))):
-            text = text.replace(str(place), places[place])
+        for place in sorted(places, key=lambda p: -len(p.parts)):
+            if len(place.parts) > 1:  # not `/`, a home of users without one
+                text = text.replace(str(place), places[place])
         for pattern, name in VARIES:
             text = re.sub(pattern, name, text)
         assert text == snapshot

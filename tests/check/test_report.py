@@ -144,16 +144,16 @@ def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    "content",
     [
-        (b"no archive", "is not an FMU or is incomplete"),
-        (b"", "is not an FMU or is incomplete"),
+        b"no archive",
+        b"",
     ],
 )
-def test_what_is_no_fmu_cannot_be_checked(content: bytes, words: str, tmp_path: Path) -> None:
+def test_what_is_no_fmu_cannot_be_checked(content: bytes, tmp_path: Path, raises) -> None:
     path = tmp_path / "wrong.fmu"
     path.write_bytes(content)
-    with pytest.raises(Unchecked, match=words):
+    with raises(Unchecked):
         check(path)
 
 

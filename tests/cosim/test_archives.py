@@ -236,7 +236,7 @@ def test_an_archive_larger_than_the_disk(awkward_fmus, monkeypatch):
         system.run(0.1)
 
 
-@pytest.mark.parametrize("name", ["../outside.txt", "a/../../outside.txt", "/tmp/outside.txt", "C:/outside.txt"])
+@pytest.mark.parametrize("name", ["../outside.txt", "a/../../outside.txt", "/outside.txt", "C:/outside.txt"])
 def test_names_that_lead_out_of_the_archive(tmp_path, name, raises):
     path = archive(tmp_path / "a.fmu", description(2), binary=library(2, tmp_path), **{name: b"x"})
     system = System()

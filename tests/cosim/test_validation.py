@@ -173,43 +173,27 @@ def test_names_that_are_not_unique(tmp_path, version, raises):
 
 
 @pytest.mark.parametrize(
-    ("variables", "words"),
+    "variables",
     [
+        '<Float64 name="a" valueReference="1"/>\n<Float64 name="b" valueReference="1"/>',
         (
-            '<Float64 name="a" valueReference="1"/>\n<Float64 name="b" valueReference="1"/>',
-            "line 3: variable 'b' has the value reference 1, which 'a'",
+            '<Float64 name="a" valueReference="1"><Dimension start="2"/></Float64>\n<Float64 name="a[2]"'
+            ' valueReference="2"/>'
         ),
+        '<Float64 name="a" valueReference="1"><Alias name="c"/></Float64>\n<Float64 name="c" valueReference="2"/>',
         (
-            (
-                '<Float64 name="a" valueReference="1"><Dimension start="2"/></Float64>\n<Float64 name="a[2]"'
-                ' valueReference="2"/>'
-            ),
-            "line 3: there is a variable 'a[2]' already, in line 2",
+            '<Float64 name="a" valueReference="1"><Dimension start="0"/></Float64>\n<Float64 name="a"'
+            ' valueReference="2"/>'
         ),
-        (
-            '<Float64 name="a" valueReference="1"><Alias name="c"/></Float64>\n<Float64 name="c" valueReference="2"/>',
-            "line 3: there is a variable 'c' already, in line 2",
-        ),
-        (
-            (
-                '<Float64 name="a" valueReference="1"><Dimension start="0"/></Float64>\n<Float64 name="a"'
-                ' valueReference="2"/>'
-            ),
-            "line 3: there is a variable 'a' already",
-        ),
-        (
-            '<Float64 name="a" valueReference="1">' + '<Dimension start="1"/>' * 17 + "</Float64>",
-            "array 'a' has 17 dimensions; at most 16",
-        ),
-        (f'<Float64 name="{"a" * 10**6}" valueReference="1"><Dimension start="100000"/></Float64>', "are too long"),
-        ('<Float64 name="a&#10;b&#27;[31m" valueReference="-1"/>', r"variable 'a\nb"),
+        '<Float64 name="a" valueReference="1">' + '<Dimension start="1"/>' * 17 + "</Float64>",
+        f'<Float64 name="{"a" * 10**6}" valueReference="1"><Dimension start="100000"/></Float64>',
+        '<Float64 name="a&#10;b&#27;[31m" valueReference="-1"/>',
     ],
 )
-def test_what_cannot_be_run_safely_in_fmi_3(tmp_path, variables, words):
+def test_what_cannot_be_run_safely_in_fmi_3(tmp_path, variables, raises):
     variables = variables.replace("&#27;", "&#155;")
-    with pytest.raises(FmuError) as caught:
+    with raises(FmuError) as caught:
         Fmu(archive(tmp_path / "a.fmu", description(3, variables)))
-    assert words in str(caught.value)
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 500
 
