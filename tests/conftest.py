@@ -78,7 +78,7 @@ VARIES = (
     (r"(127\.0\.0\.1):\d+", r"\1:<port>"),
     (r"suspension-fmus-\d+", "suspension-fmus-<user>"),
     (r"\b\d{20}-\d+\b", "<time and process>"),
-    (r"\b[0-9a-f]{32,}\b", "<hash>"),
+    (r"\b[0-9a-f]{32}\b", "<hash>"),
     (r"0x[0-9a-fA-F]{6,}", "<address>"),
     (r"\b(pid|process) \d+", r"\1 <pid>"),
     (r"\b3\.1\d\.\d+\b", "<version of Python>"),
