@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels release lint bench mutants fuzz docs pictures fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels release lint bench mutants fuzz snapshots docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -90,6 +90,12 @@ mutants: $(VENV)/.test
 fuzz: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m tests.fuzz --cases 1000000
+
+# Renews the snapshots of messages (__snapshots__ beside the tests); look at the differences before you commit them.
+snapshots: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m pytest -n auto --dist loadscope --snapshot-update \
+		$$(grep -rlE '[^.](raises|warns|sentence)\(' --include='test_*.py' tests)
 
 # The documentation as a site: build/site/html/index.html, with the reports that `make studies` has left.
 docs: $(VENV)/.test

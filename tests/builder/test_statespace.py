@@ -64,21 +64,16 @@ def test_names_and_units_come_from_the_system() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "options", "message"),
+    ("system", "options"),
     [
-        (
-            control.ss(A, B, C, D),
-            {"sample_time": 0.01, **SIGNALS},
-            "Law: sample_time is 0.01 s, but the system is continuous; sample it",
-        ),
-        (control.ss(A, B, C, D, 0.02), {"sample_time": 0.01, **SIGNALS}, "is sampled every 0.02 s"),
-        (control.ss(A, B, C, D, True), SIGNALS, "sampled without saying when; give its sample_time"),
-        ((A, B, C, D), {"sample_time": 0.01}, "matrices have no names; give inputs={name: unit}"),
-        ((A, B, C.T, D), {"sample_time": 0.01, **SIGNALS}, "C (2, 3) and D (3, 2) are no state space"),
-        (control.ss(A, B, C, D), {**SIGNALS, "inputs": {"one": "m"}}, "1 names for 2 inputs"),
+        (control.ss(A, B, C, D), {"sample_time": 0.01, **SIGNALS}),
+        (control.ss(A, B, C, D, 0.02), {"sample_time": 0.01, **SIGNALS}),
+        (control.ss(A, B, C, D, True), SIGNALS),
+        ((A, B, C, D), {"sample_time": 0.01}),
+        ((A, B, C.T, D), {"sample_time": 0.01, **SIGNALS}),
+        (control.ss(A, B, C, D), {**SIGNALS, "inputs": {"one": "m"}}),
     ],
 )
-def test_what_does_not_fit_is_refused(system: object, options: dict[str, object], message: str) -> None:
-    with pytest.raises(DeclarationError) as error:
+def test_what_does_not_fit_is_refused(system: object, options: dict[str, object], raises) -> None:
+    with raises(DeclarationError):
         Component.from_statespace("Law", system, **options, **TEXT)  # type: ignore[arg-type]
-    assert message in str(error.value)

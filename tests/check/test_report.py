@@ -29,25 +29,25 @@ def run(*arguments: object) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
-def test_clean_faulty_and_not_checked(faulty: Callable[..., Path], tmp_path: Path) -> None:
+def test_clean_faulty_and_not_checked(faulty: Callable[..., Path], tmp_path: Path, sentence) -> None:
     code, text = run(faulty(2), *FAST)
     assert (code, "no finding" in text) == (0, True)
     code, text = run(faulty(2, "no-start"), *FAST)
     assert code == 1
     assert "an input with initial=exact has no start value" in text
     assert "FMI 2.0, 2.2.7 Definition of Model Variables (start)" in text
-    for wrong, words in (
-        ((tmp_path / "none.fmu",), "no such FMU"),
-        ((faulty(2), "--fmi", "3"), "not of FMI 3.0 as requested"),
-        ((), "say which FMU"),
-        ((faulty(2), "--only", "runs.rest"), "there is no check 'runs.rest'; did you mean"),
-        ((faulty(2), "--timeout", "0"), "--timeout is 0 s"),
-        ((faulty(2), "--interface", "se"), "it is cs or me"),
-        ((faulty(2), "--limit", "cows=1"), "limit"),
+    for wrong in (
+        (tmp_path / "none.fmu",),
+        (faulty(2), "--fmi", "3"),
+        (),
+        (faulty(2), "--only", "runs.rest"),
+        (faulty(2), "--timeout", "0"),
+        (faulty(2), "--interface", "se"),
+        (faulty(2), "--limit", "cows=1"),
     ):
         code, text = run(*wrong)
         assert code == 2, wrong
-        assert words in text.replace("\n", " ")
+        sentence(text)
 
 
 def test_warnings_fail_when_asked(faulty: Callable[..., Path], workers: Workers) -> None:
@@ -146,16 +146,16 @@ def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    "content",
     [
-        (b"no archive", "is not an FMU or is incomplete"),
-        (b"", "is not an FMU or is incomplete"),
+        b"no archive",
+        b"",
     ],
 )
-def test_what_is_no_fmu_cannot_be_checked(content: bytes, words: str, tmp_path: Path) -> None:
+def test_what_is_no_fmu_cannot_be_checked(content: bytes, tmp_path: Path, raises) -> None:
     path = tmp_path / "wrong.fmu"
     path.write_bytes(content)
-    with pytest.raises(Unchecked, match=words):
+    with raises(Unchecked):
         check(path)
 
 

@@ -47,55 +47,50 @@ def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    "line",
     [
-        ("cosim run gpc --speed fast", ["'--speed'", "'fast'", "give a number"]),
-        ("cosim run gpc --seed many", ["'--seed'", "'many'", "give a whole number"]),
-        ("cosim run gpc --speed 500", ["--speed is 500 km/h; give a number from 2 to 200 km/h"]),
-        ("cosim run controlled.py --gain 2,5", ["'--gain'", "'2,5'"]),
-        ("cosim run hmmwv --preview sensed", ["give --states estimated"]),
-        ("cosim run hmmwv --controller passive --actuators ideal", ["--controller zero --actuators ideal"]),
-        ("cosim run controled.py", ["controled.py does not exist; did you mean 'controlled.py'?"]),
-        ("cosim run gcp", ["no experiment 'gcp'; did you mean 'gpc'?", "a file of yours, as my_experiment.py"]),
-        (
-            "cosim sweep controlled.py --vary car.body.mass=2000-3500",
-            ["car.body.mass: a range is written LOW:HIGH, for example 2000:3500"],
-        ),
-        ("cosim sweep gpc --vary speed=30-60", ["speed: a range is written LOW:HIGH, for example 30:60"]),
-        (
-            "cosim optimise gpc --vary speed=30-60 --minimise J",
-            ["speed: a range is written LOW:HIGH, for example 30:60"],
-        ),
-        ("cosim sweep gpc", ["nothing varies: give --vary NAME=LOW:HIGH, or a file with --design"]),
-        ("cosim export controlled.py --fmu a.fmu", ["'pid' is written in Python", "leave it out (--without pid)"]),
-        ("cosim export bench --web a.html --fmi 2", ["--web", "leave --fmi out"]),
-        ("cosim fmu QuarterCarBnch", ["no FMU 'QuarterCarBnch'; did you mean 'QuarterCarBench'?"]),
-        ("cosim fmu xyzzy", ["no FMU 'xyzzy' (", "QuarterCarBench", "or give the path of a file, NAME.fmu"]),
-        ("cosim check QuarterCarBnch", ["did you mean 'QuarterCarBench'?"]),
-        (
-            "build-fmus --vehicle no_kind.toml",
-            ['no_kind.toml: kind is missing: give `kind = "..."` or `base = "..."`', "quarter_car", "sedan"],
-        ),
-        ("build-fmus Skyhok", ["no FMU named 'Skyhok'; did you mean 'Skyhook'?"]),
+        "cosim run gpc --speed fast",
+        "cosim run gpc --seed many",
+        "cosim run gpc --speed 500",
+        "cosim run controlled.py --gain 2,5",
+        "cosim run hmmwv --preview sensed",
+        "cosim run hmmwv --controller passive --actuators ideal",
+        "cosim run controled.py",
+        "cosim run gcp",
+        "cosim sweep controlled.py --vary car.body.mass=2000-3500",
+        "cosim sweep gpc --vary speed=30-60",
+        "cosim optimise gpc --vary speed=30-60 --minimise J",
+        "cosim sweep gpc",
+        "cosim export controlled.py --fmu a.fmu",
+        "cosim export bench --web a.html --fmi 2",
+        "cosim fmu QuarterCarBnch",
+        "cosim check QuarterCarBnch",
+        "build-fmus --vehicle no_kind.toml",
+        "build-fmus Skyhok",
     ],
 )
-def test_mistakes(line: str, words: list[str], folder: Path) -> None:
+def test_mistakes(line: str, folder: Path, sentence) -> None:
     said = refused(folder, *line.split())
-    for text in words:
-        assert text in said
+    sentence(said)
     assert not PYTHON.search(said)
 
 
-def test_a_hint_names_no_option_that_the_command_does_not_have(folder: Path) -> None:
+def test_a_name_with_nothing_close_lists_the_fmus(folder: Path) -> None:
+    said = refused(folder, "cosim", "fmu", "xyzzy")
+    assert "QuarterCarBench" in said
+    assert "NAME.fmu" in said
+
+
+def test_a_hint_names_no_option_that_the_command_does_not_have(folder: Path, sentence) -> None:
     said = refused(folder, "cosim", "optimise", "gpc", "--minimise", "J")
-    assert "nothing varies: give --vary NAME=LOW:HIGH" in said
+    sentence(said)
     assert "--design" not in said
 
 
-def test_a_web_page_is_no_fmu(folder: Path) -> None:
+def test_a_web_page_is_no_fmu(folder: Path, sentence) -> None:
     """Who exports a page has made no FMU, and cannot leave components out of one."""
     said = refused(folder, "cosim", "export", "controlled.py", "--web", "a.html")
-    assert "'pid' is written in Python" in said
+    sentence(said)
     assert "an FMU" not in said
     assert "--without" not in said
 

@@ -206,7 +206,7 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
     assert "1 built" in run(tmp_path, *car).stderr
 
 
-def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path, sentence) -> None:  # noqa: ARG001
     """Half the sprung mass under the published law's weights.
 
     Other FMUs, other numbers, and a hint as long as they are missing.
@@ -217,8 +217,7 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
     for fmu in ("RideCarSedan", "PreviewLqComfort", "RoadHoleBump", "SpeedProfile"):
         (folder / f"{fmu}.fmu").symlink_to(FMUS / "fmi3" / f"{fmu}.fmu")
     experiment = ["cosim", "run", "preview-lq", "--system", "active", "--out"]
-    text = refused(tmp_path, *experiment, "r", "--vehicle", "my_sedan.toml")
-    assert "MySedan.fmu does not exist: run `build-fmus --vehicle my_sedan.toml --out fmus` first" in text
+    sentence(refused(tmp_path, *experiment, "r", "--vehicle", "my_sedan.toml"))
     names = ("RideCarMySedan", "PreviewLqComfortMySedan", "RoadHoleBumpMySedan")
     assert run(tmp_path, "build-fmus", *names, "--vehicle", "my_sedan.toml", "--fmi", "3").returncode == 0
     heave = {}
@@ -231,72 +230,31 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("experiment", "arguments", "message"),
+    ("experiment", "arguments"),
     [
-        (
-            "hmmwv",
-            ["my_car.toml", "my_sensors.toml"],
-            "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them",
-        ),
-        (
-            "hmmwv",
-            ["my_full_car.toml"],
-            (
-                "my_full_car.toml: this file describes a 'full_car', with which gpc and ride can run; hmmwv needs a"
-                " 'ride_car' or 'actuator' or 'sensors' (base = \"actuator_hmmwv\", \"actuator_hmmwv_physical\","
-                ' "ride_car_hmmwv", "sedan", "sensors_hmmwv")'
-            ),
-        ),
-        (
-            "gpc",
-            ["my_car.toml"],
-            (
-                "my_car.toml: this file describes a 'ride_car', with which hmmwv, preview-lq and ride can run; gpc"
-                ' needs a \'full_car\' (base = "hmmwv", "hmmwv_modified")'
-            ),
-        ),
-        (
-            "trench",
-            ["my_six.toml"],
-            (
-                "describes a 'three_axle', with which ride and three-axle can run; trench needs a "
-                "'three_axle_trench' (base = \"three_axle_trench\")"
-            ),
-        ),
-        ("bench", ["my_car.toml"], 'bench needs a \'quarter_car\' (base = "quarter_car_bench", "quarter_car_hmmwv")'),
-        (
-            "preview-lq",
-            ["my_car.toml"],
-            (
-                "my_car.toml: this file gives tires damping (tire.front.damping = 100 N.s/m, tire.rear.damping = 100"
-                ' N.s/m), and preview LQ controllers are for tires without (base = "sedan")'
-            ),
-        ),
-        (
-            "hmmwv",
-            ["my_sedan.toml", "--friction"],
-            "--friction: my_sedan.toml gives its suspensions none; add [suspension.front.",
-        ),
-        (
-            "hmmwv",
-            ["sedan"],
-            '--vehicle sedan: no such file; sedan is a vehicle of this project: make a file with base = "sedan"',
-        ),
+        ("hmmwv", ["my_car.toml", "my_sensors.toml"]),
+        ("hmmwv", ["my_full_car.toml"]),
+        ("gpc", ["my_car.toml"]),
+        ("trench", ["my_six.toml"]),
+        ("bench", ["my_car.toml"]),
+        ("preview-lq", ["my_car.toml"]),
+        ("hmmwv", ["my_sedan.toml", "--friction"]),
+        ("hmmwv", ["sedan"]),
     ],
 )
 def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
-    experiment: str, arguments: list[str], message: str, tmp_path: Path
+    experiment: str, arguments: list[str], tmp_path: Path, sentence
 ) -> None:
     """There is no FMU in this folder: the sentence is the first one, not one on a build that would be in vain."""
     files = {"my_car": "ride_car_hmmwv", "my_sensors": "sensors_hmmwv", "my_full_car": "hmmwv", "my_six": "three_axle"}
     for name, base in {**files, "my_sedan": "sedan"}.items():
         own(tmp_path, base, name=name)
     given = [x for a in arguments for x in ([a] if a.startswith("--") else ["--vehicle", a])]
-    assert message in refused(tmp_path, "cosim", "run", experiment, *given)
+    sentence(refused(tmp_path, "cosim", "run", experiment, *given))
     assert not list(tmp_path.rglob("*.fmu"))
 
 
-def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path, sentence) -> None:  # noqa: ARG001
     """The law of both files: neither that of the sedan nor that of the published weights.
 
     It is redesigned with its file.
@@ -312,11 +270,7 @@ def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: 
     both = ["--vehicle", "my_sedan.toml", "--weights", "my_weights.toml"]
     run_both = ["cosim", "run", "preview-lq", *both]
     needed = ["RideCarMySedan", "RoadHoleBumpMySedan", "PreviewLqMyWeightsMySedan"]
-    text = refused(tmp_path, *run_both)
-    assert (
-        "PreviewLqMyWeightsMySedan.fmu does not exist: run `build-fmus --vehicle my_sedan.toml --weights my_weights"
-        in text
-    )
+    sentence(refused(tmp_path, *run_both))
     own_files = UserFiles(vehicle=tmp_path / "my_sedan.toml", weights=weights)
     for names, user in ((["PreviewLqMyWeights"], UserFiles(weights=weights)), (needed, own_files)):
         assert set(cli.build(names, Options(tmp_path / "fmus", fmi=(3,)), user=user)) == set(names)
@@ -333,11 +287,7 @@ def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: 
     assert heave["weights"] < 0.2  # heave weighs a hundred times as much as for comfort
     assert heave["both"] != heave["weights"]
     weights.write_text(weights.read_text().replace("heave = 300.0", "heave = 30.0", 1))
-    text = refused(tmp_path, *run_both)
-    assert (
-        "PreviewLqMyWeightsMySedan.fmu was designed with other weights than my_weights.toml has now: run `build-fmus"
-        in text
-    )
+    sentence(refused(tmp_path, *run_both))
 
 
 def provenance(fmu: Path) -> dict[str, Any]:
@@ -346,30 +296,22 @@ def provenance(fmu: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    "arguments",
     [
-        (["--vehicle", "sedan"], "--vehicle sedan is a vehicle of this project: `build-fmus` makes its FMUs."),
-        (["--vehicle", "sedn"], "sedn: no such file, nor a vehicle of this project (actuator_hmmwv, "),
-        (["--preview", "16x30"], "--preview is that of the road made by --road; give this file too"),
-        (["--road", "washboard.csv", "--preview", "16"], "--preview '16': give heights x milliseconds between them"),
-        (
-            ["--road", "washboard.csv", "--preview", "1x30"],
-            "--preview '1x30': give heights x milliseconds between them",
-        ),
-        (
-            ["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"],
-            "is of kind actuator, which has no wheels on a road",
-        ),
-        (
-            ["--weights", "w.toml", "--vehicle", "truck.toml"],
-            "truck.toml: this file describes a 'full_car', and preview LQ controllers are made of a 'ride_car'",
-        ),
-        (["--vehicle", "loop.toml"], "base = leads back to this file; a vehicle cannot be based on itself"),
+        ["--vehicle", "sedan"],
+        ["--vehicle", "sedn"],
+        ["--preview", "16x30"],
+        ["--road", "washboard.csv", "--preview", "16"],
+        ["--road", "washboard.csv", "--preview", "1x30"],
+        ["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"],
+        ["--weights", "w.toml", "--vehicle", "truck.toml"],
+        ["--vehicle", "loop.toml"],
     ],
+    ids=" ".join,
 )
-def test_mistakes(arguments: list[str], message: str, tmp_path: Path) -> None:
+def test_mistakes(arguments: list[str], tmp_path: Path, sentence) -> None:
     (tmp_path / "washboard.csv").write_text(ROAD)
     own(tmp_path, "loop.toml", name="loop")
     own(tmp_path, "hmmwv", name="truck")
     (tmp_path / "w.toml").touch()
-    assert message in refused(tmp_path, "build-fmus", *arguments)
+    sentence(refused(tmp_path, "build-fmus", *arguments))

@@ -59,33 +59,25 @@ def test_a_measured_signal_drives_an_input_and_the_result_is_parquet(folder: Pat
     assert Recording.read(folder / "mm.nc").units["car.tire.deflection"] == "mm"
 
 
-def test_a_shorter_file_is_held_on_request(folder: Path) -> None:
+def test_a_shorter_file_is_held_on_request(folder: Path, sentence) -> None:
     said = refused(folder, "cosim", "run", "ride.py", "--input", "short.csv")
-    assert "'short': short.csv ends at t = 0.499 s, the run at 1 s; --hold-input keeps its last values" in said
+    sentence(said)
     run(folder, "cosim", "run", "ride.py", "--input", "short.csv", "--hold-input", "--output", "a.csv")
     held = Recording.read(folder / "a.csv")["car.road.height"]
     assert np.ptp(held[500:]) == 0.0
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    "arguments",
     [
-        (
-            ["--output", "x.txt"],
-            "x.txt: no format has the ending '.txt'; choose one of .csv, .parquet, .nc, .h5, .hdf5, .mf4",
-        ),
-        (
-            ["--input", "strange.csv"],
-            (
-                "strange.csv: the column 'car.rod.height' names no input of the system, COMPONENT.INPUT; did you mean"
-                " 'car.road.height'"
-            ),
-        ),
-        (["--input", "nowhere.csv"], "nowhere.csv: there is no such file"),
-        (["--input", "ride.py"], "ride.py: a table is .csv or .parquet"),
+        ["--output", "x.txt"],
+        ["--input", "strange.csv"],
+        ["--input", "nowhere.csv"],
+        ["--input", "ride.py"],
     ],
+    ids=" ".join,
 )
-def test_mistakes(arguments: list[str], message: str, folder: Path) -> None:
+def test_mistakes(arguments: list[str], folder: Path, sentence) -> None:
     before = set(folder.rglob("*"))
-    assert message in refused(folder, "cosim", "run", "ride.py", *arguments)
+    sentence(refused(folder, "cosim", "run", "ride.py", *arguments))
     assert [p for p in set(folder.rglob("*")) - before if p.suffix in (".csv", ".txt", ".part")] == []

@@ -29,9 +29,9 @@ def test_no_test_returns_early(path: Path) -> None:
 
 
 @pytest.mark.skipif(not ALL_ARE_ASKED, reason="FMUS_UNDER_TEST may leave none")
-def test_a_trait_that_no_fmu_has_is_refused() -> None:
+def test_a_trait_that_no_fmu_has_is_refused(raises) -> None:
     def impossible(_: object) -> bool:
         return False
 
-    with pytest.raises(ValueError, match="no FMU has the traits impossible"):
+    with raises(ValueError):
         applies_to(impossible)

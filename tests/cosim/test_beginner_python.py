@@ -51,31 +51,31 @@ def test_the_system_of_these_mistakes_runs_without_them() -> None:
 # ------------------------------------------------------------------------------------------------------ FMUs by name
 
 
-def test_a_built_fmu_is_found_by_its_name(workplace: Path) -> None:
+def test_a_built_fmu_is_found_by_its_name(workplace: Path, raises) -> None:
     assert Fmu("QuarterCarBench").path == Path("fmus/fmi3/QuarterCarBench.fmu")
     with System() as system:
         for name, fmu in (("a", "QuarterCarBench"), ("b", "fmus/fmi3/QuarterCarBench.fmu")):
             system.add(name, fmu)
         assert len(system.fmu_files) == 1  # the same file, opened once
     (workplace / "mine").mkdir()
-    with pytest.raises(FmuError, match="mine is not an FMU"):  # what lies there is a path
+    with raises(FmuError):  # what lies there is a path
         Fmu("mine")
 
 
-def test_a_mistyped_name_of_an_fmu() -> None:
-    with pytest.raises(FmuError, match=r"no FMU 'QuarterCarBnch'; did you mean 'QuarterCarBench'\?"):
+def test_a_mistyped_name_of_an_fmu(raises) -> None:
+    with raises(FmuError):
         Fmu("QuarterCarBnch")
 
 
 def test_a_name_with_nothing_close_lists_the_fmus() -> None:
-    with pytest.raises(FmuError, match=r"no FMU 'xyzzy' .*QuarterCarBench, .*TrenchCrossing.*path of a file"):
+    with pytest.raises(FmuError, match=r"'xyzzy' .*QuarterCarBench, .*TrenchCrossing"):
         Fmu("xyzzy")
 
 
-def test_an_fmu_that_is_not_built(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_fmu_that_is_not_built(workplace: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     (workplace / "fmus").rename(workplace / "elsewhere")
     monkeypatch.setattr(find, "__file__", str(workplace / "cosim" / "fmu" / "find.py"))  # no checkout either
-    with pytest.raises(FmuError, match="QuarterCarBench is not built: run `build-fmus QuarterCarBench`"):
+    with raises(FmuError):
         Fmu("QuarterCarBench")
     with pytest.raises(FmuError, match=r"no FMU 'xyzzy' \(`build-fmus` builds: BenchEncoders, "):
         Fmu("xyzzy")
@@ -84,37 +84,28 @@ def test_an_fmu_that_is_not_built(workplace: Path, monkeypatch: pytest.MonkeyPat
 # -------------------------------------------------------------------------------------------------- wiring and values
 
 
-def test_input_and_output_exchanged() -> None:
-    assert "'car.force' is an input, not an output; swap the two ends?" in message(
-        connections=(("car.force", "spring.force"),)
-    )
-    alone = message(connections=(("car.body.mass", "spring.z"),))
-    assert "'car.body.mass' is a parameter, not an output" in alone
-    assert "swap" not in alone
+def test_input_and_output_exchanged(sentence) -> None:
+    sentence(message(connections=(("car.force", "spring.force"),)))
+    sentence(message(connections=(("car.body.mass", "spring.z"),)))
 
 
-@pytest.mark.parametrize(
-    ("given", "end"),
-    [("500 kg", "give the number in kg, 500"), ("0.5 t", "needs one number"), ("3 m", "give the number in kg")],
-)
-def test_a_number_with_its_unit_as_a_text(given: str, end: str) -> None:
-    with System() as system, pytest.raises(CosimError) as refused:
+@pytest.mark.parametrize("given", ["500 kg", "0.5 t", "3 m"])
+def test_a_number_with_its_unit_as_a_text(given: str, raises) -> None:
+    with System() as system, raises(CosimError, match=f"'{given}'"):
         system.add("car", "QuarterCarBench", parameters={"body.mass": given})
-    assert f"car.body.mass needs one number, not '{given}'" in str(refused.value)
-    assert end in str(refused.value)
 
 
-def test_a_number_in_another_unit_is_converted_in_the_message() -> None:
-    with System() as system, pytest.raises(CosimError, match=r"not '1\.5 kN': give the number in N, 1500"):
+def test_a_number_in_another_unit_is_converted_in_the_message(raises) -> None:
+    with System() as system, raises(CosimError):
         system.add("car", "QuarterCarBench", start={"force": "1.5 kN"})
 
 
-def test_a_stop_time_before_the_start() -> None:
+def test_a_stop_time_before_the_start(raises) -> None:
     with System() as system:
         system.add("spring", Spring, start={"z": 0.0})
-        with pytest.raises(CosimError, match="stop_time is -1 s, before the start at 0 s; give a time after the start"):
+        with raises(CosimError):
             system.run(-1)
-        with pytest.raises(CosimError, match="stop_time is 1 s, before the start at 2 s"):
+        with raises(CosimError):
             system.run(1, start_time=2)
 
 
@@ -125,7 +116,7 @@ def test_an_unknown_unit() -> None:
     class Wrong(Spring):
         inputs = ("z [metre]",)
 
-    assert "spring.z: no unit 'metre' (there are: " in message(Wrong)
+    assert "'metre'" in message(Wrong)
 
 
 def test_a_unit_without_a_blank_before_it() -> None:
@@ -135,50 +126,44 @@ def test_a_unit_without_a_blank_before_it() -> None:
     assert "'z [m]'" in message(Wrong)
 
 
-def test_an_init_that_does_not_call_that_of_its_base() -> None:
+def test_an_init_that_does_not_call_that_of_its_base(sentence) -> None:
     class Wrong(Spring):
         def __init__(self) -> None:
             self.stiffness = 100.0
 
-    assert "Wrong.__init__ does not call super().__init__()" in message(Wrong)
-    assert "Wrong.__init__ does not call super().__init__()" in message(Wrong())
+    sentence(message(Wrong))
+    sentence(message(Wrong()))
 
 
-def test_a_class_that_needs_arguments() -> None:
+def test_a_class_that_needs_arguments(sentence) -> None:
     class Wrong(Spring):
         def __init__(self, stiffness: float) -> None:
             super().__init__()
             self.stiffness = stiffness
 
-    said = message(Wrong)
-    assert "missing 1 required positional argument: 'stiffness'" in said
-    assert "add Wrong(...)" in said
+    sentence(message(Wrong))
 
 
-def test_a_step_that_returns_its_output() -> None:
+def test_a_step_that_returns_its_output(sentence) -> None:
     class Wrong(Spring):
         def step(self, t: float, h: float, u: Any, y: Any) -> Any:  # noqa: ARG002
             return -100.0 * u[0]
 
-    said = message(Wrong)
-    assert "write outputs into y instead, y[0] = ..." in said
-    assert "'spring'" in said
+    sentence(message(Wrong))
 
 
-def test_a_component_without_step() -> None:
+def test_a_component_without_step(sentence) -> None:
     class Wrong(PythonComponent):
         inputs, outputs, default_step = Spring.inputs, Spring.outputs, "1 ms"
 
-    assert "Wrong has no function step(self, t, h, u, y)" in message(Wrong)
+    sentence(message(Wrong))
 
 
-def test_parentheses_without_a_comma() -> None:
+def test_parentheses_without_a_comma(sentence) -> None:
     class Wrong(Spring):
         outputs = "force [N]"  # what ("force [N]") is
 
-    assert "Wrong.outputs is the text 'force [N]', not a tuple of names: write ('force [N]',), with a comma" in message(
-        Wrong
-    )
+    sentence(message(Wrong))
 
 
 # --------------------------------------------------------------------------------------------------- an older Python

@@ -159,7 +159,7 @@ def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> No
 
 
 @pytest.mark.parametrize("kind", ["constant", "changing"])
-def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str) -> None:
+def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str, raises) -> None:
     with System() as system:
         system.add("c", fmu(kind), step="15 ms", start={"u": 1.0, "begin": False})
         with system.initialize(record=["c.*"], engine="python") as simulation:
@@ -170,7 +170,7 @@ def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str) -> None:
             simulation.restore(state)
             simulation.advance(0.15)
             assert simulation.recording["c.z"][-1] == once
-            with pytest.raises(CosimError, match="this state cannot leave its process, because of 'c'"):
+            with raises(CosimError):
                 state.to_bytes()
 
 
@@ -189,51 +189,39 @@ def test_who_drives_them_is_said(fmu: Build) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "options", "message"),
+    ("kind", "options"),
     [
-        ("triggered", {}, r"its clock 'clock' ticks when another FMU says so \(triggered\)"),
-        (
-            "constant",
-            {"event_mode": False},
-            r"its clock 'clock' needs event mode, which it does not offer \(hasEventMode\)",
-        ),
+        ("triggered", {}),
+        ("constant", {"event_mode": False}),
     ],
 )
 def test_clocks_that_cannot_be_driven_are_refused_by_name(
-    tmp_path: Path, kind: str, options: dict[str, bool], message: str
+    tmp_path: Path, kind: str, options: dict[str, bool], raises
 ) -> None:
     path = clocked.build(kind, tmp_path, **options)
     assert [c.name for c in FmuFile(path, quiet=True).description.clocks] == ["clock", "pulse"], "it can be looked at"
-    with System() as system, pytest.raises(FmuError, match=message):
+    with System() as system, raises(FmuError):
         system.add("c", path, step="10 ms")
 
 
-def test_a_tick_within_a_step_needs_steps_of_other_lengths(tmp_path: Path) -> None:
+def test_a_tick_within_a_step_needs_steps_of_other_lengths(tmp_path: Path, raises) -> None:
     path = clocked.build("changing", tmp_path, variable_step=False)
     assert run(path, 0.05)["ticks"][-1] == 3.0, "ticks begin steps: nothing is divided"
-    with pytest.raises(
-        ComponentError,
-        match=r"a clock ticks at 0\.01 s, within a step from 0 s to 0\.04 s.*canHandleVariableCommunicationStepSize",
-    ):
+    with raises(ComponentError):
         run(path, 0.08, step="40 ms")
 
 
-def test_early_return_and_endless_events_are_refused_by_name(fmu: Build) -> None:
-    with pytest.raises(
-        ComponentError, match=r"it returned early, which it was not allowed to \(earlyReturnAllowed is false\)"
-    ):
+def test_early_return_and_endless_events_are_refused_by_name(fmu: Build, raises) -> None:
+    with raises(ComponentError):
         run(fmu("early"))
-    with pytest.raises(ComponentError, match="event iteration did not converge: every update of discrete states"):
+    with raises(ComponentError):
         run(fmu("endless"))
 
 
-def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path) -> None:
+def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path, raises) -> None:
     with System() as system:
         system.add("c", fmu("constant"), step="10 ms")
-        with pytest.raises(
-            CosimError,
-            match=r"'c' has clocks, which the FMU of a system does not tick: leave it out \(without=\['c'\]\)",
-        ):
+        with raises(CosimError):
             system.export_fmu(tmp_path / "Clocks.fmu")
 
 
@@ -246,8 +234,8 @@ def test_check_ticks_them(fmu: Build, kind: str) -> None:
     assert {r.check.id for r in report.results if not r.inapplicable} == set(chosen)
 
 
-def test_fmus_with_clocks_are_not_isolated(fmu: Build) -> None:
+def test_fmus_with_clocks_are_not_isolated(fmu: Build, raises) -> None:
     with System() as system:
         system.add("c", fmu("constant"), step="10 ms", start={"u": 1.0, "begin": False}, isolated=True)
-        with pytest.raises(CosimError, match="component 'c': FMUs with clocks are not isolated"):
+        with raises(CosimError):
             system.run(0.1)

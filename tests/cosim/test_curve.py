@@ -54,10 +54,10 @@ def test_a_peak_of_one_sample_is_seen():
     assert top == [int(1234 / 5000 * 2 * (60 - 3))]
 
 
-def test_constants_gaps_and_nothing():
+def test_constants_gaps_and_nothing(raises):
     assert drawn("a", [0.0, 1.0], [3.0, 3.0], 40).splitlines()[1].split()[0] == "3"
     assert len(dots(drawn("a", [0.0, 1.0, 2.0], [0.0, np.nan, 1.0], 40))) == 2
-    with pytest.raises(ValueError, match="a has no finite sample to draw"):
+    with raises(ValueError):
         drawn("a", [0.0], [np.nan], 40)
 
 
@@ -79,9 +79,9 @@ def test_bars_are_as_long_as_what_they_stand_for(plain: bool) -> None:
     assert more[1].endswith("500 %")
 
 
-def test_bars_that_cannot_be_drawn() -> None:
+def test_bars_that_cannot_be_drawn(raises) -> None:
     for bad in ({}, {"a": -1.0}, {"a": float("nan")}):
-        with pytest.raises(ValueError, match="bars need shares"):
+        with raises(ValueError):
             bars(bad, 80)
     assert "a very long name of a metri..." in bars(
         {"a very long name of a metric that nobody reads": 1.0, "b": 0.1}, 60

@@ -23,10 +23,10 @@ def test_public_errors_are_of_one_class(module):
     assert {n for n in errors if not issubclass(named[n], CosimError)} == set()
 
 
-def test_errors_of_files_and_designs_are_among_them(tmp_path):
+def test_errors_of_files_and_designs_are_among_them(tmp_path, raises):
     with pytest.raises(CosimError, match="junk"):
         Recording.read(tmp_path / "junk.junk")
-    with pytest.raises(CosimError, match="nothing varies"):
+    with raises(CosimError):
         design.Design(())
     for error in (FormatError("text"), design.DesignError("text")):
         assert isinstance(error, ValueError)

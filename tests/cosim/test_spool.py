@@ -49,7 +49,7 @@ def killed(tmp_path: Path) -> Path:
     return csv
 
 
-def test_a_run_that_was_killed_is_recovered(killed):
+def test_a_run_that_was_killed_is_recovered(killed, raises):
     assert killed.stat().st_size == 0
     result = CliRunner().invoke(app, ["recover", str(killed)], env={"COLUMNS": "300"})
     assert result.exit_code == 0, result.output
@@ -62,20 +62,20 @@ def test_a_run_that_was_killed_is_recovered(killed):
     np.testing.assert_array_equal(recording.time, whole.time)
     np.testing.assert_array_equal(recording["slow.y"], whole["slow.y"])
     assert not spool_of(killed).exists()
-    with pytest.raises(CosimError, match="there is no such file"):
+    with raises(CosimError):
         recover(killed)
 
 
-def test_what_is_there_is_not_overwritten(killed):
+def test_what_is_there_is_not_overwritten(killed, raises):
     killed.write_text("precious\n")
-    with pytest.raises(CosimError, match=r"is there already.*--to"):
+    with raises(CosimError):
         recover(spool_of(killed))
     path, recording = recover(spool_of(killed), killed.with_name("other.csv"))
     assert killed.read_text() == "precious\n"
     assert len(Recording.from_csv(path)) == len(recording)
 
 
-def test_a_last_row_that_is_not_whole_and_files_of_others(tmp_path):
+def test_a_last_row_that_is_not_whole_and_files_of_others(tmp_path, raises):
     spool = Spool(tmp_path / "a.csv.part", ["x", "y"], {"x": "m"})
     spool.add(np.array([0.0, 0.1]), np.array([[1.0, 2.0], [3.0, 4.0]]))
     spool.cut(1)
@@ -95,7 +95,7 @@ def test_a_last_row_that_is_not_whole_and_files_of_others(tmp_path):
         whole.replace(b"{", b"[", 1),
     ):
         spool.path.write_bytes(damaged)
-        with pytest.raises(CosimError, match=r"a\.csv\.part: these are not the rows of a run"):
+        with raises(CosimError):
             read_spool(spool.path)
 
 

@@ -106,7 +106,7 @@ def test_a_road_is_wired_by_what_belongs_together(built_fmus: BuiltFmus, version
         assert shown(system.connect_terminals("car.speed", "road.speed")) == {"car.speed -> road.speed"}
 
 
-def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Terminals) -> None:
+def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Terminals, raises) -> None:
     a = with_terminals("A", terminal("shaft", "plug", "u angle", "y torque", "rate stiffness"))
     b = with_terminals("B", terminal("flange", "plug", "y angle", "rate stiffness", "u torque"))
     bus = with_terminals("Bus", terminal("flange", "bus", "y angle", "u torque", "rate stiffness", "count n"))
@@ -116,25 +116,23 @@ def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Termi
         with pair(a, other) as system:
             assert shown(system.connect_terminals("a.shaft", "b.flange")) == both
     with pair(a, less) as system:
-        with pytest.raises(
-            WiringError, match=r"terminals a\.shaft and b\.flange: a plug needs all its variables.*lacks 'torque'"
-        ):
+        with raises(WiringError):
             system.connect_terminals("a.shaft", "b.flange")
         assert not system.connections
 
 
-def test_two_outputs_do_not_make_a_plug_but_may_meet_on_a_bus(with_terminals: Terminals) -> None:
+def test_two_outputs_do_not_make_a_plug_but_may_meet_on_a_bus(with_terminals: Terminals, raises) -> None:
     plug, bus = (with_terminals(r, terminal("p", r, "u angle", "y torque")) for r in ("plug", "bus"))
     with (
         pair(plug, plug) as system,
-        pytest.raises(WiringError, match=r"variable 'angle' is an input on one side and an input on the other"),
+        raises(WiringError),
     ):
         system.connect_terminals("a.p", "b.p")
-    with pair(bus, bus) as system, pytest.raises(WiringError, match=r"no output of one is an input of the other"):
+    with pair(bus, bus) as system, raises(WiringError):
         system.connect_terminals("a.p", "b.p")
 
 
-def test_a_sequence_matches_by_order_whatever_the_names(with_terminals: Terminals) -> None:
+def test_a_sequence_matches_by_order_whatever_the_names(with_terminals: Terminals, raises) -> None:
     a = with_terminals("A", terminal("s", "sequence", "y", "count"))
     b = with_terminals("B", terminal("s", "sequence", "u somehow", "count_in else"))
     c = with_terminals("C", terminal("s", "sequence", "u"))
@@ -142,12 +140,12 @@ def test_a_sequence_matches_by_order_whatever_the_names(with_terminals: Terminal
     e = with_terminals("E", terminal("s", "sequence", "w", "count_in"))
     with pair(a, b) as system:
         assert shown(system.connect_terminals("a.s", "b.s")) == {"a.y -> b.u (rad to deg)", "a.count -> b.count_in"}
-    for other, message in (
-        (c, "a sequence of 2 variables and one of 1"),
-        (d, "their matching rules differ, 'sequence' and 'bus'"),
-        (e, "variables number 1 have 1 and 3 elements"),
+    for other in (
+        c,
+        d,
+        e,
     ):
-        with pair(a, other) as system, pytest.raises(WiringError, match=message):
+        with pair(a, other) as system, raises(WiringError):
             system.connect_terminals("a.s", "b.s")
 
 
@@ -158,7 +156,7 @@ def test_arrays_match_their_elements(with_terminals: Terminals) -> None:
         system.connect_terminals("a.t", "b.t")
 
 
-def test_flows_add_up_to_zero(with_terminals: Terminals) -> None:
+def test_flows_add_up_to_zero(with_terminals: Terminals, raises) -> None:
     """What flows out of one side flows into the other: the sign changes where both count alike, in numbers too."""
     out = with_terminals("Out", terminal("pin", "plug", "y i outflow"))
     alike = with_terminals("Alike", terminal("pin", "plug", "u i outflow"))
@@ -175,7 +173,7 @@ def test_flows_add_up_to_zero(with_terminals: Terminals) -> None:
     assert reached[0]["b.y"].tolist() == (-reached[1]["b.y"]).tolist()
     with (
         pair(out, signal) as system,
-        pytest.raises(WiringError, match="variable 'i' is an outflow on one side and a signal on the other"),
+        raises(WiringError),
     ):
         system.connect_terminals("a.pin", "b.pin")
     with pair(out, alike) as system:
@@ -183,50 +181,50 @@ def test_flows_add_up_to_zero(with_terminals: Terminals) -> None:
         system.connect("a.y", "c.u")  # somebody who measures it
         system.disconnect("c.u")
         system.connect_terminals("a.pin", "b.pin")
-        with pytest.raises(WiringError, match=r"a\.y flows into b\.u already, and flows add up to zero"):
+        with raises(WiringError):
             system.connect_terminals("a.pin", "c.pin")
 
 
-def test_what_a_stream_carries_out_of_one_side_enters_the_other(with_terminals: Terminals) -> None:
+def test_what_a_stream_carries_out_of_one_side_enters_the_other(with_terminals: Terminals, raises) -> None:
     streaming = with_terminals("Streaming", terminal("port", "plug", inner=stream("count_in", "count")))
     without = with_terminals("Without", terminal("port", "plug"))
     with pair(streaming, streaming) as system:
         assert shown(system.connect_terminals("a.port", "b.port")) == {"a.count -> b.count_in", "b.count -> a.count_in"}
     with (
         pair(streaming, without) as system,
-        pytest.raises(WiringError, match="only one of them has the stream 'h_out'"),
+        raises(WiringError),
     ):
         system.connect_terminals("a.port", "b.port")
 
 
-def test_terminals_in_terminals_follow_their_own_rules(with_terminals: Terminals) -> None:
+def test_terminals_in_terminals_follow_their_own_rules(with_terminals: Terminals, raises) -> None:
     a = with_terminals(
         "A", terminal("car", "plug", inner=terminal("fl", "bus", "y z") + terminal("fr", "bus", "count n"))
     )
     b = with_terminals("B", terminal("car", "plug", inner=terminal("fl", "bus", "u z")))
     with pair(a, b) as system:
         assert shown(system.connect_terminals("a.car", "b.car")) == {"a.y -> b.u (rad to deg)"}
-        with pytest.raises(WiringError, match=r"component 'a' has no terminal 'car\.xl'; did you mean"):
+        with raises(WiringError):
             system.connect_terminals("a.car.xl", "b.car")
 
 
-def test_kinds_and_unknown_rules_are_refused(with_terminals: Terminals) -> None:
+def test_kinds_and_unknown_rules_are_refused(with_terminals: Terminals, raises) -> None:
     a = with_terminals("A", terminal("t", "bus", "y x", kind="_tool.electric"))
     b = with_terminals("B", terminal("t", "bus", "u x", kind="_tool.fluid"))
     c = with_terminals("C", terminal("t", "org.example.rule", "u x"))
     d = with_terminals("D", terminal("t", "bus", "u x org.example.kind"))
-    for other, message in (
-        (b, "their kinds differ, '_tool.electric' and '_tool.fluid'"),
-        (c, "the matching rule 'org.example.rule' is not known here; known are plug, bus, sequence"),
-        (d, "variable 'x' is of the kind 'org.example.kind', which is not known here"),
+    for other in (
+        b,
+        c,
+        d,
     ):
-        with pair(a, other) as system, pytest.raises(WiringError, match=message):
+        with pair(a, other) as system, raises(WiringError):
             system.connect_terminals("a.t", "b.t")
-    with pair(a, a) as system, pytest.raises(WiringError, match="both are of component 'a'"):
+    with pair(a, a) as system, raises(WiringError):
         system.connect_terminals("a.t", "a.t")
 
 
-def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals) -> None:
+def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals, raises) -> None:
     """Another tool's names mean nothing to ours; its terminal says which of its variables is the height of the road."""
     theirs = with_terminals("Theirs", terminal("road", "bus", inner=terminal("fl", "bus", "y height", "count laps")))
     with System() as system:
@@ -234,13 +232,13 @@ def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals
         system.add("wheel", Wheel(), step="1 ms")
         with pytest.raises(WiringError, match=r"units differ: theirs\.y \[rad\]"):
             system.connect_matching("theirs", "wheel", "road.*")
-        with pytest.raises(WiringError, match=r"no output of 'theirs' that fits 'speed\*' has a free input"):
+        with raises(WiringError):
             system.connect_matching("theirs", "wheel", "speed*")
     ours = with_terminals("Ours", terminal("road", "bus", inner=terminal("fl", "bus", "u height", "count_in laps")))
     with pair(theirs, ours) as system:
         both = {"a.y -> b.u (rad to deg)", "a.count -> b.count_in"}
         assert shown(system.connect_matching("a", "b", "road.*")) == both
-        with pytest.raises(WiringError, match="has a free input"):
+        with raises(WiringError):
             system.connect_matching("a", "b", "road.*")
     with pair(theirs, ours) as system:
         system.connect("a.y", "b.u")
@@ -249,50 +247,47 @@ def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals
 
 def test_matching_refuses_plugs_that_do_not_fit_and_leaves_alone_what_it_does_not_know(
     with_terminals: Terminals,
+    raises,
 ) -> None:
     a = with_terminals("A", terminal("p", "plug", "y x", "count n") + terminal("q", "org.example.rule", "count n"))
     b = with_terminals("B", terminal("p", "plug", "u x") + terminal("q", "org.example.rule", "count_in n"))
     with pair(a, b) as system:
-        with pytest.raises(WiringError, match=r"terminals a\.p and b\.p: a plug needs all its variables"):
+        with raises(WiringError):
             system.connect_matching("a", "b")
-        with pytest.raises(WiringError, match="has a free input"):
+        with raises(WiringError):
             system.connect_matching("a", "b", "q.*")
 
 
-def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(with_terminals: Terminals) -> None:
+def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(
+    with_terminals: Terminals, raises, warns
+) -> None:
     broken = with_terminals("Broken", terminal("t", "bus", "nobody x"))
     whole = with_terminals("Whole", terminal("t", "bus", "u x"))
     with pair(broken, whole) as system:
-        with pytest.raises(
-            FmuError,
-            match=r"Broken\.fmu: terminalsAndIcons/terminalsAndIcons\.xml, line 1: there is no variable 'nobody'",
-        ):
+        with raises(FmuError):
             system.connect_terminals("a.t", "b.t")
         with (
-            pytest.warns(FmuWarning, match="there is no variable 'nobody'.*names of variables"),
+            warns(FmuWarning),
             pytest.raises(WiringError),
         ):
             system.connect_matching("a", "b")
 
 
 @pytest.mark.parametrize(
-    ("inner", "message"),
+    "inner",
     [
-        (terminal("t", "bus", "u"), "a TerminalMemberVariable without memberName"),
-        (terminal("t", "bus", "u x", "y x"), "terminal 't' has two variables 'x'"),
-        (terminal("t", "bus") * 2, "there is a terminal 't' already"),
-        ('<Terminal matchingRule="bus"/>', "a Terminal without name"),
-        (terminal("t", "bus", inner=terminal("t", "bus", "lost x")), "there is no variable 'lost'"),
-        (
-            '<Terminal name="t" matchingRule="bus">' * 17 + "</Terminal>" * 17,
-            "terminals lie within each other more than 16 deep",
-        ),
-        ("<Terminal", "is not well-formed"),
+        terminal("t", "bus", "u"),
+        terminal("t", "bus", "u x", "y x"),
+        terminal("t", "bus") * 2,
+        '<Terminal matchingRule="bus"/>',
+        terminal("t", "bus", inner=terminal("t", "bus", "lost x")),
+        '<Terminal name="t" matchingRule="bus">' * 17 + "</Terminal>" * 17,
+        "<Terminal",
     ],
 )
-def test_bad_files_are_refused_by_name(with_terminals: Terminals, inner: str, message: str) -> None:
+def test_bad_files_are_refused_by_name(with_terminals: Terminals, inner: str, raises) -> None:
     opened = FmuFile(with_terminals("Bad", inner))
-    with pytest.raises(FmuError, match=message):
+    with raises(FmuError):
         _ = opened.terminals
 
 

@@ -66,27 +66,27 @@ def test_matching_names_are_connected_and_units_converted():
 
 
 @pytest.mark.parametrize(
-    ("source", "target", "message"),
+    ("source", "target"),
     [
-        ("rod.x", "car.speed", "no component 'rod'; did you mean 'road'?"),
-        ("road.road.fl.heigth", "car.speed", "has no variable 'road.fl.heigth'; did you mean 'road.fl.height'"),
-        ("road.road.fl.height", "car.road.fl.hight", "did you mean 'road.fl.height'"),
-        ("road.x", "car.speed", "'road.x' is an input, not an output"),
-        ("road.speed", "car.x", "'car.x' is an output, not an input"),
-        ("car.mass", "road.x", "units differ: car.mass [kg] -> road.x [m]: they measure different quantities"),
-        ("road", "car.speed", "write component.variable"),
-        ("road.preview.fl", "car.speed", "has 2 element(s)"),
+        ("rod.x", "car.speed"),
+        ("road.road.fl.heigth", "car.speed"),
+        ("road.road.fl.height", "car.road.fl.hight"),
+        ("road.x", "car.speed"),
+        ("road.speed", "car.x"),
+        ("car.mass", "road.x"),
+        ("road", "car.speed"),
+        ("road.preview.fl", "car.speed"),
     ],
 )
-def test_mistakes_in_connections(source, target, message):
-    with pytest.raises(WiringError, match=re.escape(message)):
+def test_mistakes_in_connections(source, target, raises):
+    with raises(WiringError):
         system().connect(source, target)
 
 
-def test_an_input_has_one_source():
+def test_an_input_has_one_source(raises):
     s = system()
     s.connect("car.x", "road.x")
-    with pytest.raises(WiringError, match=r"already connected to car\.x"):
+    with raises(WiringError):
         s.connect("car.x", "road.x")
 
 
@@ -111,10 +111,8 @@ def test_connect_matching_connects_all_or_nothing():
     assert [c.target_name for c in s.connect_matching("front", "back", "a")] == ["back.a"]
 
 
-@pytest.mark.parametrize(
-    ("fmi_type", "remedy"), [("String", r"; set a text before the run: system\['b'\]\.set\(\{'u': "), ("Binary", "$")]
-)
-def test_texts_and_binaries_are_not_connected(fmi_type, remedy):
+@pytest.mark.parametrize("fmi_type", ["String", "Binary"])
+def test_texts_and_binaries_are_not_connected(fmi_type, raises):
     s = System()
     for name in ("a", "b"):
         component = Delta()
@@ -123,13 +121,11 @@ def test_texts_and_binaries_are_not_connected(fmi_type, remedy):
         about.variables |= {n: replace(v, type=kind, fmi_type=fmi_type) for n, v in about.variables.items()}
         about.__post_init__()
         s.add(name, component, step=1)
-    with pytest.raises(
-        WiringError, match=rf"a\.y -> b\.u: a\.y is a {fmi_type}, and only numbers and Booleans are exchanged{remedy}"
-    ):
+    with raises(WiringError, match=f"{fmi_type}"):
         s.connect("a.y", "b.u")
 
 
-def test_integers_that_doubles_do_not_hold_are_named(follower):
+def test_integers_that_doubles_do_not_hold_are_named(follower, warns):
     with System() as s:
         for name in ("a", "b"):
             s.add(name, follower[3], step="1 ms", kind="discrete", start={"int64_in": 2**53 - 2, "uint64_in": 0})
@@ -139,10 +135,7 @@ def test_integers_that_doubles_do_not_hold_are_named(follower):
             warnings.simplefilter("error")
             s.run(0.01, **options)
         s["a"].set(int64_in=2**53 + 1)
-        with pytest.warns(
-            UserWarning,
-            match=r"^a\.int64_out, b\.int64_out: integers from 2\^53 on are exchanged and recorded as doubles",
-        ):
+        with warns(UserWarning):
             s.run(0.01, **options)
         s["a"].set(int64_in=0, uint64_in=2**64 - 1)
         with s.initialize(**options) as simulation, pytest.warns(UserWarning, match=r"^a\.uint64_out: integers"):
@@ -166,16 +159,16 @@ def test_steps_that_the_fixed_internal_step_does_not_fit_are_warned_of(follower,
     assert [t.split(":")[0] for t in said] == [] if fits else ["component 'a' (Follower3)"]
 
 
-def test_type_mismatch(foreign):
+def test_type_mismatch(foreign, raises):
     s = system()
     s.add("foreign", foreign["AddOne2"], step=1)
-    with pytest.raises(WiringError, match="types differ, Real to Boolean"):
+    with raises(WiringError):
         s.connect("road.speed", "foreign.enable")
-    with pytest.raises(WiringError, match="types differ, Boolean to Real"):
+    with raises(WiringError):
         s.connect("foreign.busy", "foreign.u")
 
 
-def test_unconnected_inputs_are_reported_unless_they_were_given_a_value():
+def test_unconnected_inputs_are_reported_unless_they_were_given_a_value(raises, warns):
     s = System()
     s.add("car", Car(), start={"speed": 3.0})
     s.add("road", Road(), start={"x": 0.0})
@@ -183,15 +176,15 @@ def test_unconnected_inputs_are_reported_unless_they_were_given_a_value():
     assert s.check() == ["car.preview.fl[1]", "car.preview.fl[2]"]
     with pytest.warns(UnconnectedInputsWarning, match=r"car\.preview\.fl\[1\], car\.preview\.fl\[2\]"):
         s.run(0.001)
-    with pytest.warns(UnconnectedInputsWarning, match=r"\(allow_unconnected=True if that is meant\)"):
+    with warns(UnconnectedInputsWarning):
         s.initialize()
     s.reset()
-    with pytest.warns(UnconnectedInputsWarning), pytest.raises(CosimError, match="it offers no linear model"):
+    with pytest.warns(UnconnectedInputsWarning), raises(CosimError):
         s.coupled_spectral_radius()
 
 
 @pytest.mark.filterwarnings("error")
-def test_unconnected_inputs_that_are_meant_so_are_not_reported():
+def test_unconnected_inputs_that_are_meant_so_are_not_reported(raises):
     s = System()
     s.add("car", Car(), start={"speed": 3.0})
     s.add("road", Road(), start={"x": 0.0})
@@ -199,7 +192,7 @@ def test_unconnected_inputs_that_are_meant_so_are_not_reported():
     assert len(s.run(0.001, allow_unconnected=True))
     assert s.initialize(allow_unconnected=True).time_ns == 0
     s.reset()
-    with pytest.raises(CosimError, match="it offers no linear model"):
+    with raises(CosimError):
         s.coupled_spectral_radius(allow_unconnected=True)
     s.connect("road.preview.fl", "car.preview.fl")
     assert s.check() == []
@@ -207,18 +200,18 @@ def test_unconnected_inputs_that_are_meant_so_are_not_reported():
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
+    "values",
     [
-        ({"kk": 1}, "has no variable 'kk'; did you mean 'k'?"),
-        ({"k": "stiff"}, "car.k needs one number"),
-        ({"k": float("nan")}, "car.k is nan; give a finite number"),
-        ({"on": 3}, "car.on is a Boolean"),
-        ({"x": 3}, "car.x cannot be set: it is an output"),
-        ({"gain": np.zeros((3, 2))}, "car.gain has shape (2, 2), the value given has (3, 2)"),
+        {"kk": 1},
+        {"k": "stiff"},
+        {"k": float("nan")},
+        {"on": 3},
+        {"x": 3},
+        {"gain": np.zeros((3, 2))},
     ],
 )
-def test_mistakes_in_parameters(values, message):
-    with pytest.raises(WiringError, match=re.escape(message)):
+def test_mistakes_in_parameters(values, raises):
+    with raises(WiringError):
         system()["car"].set(values)
 
 
@@ -236,52 +229,52 @@ def test_values_are_set_all_or_none():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    "arguments",
     [
-        ({"name": "a..b"}, "dots only between its parts"),
-        ({"name": ".a"}, "dots only between its parts"),
-        ({"name": "a b"}, "no blanks"),
-        ({"name": "car"}, "already a component 'car'"),
-        ({"step": 0}, "step of 'new' must be positive"),
-        ({"step": "fast"}, "step of 'new': cannot read 'fast'"),
-        ({"step": None}, "states no step of its own"),
-        ({"offset": -1}, "must not be negative"),
-        ({"kind": "hybrid"}, "kind is 'discrete' or 'continuous'"),
-        ({"fmu": 3}, "cannot use 3"),
+        {"name": "a..b"},
+        {"name": ".a"},
+        {"name": "a b"},
+        {"name": "car"},
+        {"step": 0},
+        {"step": "fast"},
+        {"step": None},
+        {"offset": -1},
+        {"kind": "hybrid"},
+        {"fmu": 3},
     ],
 )
-def test_mistakes_in_components(arguments, message):
+def test_mistakes_in_components(arguments, raises):
     given = {"name": "new", "fmu": Integrator(), "step": 1, **arguments}
-    with pytest.raises((WiringError, TimeError), match=re.escape(message)):
+    with raises((WiringError, TimeError)):
         system().add(given.pop("name"), given.pop("fmu"), **given)
 
 
-def test_mistakes_in_groups():
+def test_mistakes_in_groups(raises):
     s = system()
     with pytest.raises(WiringError, match="'road' is discrete"):
         s.group("g", ["road"])
-    with pytest.raises(WiringError, match="method is"):
+    with raises(WiringError):
         s.group("g", ["car"], "newton")
     s.group("g", ["car"])
-    with pytest.raises(WiringError, match="already in group 'g'"):
+    with raises(WiringError):
         s.group("h", ["car"])
 
 
-def test_extrapolation_is_between_continuous_components():
+def test_extrapolation_is_between_continuous_components(raises):
     s = System()
     s.add("a", Clock(), step=1)
     s.add("b", Integrator(), step=1)
-    with pytest.raises(WiringError, match="between continuous"):
+    with raises(WiringError):
         s.connect("a.y", "b.u", extrapolate=True)
 
 
-def test_what_cannot_be_recorded_is_named():
+def test_what_cannot_be_recorded_is_named(raises):
     s = system()
-    with pytest.raises(WiringError, match=r"did you mean 'car\.body\.az'"):
+    with raises(WiringError):
         s.select("car.bodi.a*")
-    with pytest.raises(WiringError, match=r"no variable 'body\.ax'; did you mean 'body\.az'"):
+    with raises(WiringError):
         s.select(["car.body.ax"])
-    with pytest.raises(WiringError, match="cannot be recorded"):
+    with raises(WiringError):
         s.select("car.label")
     assert [v.name for _, v in s.select("road.preview.fl[2]")] == ["preview.fl[2]"]
     assert len(s.select(None)) == 6
@@ -300,12 +293,12 @@ def test_what_cannot_be_recorded_is_named():
         (1000.0625, "1000.0625 s"),
     ],
 )
-def test_a_step_is_shown_as_it_is(step, text):
+def test_a_step_is_shown_as_it_is(step, text, raises):
     s = System()
     s.add("a", Clock(), step=step)
     assert f"every {text}\n" in str(s.schedule())
     assert f"base tick {text}\n" in str(s.schedule())
-    with pytest.raises(TimeError, match=re.escape(f"{text} is not a multiple of the base tick of 7000 s")):
+    with raises(TimeError, match=re.escape(f"{text}")):
         TimeBase(Fraction(7000)).count(s["a"].step)
 
 
@@ -314,12 +307,12 @@ def test_what_is_no_duration_is_shown_too(value):
     assert seconds_text(value).startswith(f"{value:g}")
 
 
-def test_empty_system():
-    with pytest.raises(WiringError, match="no components"):
+def test_empty_system(raises):
+    with raises(WiringError):
         System().run(1)
 
 
-def test_driven_inputs_are_not_set_and_unknown_values_not_read():
+def test_driven_inputs_are_not_set_and_unknown_values_not_read(raises):
     s = System()
     s.add("a", Delta(), step=1)
     s.add("b", Delta(), step=1)
@@ -327,11 +320,11 @@ def test_driven_inputs_are_not_set_and_unknown_values_not_read():
     simulation = s.initialize()
     with pytest.raises(WiringError, match=r"driven by a\.y"):
         simulation.set("b.u", 1.0)
-    with pytest.raises(KeyError, match="did you mean"):
+    with raises(KeyError):
         simulation["a.z"]
 
 
-def test_an_array_with_a_driven_element_is_not_set():
+def test_an_array_with_a_driven_element_is_not_set(raises):
     class Vector(Delta):
         inputs = ("u[1]", "u[2]")
 
@@ -340,22 +333,22 @@ def test_an_array_with_a_driven_element_is_not_set():
     s.add("g", Vector(), step=1, start={"u": [1, 2]})
     s.connect("a.y", "g.u[2]")
     with s.initialize(watch=["g.u[1]"]) as simulation:
-        with pytest.raises(WiringError, match=r"g\.u\[2\] is driven by a\.y"):
+        with raises(WiringError):
             simulation.set("g.u", [3.0, 4.0])
-        with pytest.raises(WiringError, match=r"g\.u\[2\] is driven by a\.y"):
+        with raises(WiringError):
             simulation.setter(["g.u[1]", "g.u[2]"])
         assert simulation["g.u[1]"] == 1.0
         simulation.set("g.u[1]", 3.0)
         assert simulation["g.u[1]"] == 3.0
 
 
-def test_unit_conversion():
+def test_unit_conversion(raises):
     assert conversion(KNOWN["km/h"], KNOWN["m/s"]) == pytest.approx((1 / 3.6, 0.0))
     scale, offset = conversion(KNOWN["degC"], KNOWN["K"])
     assert scale * 20 + offset == pytest.approx(293.15)
     assert conversion(KNOWN["degC"], KNOWN["K"], relative=True) == (1.0, 0.0)
     assert conversion(None, KNOWN["K"]) == conversion(Unit("x"), Unit("x")) == (1.0, 0.0)
-    with pytest.raises(UnitMismatchError, match="does not define"):
+    with raises(UnitMismatchError):
         conversion(Unit("furlong"), KNOWN["m"])
-    with pytest.raises(UnitMismatchError, match="different quantities"):
+    with raises(UnitMismatchError):
         conversion(KNOWN["rad/s"], KNOWN["Hz"])

@@ -81,13 +81,13 @@ def test_a_failed_write_leaves_the_older_file(recording: Recording, ending: str,
 
 
 @pytest.mark.parametrize("name", ["x.txt", "x", "x.parquet.gz", "x.mat", ".csv"])
-def test_an_ending_without_a_format_is_refused_before_the_run(name: str, tmp_path: Path) -> None:
+def test_an_ending_without_a_format_is_refused_before_the_run(name: str, tmp_path: Path, raises) -> None:
     with System() as system:
         system.add("ramp", Ramp(), step="10 ms")
         for options in ({"output": tmp_path / name}, {"csv": tmp_path / name}):
-            with pytest.raises(FormatError, match=r"choose one of \.csv, \.parquet, \.nc, \.h5, \.hdf5, \.mf4"):
+            with raises(FormatError):
                 system.run(1.0, **options)
-        with pytest.raises(CosimError, match="not both"):
+        with raises(CosimError):
             system.run(1.0, output=tmp_path / "a.csv", csv=tmp_path / "b.csv")
     assert list(tmp_path.iterdir()) == []
     assert Ramp.steps == 0
@@ -99,9 +99,10 @@ def test_files_that_are_none(
     ending: str,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],  # noqa: ARG001
+    raises,
 ) -> None:
     path = tmp_path / f"a{ending}"
-    with pytest.raises(FormatError, match=re.escape(f"{path}: there is no such file")):
+    with raises(FormatError, match=re.escape(f"{path}")):
         Recording.read(path)
     for content in (b"", b"hello\n", b"\x00" * 200):
         path.write_bytes(content)
@@ -109,21 +110,21 @@ def test_files_that_are_none(
             Recording.read(path)
 
 
-def test_files_of_others_without_a_time(tmp_path: Path) -> None:
+def test_files_of_others_without_a_time(tmp_path: Path, raises) -> None:
     pd.DataFrame({"x": [1.0]}).to_parquet(tmp_path / "a.parquet")
-    with pytest.raises(FormatError, match=r"a\.parquet: the first column must be 'time'"):
+    with raises(FormatError):
         Recording.read(tmp_path / "a.parquet")
     xr.Dataset({"x": ("k", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    with pytest.raises(FormatError, match=r"a\.nc: there is no variable 'time'"):
+    with raises(FormatError):
         Recording.read(tmp_path / "a.nc")
     pd.DataFrame({"time": [0.0], "note": ["x"]}).to_parquet(tmp_path / "b.parquet")
-    with pytest.raises(FormatError, match="'note' holds no numbers"):
+    with raises(FormatError):
         Recording.read(tmp_path / "b.parquet")
 
 
-def test_one_name_twice(tmp_path: Path) -> None:
+def test_one_name_twice(tmp_path: Path, raises) -> None:
     twice = Recording(np.zeros(1), ["a.x", "a.x"], np.zeros((1, 2)))
-    with pytest.raises(FormatError, match=r"the name 'a\.x' is there twice"):
+    with raises(FormatError):
         twice.write(tmp_path / "a.nc")
 
 
@@ -170,7 +171,7 @@ def test_mf4_as_its_library_shows_it(recording: Recording, tmp_path: Path) -> No
         assert mdf.get("a/b.n").samples.dtype == np.int64
 
 
-def test_a_plot_has_one_diagram_for_each_unit_and_loses_no_peak() -> None:
+def test_a_plot_has_one_diagram_for_each_unit_and_loses_no_peak(raises) -> None:
     time = np.arange(100_000) / 1000
     data = np.column_stack([np.sin(time), np.cos(time), time > 50])
     data[77_777, 0] = 9.0
@@ -184,7 +185,7 @@ def test_a_plot_has_one_diagram_for_each_unit_and_loses_no_peak() -> None:
     assert (max(curve.y), curve.x[np.argmax(curve.y)]) == (9.0, 77.777)
     assert (curve.x[0], curve.x[-1]) == (time[0], time[-1])
     assert [t.name for t in drawn.plot("a.?").data] == ["a.x", "a.y"]
-    with pytest.raises(KeyError, match=r"'a\.z' was not recorded; did you mean"):
+    with raises(KeyError):
         drawn.plot("a.z")
 
 
@@ -201,7 +202,7 @@ def test_a_notebook_shows_a_table(recording: Recording) -> None:
 # ---------------------------------------------------------------------------------------------------------- units
 
 
-def test_other_units_on_request() -> None:
+def test_other_units_on_request(raises) -> None:
     data = np.column_stack([[0.0, np.pi], [1.0, 10.0], [273.15, 300.0], [1.0, 2.0]])
     names = ["car.pitch", "car.v", "oil.t", "law.n"]
     one = Recording(
@@ -221,13 +222,13 @@ def test_other_units_on_request() -> None:
     np.testing.assert_allclose(chosen["car.v"], [3.6, 36])
     np.testing.assert_allclose(chosen["oil.t"], [0, 26.85])
     np.testing.assert_array_equal(one["car.v"], [1.0, 10.0])
-    for units, words in (
-        ({"car.v": "kmh"}, r"'car\.v' in kmh: no unit 'kmh'; did you mean 'km/h'"),
-        ({"car.v": "deg"}, r"'car\.v' has the unit m/s, not converted to deg: they measure different quantities"),
-        ({"law.n": "m"}, r"'law\.n' in m: it has no unit"),
-        ({"car.w": "m"}, r"'car\.w' was not recorded"),
+    for units in (
+        {"car.v": "kmh"},
+        {"car.v": "deg"},
+        {"law.n": "m"},
+        {"car.w": "m"},
     ):
-        with pytest.raises(KeyError, match=words):
+        with raises(KeyError):
             one.in_units(units)
 
 
@@ -321,24 +322,24 @@ def test_damaged_files_end_in_a_sentence_or_a_recording(ending: str, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("deed", "said", "seconds", "slack"),
+    ("deed", "end", "seconds", "slack"),
     [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "ended with exit code -11", 60.0, 10.0),
-        ("exec('while True: pass')", "ended with exit code -", 1.0, 600.0),
-        ("import time; time.sleep(600)", "did not end within", 1.0, 1.0),
-        ("bytearray(2**62)", "it needs more memory", 60.0, 10.0),
-        ("import os; os._exit(3)", "ended with exit code 3", 60.0, 10.0),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "exit code -11", 60.0, 10.0),
+        ("exec('while True: pass')", "exit code -", 1.0, 600.0),
+        ("import time; time.sleep(600)", "within 1 s", 1.0, 1.0),
+        ("bytearray(2**62)", "memory", 60.0, 10.0),
+        ("import os; os._exit(3)", "exit code 3", 60.0, 10.0),
     ],
 )
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no limit of processor time, and other exit codes")
 def test_a_library_that_hangs_or_ends_its_process(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, deed: str, said: str, seconds: float, slack: float
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, deed: str, end: str, seconds: float, slack: float
 ) -> None:
     monkeypatch.setattr(reading, "SECONDS", seconds)
     monkeypatch.setattr(reading, "_SLACK", slack)
     path = tmp_path / "a.nc"
     path.write_bytes(b"")
-    with pytest.raises(reading.NotRead, match=said):
+    with pytest.raises(reading.NotRead, match=end):
         reading.read_apart(path, f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))")
 
 

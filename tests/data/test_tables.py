@@ -107,7 +107,7 @@ def test_without_a_compiler_the_python_master_runs_it(monkeypatch: pytest.Monkey
         assert_same(system.run(1.0, engine="compiled"), expected)  # called back
 
 
-def test_units_are_converted_where_it_is_connected(tmp_path: Path) -> None:
+def test_units_are_converted_where_it_is_connected(tmp_path: Path, raises) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time [ms],z [mm],f (kN),t [degC],ratio [-]\n0,1000,1,0,1\n500,2000,2,10,2\n1000,3000,3,20,3\n")
     with System() as system:
@@ -120,12 +120,10 @@ def test_units_are_converted_where_it_is_connected(tmp_path: Path) -> None:
         at = int(np.searchsorted(r.time, 0.5))
         assert [r[n][at] for n in ("sink.seen", "sink.f", "sink.t", "sink.plain")] == [2.0, 2000.0, 283.15, 2.0]
         assert r.units["road.z"] == "mm"
-        with pytest.raises(WiringError, match=r"already connected"):
+        with raises(WiringError):
             system.connect("road.f", "sink.z")
         system.disconnect("sink.z")
-        with pytest.raises(
-            WiringError, match=r"units differ: road\.f \[kN\] -> sink\.z \[m\]: they measure different quantities"
-        ):
+        with raises(WiringError):
             system.connect("road.f", "sink.z")
     with System() as system:
         system.add("road", Table(path, units={"f": "N", "t": ""}, columns=["t", "f"]))
@@ -338,28 +336,21 @@ def test_mistakes_in_other_sources_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_run_longer_than_the_table(engine: str) -> None:
+def test_a_run_longer_than_the_table(engine: str, raises) -> None:
     """2 s and the length of one row more; refused before it runs, or where it ends if nobody said how long it runs."""
     table = {"t": TIME, "z": TIME}
     assert len(run(Table(table), 2.02, engine=engine)) == 2021
-    with pytest.raises(
-        TableError,
-        match=r"'road': table ends at t = 2 s, the run at 2\.1 s; after='hold' keeps its last values",
-    ):
+    with raises(TableError):
         run(Table(table), 2.1, engine=engine)
     with System() as system:
         system.add("road", Table(table))
         simulation = system.initialize(engine=engine)
-        with pytest.raises(
-            ComponentError, match=r"'road': step returned Error at t = 2\.021 s \(table ends at t = 2 s; after='hold'"
-        ) as error:
+        with raises(ComponentError) as error:
             simulation.advance(3)
     assert error.value.recording is not None
     assert error.value.recording.time[-1] == 2.02
     assert run(Table(table, after="hold"), 9, engine=engine)["road.z"][-1] == 2.0
-    with pytest.raises(
-        TableError, match=r"begins at t = 5 s, the run at 0 s; begin it there .* or move the table by -5 s"
-    ):
+    with raises(TableError):
         run(Table(table, shift=5.0), 6, engine=engine)
     moved = run(Table(table, shift=5.0), 6, start_time=5, engine=engine)
     np.testing.assert_allclose(moved["road.z"], moved.time - 5, atol=1e-12)

@@ -1,8 +1,9 @@
-"""`make test` runs all tests that there are, and the lines of all pages are short."""
+"""`make test` runs all tests that there are, snapshots of sentences hold, and the lines of all pages are short."""
 
 from __future__ import annotations
 
 import re
+import warnings
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -20,6 +21,28 @@ def test_no_folder_of_tests_is_passed_over(pytestconfig: pytest.Config) -> None:
     for file in (ROOT / "tests").rglob("test_*.py"):
         for folder in file.relative_to(ROOT).parts[:-1]:
             assert not [p for p in passed_over if fnmatch(folder, p)], file
+
+
+@pytest.mark.parametrize("snapshot", ["<folder>/a.fmu is too large"])
+def test_a_sentence_that_differs_from_its_snapshot_fails(tmp_path: Path, sentence, raises, warns) -> None:
+    """Here the snapshot is a text, so nothing renews it."""
+    said = f"{tmp_path}/a.fmu is too large"
+    sentence(said)
+    with raises(ValueError):
+        raise ValueError(said)
+    with warns(UserWarning):
+        warnings.warn(said, stacklevel=1)
+    for other in (f"{tmp_path}/a.fmu is too small", "/a.fmu is too large", f"{said}.", ""):
+        with pytest.raises(AssertionError):
+            sentence(other)
+        with pytest.raises(AssertionError), raises(ValueError):
+            raise ValueError(other)
+        with pytest.raises(AssertionError), warns(UserWarning):
+            warnings.warn(other, stacklevel=1)
+    with pytest.raises(ValueError, match="large"), raises(TypeError):
+        raise ValueError(said)
+    with pytest.raises(pytest.fail.Exception), raises(ValueError):
+        pass
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "benchmarks" / "README.md"], ids=lambda p: f"{p.parent.name}/{p.name}")

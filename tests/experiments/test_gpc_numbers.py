@@ -149,7 +149,7 @@ def test_what_is_recorded_until_where() -> None:
     assert runs.stop_time(None, Case(speed_kmh=36.0)) == 1.25 * 15.0 + 1.0  # type: ignore[arg-type]
 
 
-def test_cases() -> None:
+def test_cases(raises) -> None:
     case = Case("curb", 72.0, "explicit", R=5e-7, seed=3, hold=True, solver_parts=2)
     assert case.label == "curb-72kmh-explicit-R5e-07-seed3-hold-solver-in-2"
     assert Case().label == "sine-50kmh-preview"
@@ -159,7 +159,7 @@ def test_cases() -> None:
     assert Case(seed=2**31 - 1).seed == 2**31 - 1
     with pytest.raises(ValueError, match="2147483647"):
         Case(seed=2**31)
-    with pytest.raises(ValueError, match="hold is for the explicit controller only"):
+    with raises(ValueError):
         Case(controller="implicit", hold=True)
 
 
@@ -587,11 +587,11 @@ def test_rows_of_a_study_with_a_failed_search(made: Runs) -> None:
         Results(broken).published("curb", 70.0, "preview", 3)
 
 
-def test_rows_of_a_study_with_a_failed_run(made: Runs) -> None:
+def test_rows_of_a_study_with_a_failed_run(made: Runs, raises) -> None:
     broken = Study.of(failed(made, Case("sine", 50.0, "passive")))
     assert broken.failures == {"sine-50kmh-passive": "ComponentError: it broke"}
     assert (len(broken.comparison), len(broken.refinement)) == (625 - 1, 48 - 1)
-    with pytest.raises(LookupError, match=r"no run \('sine', 1.0\); it was not run"):
+    with raises(LookupError):
         Results(Study()).passive("sine", 1.0)
 
 
@@ -1336,10 +1336,10 @@ def test_names_of_the_options() -> None:
 # gpc
 
 
-def test_a_vehicle_that_gpc_does_not_run_with_has_no_laws(fmus: FmuSet, tmp_path: Path) -> None:
+def test_a_vehicle_that_gpc_does_not_run_with_has_no_laws(fmus: FmuSet, tmp_path: Path, raises) -> None:
     own = tmp_path / "own.toml"
     own.write_text('base = "three_axle"\n')
-    with pytest.raises(VehicleError, match=r"gpc needs a 'full_car'"):
+    with raises(VehicleError):
         identify_command.identify(fmus=fmus.directory, vehicle=[own], out=tmp_path)
 
 

@@ -51,14 +51,14 @@ def test_how_much_of_the_preview_counts_is_a_parameter(fmus):
         assert system["controller"].values["preview.used"] == 3
 
 
-def test_a_driven_run_has_its_speed_as_an_input(fmus):
+def test_a_driven_run_has_its_speed_as_an_input(fmus, raises):
     case = Case("bump", "lqr", speed_kmh=36.0, driven=True)
     with runs.wire(fmus, case) as system:
         runs.configure(system, case)
         assert system["speed"].description.name == "SpeedCommand"
         assert system["speed"].values["target.speed"] == 10.0
         assert system["speed"].values["start.x"] == runs.start(system, case)
-    with pytest.raises(CaseError, match="states that are estimated"):
+    with raises(CaseError):
         Case("bump", "mpc-preview", preview_error_ms=5.0, driven=True)
 
 

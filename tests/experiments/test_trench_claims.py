@@ -311,25 +311,25 @@ def test_bands_keep_the_power():
 
 
 @pytest.mark.parametrize(
-    ("choice", "message"),
+    "choice",
     [
-        ({"length": 0.0}, "length is 0 m; give a number from 0.2 to 2.5 m"),
-        ({"length": -1.0}, "length is -1 m"),
-        ({"length": 9.0}, "length is 9 m"),
-        ({"length": math.nan}, "length is nan m"),
-        ({"speed_kmh": 0.0}, "speed_kmh is 0 km/h; give a number from 0.5 to 15 km/h"),
-        ({"depth": 0.0}, "depth is 0 m; give a number from 0.01 to 10 m"),
-        ({"friction": -0.1}, "friction is -0.1; give a number from 0.001 to 2"),
-        ({"mass": math.inf}, "mass is inf kg"),
-        ({"mass_factor": 0.0}, "mass_factor is 0; give a number from 0.1 to 10"),
-        ({"cg_offset": 2.0}, "cg_offset is 2 m; give a number from -0.5 to 0.5 m"),
-        ({"solver_parts": 0}, "solver_parts is 0; give a number from 1 to 16"),
-        ({"exchange_parts": 17}, "exchange_parts is 17; give a number from 1 to 16"),
-        ({"controller": "mcp"}, "no controller 'mcp'; did you mean 'mpc'?"),
+        {"length": 0.0},
+        {"length": -1.0},
+        {"length": 9.0},
+        {"length": math.nan},
+        {"speed_kmh": 0.0},
+        {"depth": 0.0},
+        {"friction": -0.1},
+        {"mass": math.inf},
+        {"mass_factor": 0.0},
+        {"cg_offset": 2.0},
+        {"solver_parts": 0},
+        {"exchange_parts": 17},
+        {"controller": "mcp"},
     ],
 )
-def test_refuses(choice, message):
-    with pytest.raises(CaseError, match=message):
+def test_refuses(choice, raises):
+    with raises(CaseError):
         Case(**choice)
 
 

@@ -167,53 +167,37 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        (
-            {"controls": [Control("mass", ["car.body.mas"])]},
-            r"control 'mass' names 'car.body.mas', no input or parameter; did you mean 'car.body.mass'",
-        ),
-        (
-            {"controls": [Control("force", ["car.force"], keys=("a", "b"))]},
-            "control 'force' has keys, but car.force has no limits to go between",
-        ),
-        (
-            {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]},
-            "names 'car.body.mas'",
-        ),
-        (
-            {
-                "controls": [
-                    Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})
-                ]
-            },
-            "names 'car.mas'",
-        ),
-        ({"controls": [Control("nothing", [])]}, "control 'nothing' names no variable"),
-        ({"plots": ["car.body.zz"]}, "'car.body.zz' is no output that could be plotted"),
-        ({"measures": [Measure("m", ["car.zz"])]}, "'car.zz' is no output that could be measured"),
-        ({"finish": Finish(Value({"car.zz": 1.0}), 1.0)}, "where a run is over: there is no 'car.zz'"),
-        ({"interval": 0.00033}, "an interval of 0.00033 s is no number of steps of 0.001 s"),
-        ({"interval": -1}, "interval"),
-        ({"pace": 3.0}, "pace 3: choose from 0.1, 0.25, 0.5, 1, 2, 5"),
+        {"controls": [Control("mass", ["car.body.mas"])]},
+        {"controls": [Control("force", ["car.force"], keys=("a", "b"))]},
+        {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]},
+        {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})]},
+        {"controls": [Control("nothing", [])]},
+        {"plots": ["car.body.zz"]},
+        {"measures": [Measure("m", ["car.zz"])]},
+        {"finish": Finish(Value({"car.zz": 1.0}), 1.0)},
+        {"interval": 0.00033},
+        {"interval": -1},
+        {"pace": 3.0},
     ],
 )
-def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], said: str) -> None:
-    with pytest.raises((WiringError, CosimError, ValueError), match=said):
+def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], raises) -> None:
+    with raises((WiringError, CosimError, ValueError)):
         export_web(tmp_path / "x.html", [PageSystem("One", systems[0])], WebPage("One", **change))
     assert not (tmp_path / "x.html").exists()
 
 
-def test_what_else_is_refused(systems, tmp_path: Path) -> None:
-    with pytest.raises(WiringError, match=r"One has no input or parameter 'car.bod'"):
+def test_what_else_is_refused(systems, tmp_path: Path, raises) -> None:
+    with raises(WiringError):
         export_web(tmp_path / "x.html", [PageSystem("One", systems[0], {"car.bod": 1.0})], WebPage("One"))
-    with pytest.raises(CosimError, match=r"name the page FILE.html"):
+    with raises(CosimError):
         export_web(tmp_path / "x.htm", [PageSystem("One", systems[0])], WebPage("One"))
-    with pytest.raises(CosimError, match="5 systems side by side"):
+    with raises(CosimError):
         export_web(tmp_path / "x.html", [PageSystem(str(i), systems[0]) for i in range(5)], WebPage("One"))
-    with pytest.raises(CosimError, match="at least one system"):
+    with raises(CosimError):
         export_web(tmp_path / "x.html", [], WebPage("One"))
-    with pytest.raises(CosimError, match="'least' is none of peak, largest, rms, mean square"):
+    with raises(CosimError):
         Measure("m", ["car.body.z"], "least")  # type: ignore[arg-type]
 
 
@@ -227,19 +211,19 @@ def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
     assert about["plots"] == ["car.wheel.z"]
 
 
-def test_what_stands_beside() -> None:
+def test_what_stands_beside(raises) -> None:
     case = TRENCH.case()
     assert _changed(case, "controller=lqr, length=2").controller == "lqr"
     assert _changed(case, "length=2").length == 2.0
     assert _changed(case, "hydropneumatic=true").hydropneumatic is True
-    for text, said in (
-        ("lenght=2", "write OPTION=VALUE with an option of the case; did you mean 'length'"),
-        ("length", "write OPTION=VALUE"),
-        ("length=wide", "write a number"),
-        ("hydropneumatic=yes", "write true or false"),
-        ("controller=lqg", "lqg"),
+    for text in (
+        "lenght=2",
+        "length",
+        "length=wide",
+        "hydropneumatic=yes",
+        "controller=lqg",
     ):
-        with pytest.raises(CaseError, match=re.escape(said)):
+        with raises(CaseError):
             _changed(case, text)
 
 

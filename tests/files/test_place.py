@@ -57,23 +57,23 @@ def test_the_cache_is_private(home):
 
 @pytest.mark.parametrize("variable", ["BUILD_FMUS_CACHE", "XDG_CACHE_HOME", "HOME"])
 @pytest.mark.parametrize("writers", [0o020, 0o002])
-def test_a_folder_to_which_others_can_write_is_not_used(home, monkeypatch, variable, writers):
+def test_a_folder_to_which_others_can_write_is_not_used(home, monkeypatch, variable, writers, warns):
     monkeypatch.delenv("HOME")
     monkeypatch.setenv(variable, str(home / "below"))
     folder = safe_files.cache_directory()
     folder.chmod(0o700 | writers)
-    with pytest.warns(safe_files.SharedFolderWarning, match=f"other users can write to {folder}"):
+    with warns(safe_files.SharedFolderWarning, match=f"{folder}"):
         found = safe_files.cache_directory()
     assert folder != found
     assert found.parent == home.parent / "temporary" or is_of_this_process(found)
     assert mode(found) == 0o700
     folder.chmod(0o700)
     home.chmod(0o700 | writers)  # whoever can write above it can exchange it
-    with pytest.warns(safe_files.SharedFolderWarning, match=f"other users can write to {home}"):
+    with warns(safe_files.SharedFolderWarning, match=f"{home}"):
         assert safe_files.cache_directory() == found
 
 
-def test_a_folder_that_somebody_has_prepared_in_the_temporary_one_is_not_used(home, monkeypatch):
+def test_a_folder_that_somebody_has_prepared_in_the_temporary_one_is_not_used(home, monkeypatch, warns):
     """Without a home the name of the folder for caches is known to all."""
     monkeypatch.delenv("HOME")
     (home.parent / "temporary").chmod(0o1777)
@@ -83,37 +83,37 @@ def test_a_folder_that_somebody_has_prepared_in_the_temporary_one_is_not_used(ho
     shutil.rmtree(mine)
     mine.mkdir(mode=0o700)
     mine.chmod(0o777)
-    with pytest.warns(safe_files.SharedFolderWarning, match="other users can write"):
+    with warns(safe_files.SharedFolderWarning):
         assert is_of_this_process(safe_files.cache_directory())
     mine.rmdir()
     mine.symlink_to(home)
     home.chmod(0o777)
-    with pytest.warns(safe_files.SharedFolderWarning, match=f"other users can write to {home}"):
+    with warns(safe_files.SharedFolderWarning, match=f"{home}"):
         assert is_of_this_process(safe_files.cache_directory())
 
 
 @pytest.mark.usefixtures("home")
-def test_what_belongs_to_another_user_is_not_used(monkeypatch):
+def test_what_belongs_to_another_user_is_not_used(monkeypatch, warns):
     """As `sudo` has it: the home of one user, the rights of another."""
     safe_files.cache_directory()
     monkeypatch.setattr(os, "getuid", lambda: 4242)
-    with pytest.warns(safe_files.SharedFolderWarning, match="belongs to another user"):
+    with warns(safe_files.SharedFolderWarning):
         assert is_of_this_process(safe_files.cache_directory())
 
 
 @pytest.mark.skipif(os.name == "nt" or os.getuid() != 0, reason="only the administrator can give files away")
-def test_a_folder_of_another_user_is_not_used(home, monkeypatch):
+def test_a_folder_of_another_user_is_not_used(home, monkeypatch, warns):
     monkeypatch.delenv("HOME")
     (home.parent / "temporary").chmod(0o1777)
     mine = safe_files.cache_directory()
     os.chown(mine, 4242, 4242)
-    with pytest.warns(safe_files.SharedFolderWarning, match=f"{mine} belongs to another user"):
+    with warns(safe_files.SharedFolderWarning, match=f"{mine}"):
         assert is_of_this_process(safe_files.cache_directory())
     mine.rmdir()
     mine.symlink_to(home)
     os.lchown(mine, 4242, 4242)
     place._warn.cache_clear()
-    with pytest.warns(safe_files.SharedFolderWarning, match=f"{mine} belongs to another user"):
+    with warns(safe_files.SharedFolderWarning, match=f"{mine}"):
         assert is_of_this_process(safe_files.cache_directory())
 
 

@@ -50,13 +50,13 @@ WRITERS = {
 
 @pytest.mark.parametrize("writer", WRITERS)
 @pytest.mark.usefixtures("full_disk")
-def test_a_full_disk_leaves_the_older_file_and_is_named(writer: str, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_older_file_and_is_named(writer: str, tmp_path: Path, raises) -> None:
     name, write = WRITERS[writer]
     path = tmp_path / name
     path.touch()
     os.truncate(path, 7)
     before = path.read_bytes()
-    with pytest.raises(OSError, match="No space left on device") as caught:
+    with raises(OSError) as caught:
         write(path)
     assert caught.value.errno == errno.ENOSPC
     assert safe_files.sentence(caught.value) == (

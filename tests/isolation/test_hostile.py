@@ -214,14 +214,14 @@ def test_the_function_that_was_called_is_named_also_when_it_travels_with_a_step(
     assert re.fullmatch(f"fmi{version}{function}", caught.value.function), caught.value
 
 
-def test_after_a_loss_nothing_of_it_is_called(system: System, folder: Path) -> None:
+def test_after_a_loss_nothing_of_it_is_called(system: System, folder: Path, raises) -> None:
     wired(system, build(3, folder, "step", "segfault"))
     with pytest.raises(ComponentError):
         run(system)
     component: Any = system["bad"].component
     outputs = list(component.description.outputs.values())
     for call in (lambda: component.get(outputs), component.serialize, component.save):
-        with pytest.raises(CosimError, match="'bad' was lost: initialize its system again"):
+        with raises(CosimError):
             call()
 
 

@@ -135,13 +135,13 @@ def test_states_and_derivatives_travel(built_fmus, fmi):
         assert np.array_equal(bits(one), bits(other))
 
 
-def test_only_what_is_asked_for_is_isolated(harmless):
+def test_only_what_is_asked_for_is_isolated(harmless, raises):
     with System() as system:
         system.add("here", harmless)
         system.add("there", harmless, isolated=True, step_timeout=5.0, memory_limit=10**8)
         with pytest.raises(WiringError, match="isolated=True"):
             system.add("wrong", harmless, step_timeout=5.0)
-        with pytest.raises(WiringError, match="did you mean 'there'"):
+        with raises(WiringError):
             system.isolate("here", "ther")  # all or none
         components: list[Any] = [m.component for m in system.members.values()]
         assert [c.isolation for c in components[:2]] == [None, Isolation(5.0, 10**8)]

@@ -64,12 +64,12 @@ def test_an_observation_beyond_its_range_is_shown_at_its_end_and_named(make: Mak
     assert observed in env.observation_space
 
 
-def test_an_episode_is_truncated_at_its_length(make: Make) -> None:
+def test_an_episode_is_truncated_at_its_length(make: Make, raises) -> None:
     env = make()
     env.reset(seed=1)
     ends = [env.step(action_of(0.0))[2:4] for _ in range(10)]
     assert ends == [(False, False)] * 9 + [(False, True)]
-    with pytest.raises(EpisodeOver, match=r"ended after 10 steps: call reset"):
+    with raises(EpisodeOver):
         env.step(action_of(0.0))
 
 
@@ -94,12 +94,12 @@ def test_a_condition_may_be_a_function(make: Make) -> None:
     assert env.time == 0.025
 
 
-def test_rewards_see_the_whole_step(make: Make) -> None:
+def test_rewards_see_the_whole_step(make: Make, raises) -> None:
     seen: list[Step] = []
 
     def reward(step: Step) -> float:
         seen.append(step)
-        with pytest.raises(KeyError, match=r"'point\.y' is not recorded"):
+        with raises(KeyError):
             step.over("point.y")
         return float(step.over("point.v").mean())
 
@@ -225,14 +225,14 @@ FAILURES = {"raises_at": "it broke", "nan_at": "(x|v) is nan at t = "}
 
 
 @pytest.mark.parametrize("parameter", FAILURES)
-def test_a_failure_raises_unless_it_has_a_worth(make: Make, parameter: str) -> None:
+def test_a_failure_raises_unless_it_has_a_worth(make: Make, parameter: str, raises) -> None:
     at = {f"point.{parameter}": 0.015}
     env = make()
     env.reset(options=at)
     env.step(action_of(0.0))
     with pytest.raises(ComponentError, match=FAILURES[parameter]):
         env.step(action_of(0.0))
-    with pytest.raises(EpisodeOver, match="call reset"):
+    with raises(EpisodeOver):
         env.step(action_of(0.0))
     env.reset()
     env.step(action_of(0.0))
@@ -248,13 +248,11 @@ def test_a_failure_raises_unless_it_has_a_worth(make: Make, parameter: str) -> N
         env.step(action_of(0.0))
 
 
-@pytest.mark.parametrize(
-    ("worth", "said"), [(math.nan, "is nan; rewards are finite"), ("much", "'much', which is no number")]
-)
-def test_a_reward_that_is_none(make: Make, worth: object, said: str) -> None:
+@pytest.mark.parametrize("worth", [math.nan, "much"])
+def test_a_reward_that_is_none(make: Make, worth: object, raises) -> None:
     env = make(reward=lambda step: worth)
     env.reset()
-    with pytest.raises(CosimError, match=f"the reward at t = 0.01 s {said}|{said}"):
+    with raises(CosimError):
         env.step(action_of(0.0))
 
 
@@ -263,20 +261,20 @@ def test_a_reward_that_is_none(make: Make, worth: object, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("action", "said"),
+    "action",
     [
-        ([math.nan], "the action for point.force is nan"),
-        ([math.inf], "the action for point.force is inf"),
-        ([1.2], r"is 1.2; give a number from -1 to 1, which are -2 to 4 N; gymnasium.wrappers.ClipAction clips"),
-        ([0.0, 0.0], r"shape \(2,\); give 1 number: point.force"),
-        (0.0, r"shape \(\)"),
-        (["up"], "give 1 number: point.force"),
+        [math.nan],
+        [math.inf],
+        [1.2],
+        [0.0, 0.0],
+        0.0,
+        ["up"],
     ],
 )
-def test_actions_that_are_none(make: Make, action: object, said: str) -> None:
+def test_actions_that_are_none(make: Make, action: object, raises) -> None:
     env = make()
     env.reset()
-    with pytest.raises(ActionError, match=said):
+    with raises(ActionError):
         env.step(action)  # type: ignore[arg-type]
     env.step(action_of(0.0))  # nothing has happened
 
@@ -288,59 +286,51 @@ def test_a_step_before_the_first_reset(make: Make) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "kind", "said"),
+    ("changes", "kind"),
     [
-        ({"actions": {"point.fource": (-1, 1)}}, WiringError, "no variable 'fource'; did you mean 'force'"),
-        ({"actions": {"pint.force": (-1, 1)}}, WiringError, "no component 'pint'; did you mean 'point'"),
-        ({"actions": {"point.x*": (-1, 1)}}, WiringError, "fits no input that nothing drives; there are: point.force"),
-        ({"actions": {"point.x": (-1, 1)}}, WiringError, "point.x is neither an input nor a tunable parameter"),
-        (
-            {"actions": {"point.force": (1, -1)}},
-            WiringError,
-            "range of point.force is from 1 to -1; the lowest value must be below",
-        ),
-        ({"actions": {"point.force": (1, 1)}}, WiringError, "the lowest value must be below"),
-        ({"actions": {"point.force": (-math.inf, 1)}}, WiringError, "the lowest value must be below"),
-        ({"actions": {"point.force": (-1, 1, "m")}}, WiringError, r"point.force \[N\] is in m: they measure different"),
-        ({"actions": {"point.force": (-1, 1, "kn")}}, WiringError, "range of point.force is in 'kn', which is no unit"),
-        ({"actions": {"point.force": 3}}, WiringError, r"is 3; give \(lowest, highest\)"),
-        ({"actions": {}}, WiringError, "no action: name an input"),
-        ({"actions": 3}, WiringError, "3 names no variables"),
-        ({"actions": ["point.force", "point.f*"]}, WiringError, "point.force is named twice"),
-        ({"observations": {"point.y": (-1, 1)}}, WiringError, "no variable 'y'"),
-        ({"observations": {"point.x": (2, -2)}}, WiringError, "range of point.x is from 2 to -2"),
-        ({"observations": []}, WiringError, "no observation"),
-        ({"observations": ["point.x", "point.x"]}, WiringError, "point.x is named twice"),
-        ({"record": ["point.z"]}, WiringError, "no variable 'z'"),
-        ({"step": "1.5 ms"}, TimeError, "a step of 1.5 ms is no multiple of the system's tick of 0.001 s"),
-        ({"step": 0}, TimeError, "step must be positive"),
-        ({"length": "15 ms"}, TimeError, "no multiple of its step of 0.01 s"),
-        ({"record_interval": "3 ms"}, TimeError, "no multiple of record_interval = 3 ms"),
-        ({"render_mode": "human"}, CosimError, "render_mode is 'human'; there are: None, 'plotly'"),
-        ({"engine": "fast"}, CosimError, "no engine 'fast'"),
+        ({"actions": {"point.fource": (-1, 1)}}, WiringError),
+        ({"actions": {"pint.force": (-1, 1)}}, WiringError),
+        ({"actions": {"point.x*": (-1, 1)}}, WiringError),
+        ({"actions": {"point.x": (-1, 1)}}, WiringError),
+        ({"actions": {"point.force": (1, -1)}}, WiringError),
+        ({"actions": {"point.force": (1, 1)}}, WiringError),
+        ({"actions": {"point.force": (-math.inf, 1)}}, WiringError),
+        ({"actions": {"point.force": (-1, 1, "m")}}, WiringError),
+        ({"actions": {"point.force": (-1, 1, "kn")}}, WiringError),
+        ({"actions": {"point.force": 3}}, WiringError),
+        ({"actions": {}}, WiringError),
+        ({"actions": 3}, WiringError),
+        ({"actions": ["point.force", "point.f*"]}, WiringError),
+        ({"observations": {"point.y": (-1, 1)}}, WiringError),
+        ({"observations": {"point.x": (2, -2)}}, WiringError),
+        ({"observations": []}, WiringError),
+        ({"observations": ["point.x", "point.x"]}, WiringError),
+        ({"record": ["point.z"]}, WiringError),
+        ({"step": "1.5 ms"}, TimeError),
+        ({"step": 0}, TimeError),
+        ({"length": "15 ms"}, TimeError),
+        ({"record_interval": "3 ms"}, TimeError),
+        ({"render_mode": "human"}, CosimError),
+        ({"engine": "fast"}, CosimError),
     ],
 )
-def test_settings_that_do_not_fit(make: Make, changes: dict[str, object], kind: type[Exception], said: str) -> None:
-    with pytest.raises(kind, match=said):
+def test_settings_that_do_not_fit(make: Make, changes: dict[str, object], kind: type[Exception], raises) -> None:
+    with raises(kind):
         make(**changes)
 
 
-def test_an_action_on_an_input_that_is_driven(make: Make) -> None:
+def test_an_action_on_an_input_that_is_driven(make: Make, raises) -> None:
     with point() as system:
         system.add("wind", Wind())
         system.connect("wind.force", "point.force")
-        with pytest.raises(
-            WiringError, match=r"point.force is driven by wind.force: system.disconnect\('point.force'\) first"
-        ):
+        with raises(WiringError):
             make(system)
 
 
-def test_inputs_that_no_action_sets_are_named(make: Make) -> None:
+def test_inputs_that_no_action_sets_are_named(make: Make, warns) -> None:
     system = System()
     system.add("point", Point())
-    with pytest.warns(
-        UnconnectedInputsWarning, match="inputs that no action sets keep their start values: point.wind "
-    ):
+    with warns(UnconnectedInputsWarning):
         make(system)
     make(system, allow_unconnected=True)
 
@@ -358,14 +348,14 @@ def test_scenarios_and_options_of_unknown_parameters(make: Make) -> None:
     env.reset()
 
 
-def test_a_fork_needs_a_function(make: Make) -> None:
+def test_a_fork_needs_a_function(make: Make, raises) -> None:
     env = make(point())
     env.reset()
-    with pytest.raises(CosimError, match="give SystemEnv a function that puts one together"):
+    with raises(CosimError):
         env.fork()
 
 
-def test_a_state_of_another_system_is_refused(make: Make) -> None:
+def test_a_state_of_another_system_is_refused(make: Make, raises) -> None:
     def two() -> System:
         system = point()
         system.add("second", Point(), start={"force": 0.0, "wind": 0.0})
@@ -374,7 +364,7 @@ def test_a_state_of_another_system_is_refused(make: Make) -> None:
     env, other = make(), make(two)
     env.reset()
     other.reset()
-    with pytest.raises(CosimError, match="another system"):
+    with raises(CosimError):
         env.restore(other.save())
 
 

@@ -188,26 +188,22 @@ class TestInput:
     @pytest.mark.parametrize(
         "figure", [comfort.absorbed_power, comfort.absorbed_power_peak, comfort.iso2631_rms, comfort.vdv]
     )
-    def test_zero_and_refusals(self, figure):
+    def test_zero_and_refusals(self, figure, raises):
         assert figure(np.zeros(50), RATE) == 0.0
-        with pytest.raises(ValueError, match=r"vertical acceleration has shape \(0,\)"):
+        with raises(ValueError):
             figure([], RATE)
-        with pytest.raises(ValueError, match="vertical acceleration is nan at sample 1"):
+        with raises(ValueError):
             figure([0.0, math.nan], RATE)
         for rate in (0.0, 50.0, math.nan, math.inf):
-            with pytest.raises(
-                ValueError, match=f"sampling rate of this filter is {rate:g} Hz; give a finite number of at least"
-            ):
+            with raises(ValueError, match=f"{rate:g}"):
                 figure(np.zeros(5), rate)
 
-    def test_wk_needs_more_than_the_human_response(self):
+    def test_wk_needs_more_than_the_human_response(self, raises):
         assert comfort.absorbed_power(np.zeros(5), 100.0) == 0.0
-        with pytest.raises(
-            ValueError, match=r"sampling rate of this filter is 100 Hz; give a finite number of at least 500 Hz"
-        ):
+        with raises(ValueError):
             comfort.vdv(np.zeros(5), 100.0)
 
     @pytest.mark.parametrize("window", [0.0, -1.0, math.nan, math.inf])
-    def test_windows(self, window):
-        with pytest.raises(ValueError, match=r"length of the window is .* s; give a finite number above 0 s"):
+    def test_windows(self, window, raises):
+        with raises(ValueError):
             comfort.absorbed_power_peak(np.zeros(5), RATE, window)

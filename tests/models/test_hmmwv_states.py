@@ -102,8 +102,8 @@ def test_the_warp_of_the_road_is_the_one_mode_that_is_no_motion(model):
     assert warp @ model.B == pytest.approx(np.zeros(4), abs=1e-9)
 
 
-def test_an_absolute_height_is_refused(model):
-    with pytest.raises(ValueError, match=r"do not determine body\.z of RideCarHmmwv"):
+def test_an_absolute_height_is_refused(model, raises):
+    with raises(ValueError):
         model.output(["body.az", "body.z"])
-    with pytest.raises(ValueError, match=r"no output of RideCarHmmwv is called 'body\.zz'"):
+    with raises(ValueError):
         model.output(["body.zz"])

@@ -227,9 +227,9 @@ def test_bytecode_is_that_of_the_project_and_never_of_a_mistake(project: Path) -
             assert [p.name for p in place.glob("cosim/__pycache__/plus.*")] == [kept.name]
 
 
-def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:
+def test_tests_that_fail_without_any_mistake_are_told(project: Path, raises) -> None:
     (project / "tests" / "test_plus.py").write_text(TEST.replace("3", "4"))
-    with pytest.raises(SystemExit, match="group plus: its tests fail as they are, without any mistake"):
+    with raises(SystemExit):
         command.main()
 
 

@@ -195,7 +195,7 @@ class Lag(PythonComponent):
         y[0] = self.y
 
 
-def test_a_system_is_calibrated_by_the_names_of_its_parameters() -> None:
+def test_a_system_is_calibrated_by_the_names_of_its_parameters(raises) -> None:
     with System() as system:
         system.add("lag", Lag())
         model = SystemResponse(system, ["lag.y"], stop_time=2.0, interval="20 ms")
@@ -203,37 +203,34 @@ def test_a_system_is_calibrated_by_the_names_of_its_parameters() -> None:
         assert data.shape == (101, 1)
         found = calibrate(model, data, {"lag.rate": (1.0, 0.1, 30.0)}, noise=1e-3)
         assert found.values[0] == pytest.approx(3.0, rel=1e-6)
-        with pytest.raises(ValueError, match="no variable 'rat'; did you mean 'rate'"):
+        with raises(ValueError):
             calibrate(model, data, {"lag.rat": (1.0, 0.1, 30.0)})
     with pytest.raises(ValueError, match="no component 'lag'"):
         SystemResponse(System(), ["lag.y"], stop_time=1, interval=0.1)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    "changes",
     [
-        ({"parameters": {}}, "no parameter to calibrate"),
-        (
-            {"parameters": {"rate": (1.0, 2.0, 3.0)}},
-            "rate begins at 1 and is looked for from 2 to 3; give positive numbers",
-        ),
-        ({"parameters": {"rate": (1.0, 3.0, 0.5)}}, "give positive numbers, the first between the others"),
-        ({"parameters": {"rate": (1.0, 0.0, 3.0)}}, "give positive numbers"),
-        ({"parameters": {"rate": 1.0}}, "the range of rate is 1.0; give first value, lowest, highest"),
-        ({"measured": np.zeros(17)}, r"the response has shape \(301,\), what was measured \(17,\)"),
-        ({"measured": np.full(301, np.nan)}, "the measured response.* is nan at sample 0"),
-        ({"noise": 0.0}, "the noise is 0.0; give positive"),
+        {"parameters": {}},
+        {"parameters": {"rate": (1.0, 2.0, 3.0)}},
+        {"parameters": {"rate": (1.0, 3.0, 0.5)}},
+        {"parameters": {"rate": (1.0, 0.0, 3.0)}},
+        {"parameters": {"rate": 1.0}},
+        {"measured": np.zeros(17)},
+        {"measured": np.full(301, np.nan)},
+        {"noise": 0.0},
     ],
 )
-def test_what_users_do_wrong(changes: dict[str, object], said: str) -> None:
+def test_what_users_do_wrong(changes: dict[str, object], raises) -> None:
     given: dict[str, object] = {"measured": decay(TRUE), "parameters": RANGES, **changes}
     full = dict.fromkeys(RANGES, 1.0)
-    with pytest.raises(CalibrationError, match=said):
+    with raises(CalibrationError):
         calibrate(lambda v: decay({**full, **v}), given.pop("measured"), given.pop("parameters"), **given)  # type: ignore[arg-type]
 
 
-def test_too_few_data_and_a_response_that_is_not_finite() -> None:
-    with pytest.raises(CalibrationError, match="2 measured values for 2 parameters"):
+def test_too_few_data_and_a_response_that_is_not_finite(raises) -> None:
+    with raises(CalibrationError):
         calibrate(lambda v: np.zeros(2), np.zeros(2), RANGES)
     with pytest.raises(CalibrationError, match=r"the response.* is inf at sample 3"):
         calibrate(lambda v: np.where(np.arange(301) == 3, np.inf, decay(v)), decay(TRUE), RANGES)

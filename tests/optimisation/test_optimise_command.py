@@ -51,7 +51,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run(*arguments: str, good: bool = True) -> str:
     done = CliRunner().invoke(app, ["optimise", "bowl.py", "--processes", "1", *arguments])
-    text = " ".join((done.output + str(done.exception or "")).split())
+    failed = done.exception is not None and not isinstance(done.exception, SystemExit)
+    text = " ".join((str(done.exception) if failed else done.output).split())
     assert (done.exit_code == 0) == good, text
     return text
 
@@ -86,33 +87,34 @@ def test_texts_are_chosen_among(folder: Path) -> None:  # noqa: ARG001
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    "arguments",
     [
-        (VARY, "a search needs an objective"),
-        (("--minimise", "depth"), "nothing varies"),
-        ((*VARY, "--minimise", "depth", "--log", "bowl.z"), "--log bowl.z: that does not vary"),
-        ((*VARY, "--minimise", "depth", "--log", "bowl.x"), "a logarithmic scale has positive ones"),
-        (("--vary", "bowl.x=normal(0,1)", "--minimise", "depth"), "a search takes a range"),
-        (("--vary", "bowl.z=0:1", "--minimise", "depth"), "no variable 'z'"),
-        ((*VARY, "--minimise", "dept", "--trials", "2"), "did you mean 'depth'"),
-        ((*VARY, "--minimise", "depth", "--maximise", "depth"), "depth cannot be both small and large"),
+        VARY,
+        ("--minimise", "depth"),
+        (*VARY, "--minimise", "depth", "--log", "bowl.z"),
+        (*VARY, "--minimise", "depth", "--log", "bowl.x"),
+        ("--vary", "bowl.x=normal(0,1)", "--minimise", "depth"),
+        ("--vary", "bowl.z=0:1", "--minimise", "depth"),
+        (*VARY, "--minimise", "dept", "--trials", "2"),
+        (*VARY, "--minimise", "depth", "--maximise", "depth"),
     ],
+    ids=" ".join,
 )
-def test_what_users_do_wrong(arguments: tuple[str, ...], said: str) -> None:
-    assert said in run(*arguments, good=False)
+def test_what_users_do_wrong(arguments: tuple[str, ...], sentence) -> None:
+    sentence(run(*arguments, good=False))
 
 
-def test_trials_of_another_model_are_not_continued(folder: Path) -> None:  # noqa: ARG001
+def test_trials_of_another_model_are_not_continued(folder: Path, sentence) -> None:  # noqa: ARG001
     """A fixed option was changed in between; code and FMUs count in the same way."""
     search = (*VARY, "--minimise", "width", "--trials", "4")
     run(*search)
-    assert "of another model: FMUs, code or fixed options have changed" in run(*search, "--name", "square", good=False)
+    sentence(run(*search, "--name", "square", good=False))
     first = run(*search)
     anew = run(*search, "--name", "square", "--force")
     width, other = (float(text.split("best: width ")[1].split(",")[0]) for text in (first, anew))
     assert width < 5.0 < other
 
 
-def test_a_name_that_was_wrong_can_be_mended(folder: Path) -> None:  # noqa: ARG001
-    assert "no number 'dept'; did you mean 'depth'?" in run(*VARY, "--minimise", "dept", "--trials", "40", good=False)
+def test_a_name_that_was_wrong_can_be_mended(folder: Path, sentence) -> None:  # noqa: ARG001
+    sentence(run(*VARY, "--minimise", "dept", "--trials", "40", good=False))
     run(*VARY, "--minimise", "depth", "--trials", "4")

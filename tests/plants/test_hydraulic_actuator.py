@@ -347,8 +347,8 @@ def test_bad_parameters_are_named(tmp_path, text, words):
         assert word in str(error.value)
 
 
-def test_a_car_is_no_actuator():
-    with pytest.raises(VehicleError, match="describes a 'full_car', but a 'actuator' is needed"):
+def test_a_car_is_no_actuator(raises):
+    with raises(VehicleError):
         load_actuator("hmmwv")
 
 

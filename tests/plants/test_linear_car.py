@@ -240,11 +240,9 @@ def test_halving_the_step_changes_little(built_fmus):
 
 def test_what_the_ride_does_not_decide_is_refused_by_name(nonlinear, vehicle):
     values = linear_values(vehicle)
-    with pytest.raises(
-        ValueError, match=r"FullCarTest: acceleration of body\.\w+ depends on more than body and wheels"
-    ):
+    with pytest.raises(ValueError, match=r"FullCarTest: .* body\.\w+"):
         ride_motion(nonlinear, {n: v for n, v in values.items() if n not in WITHOUT_SLIP})
-    with pytest.raises(ValueError, match=r"FullCarTest: speed depends on more"):
+    with pytest.raises(ValueError, match="FullCarTest: speed"):
         ride_motion(nonlinear, values, ["speed"])
 
 

@@ -81,30 +81,30 @@ def test_series_survive_packing():
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    "make",
     [
-        (lambda: body(outline=BOX[:2]), "body 'car': outline needs 3 or more finite points"),
-        (lambda: body(outline=[*BOX, (np.nan, 0.0)]), "body 'car': outline needs 3 or more finite points"),
-        (lambda: body(x=[0.0, np.nan]), "body 'car': x is nan at sample 1"),
-        (lambda: Wheel("w", 0.0, T, T, T), "wheel 'w': radius is 0 m; give a finite number above 0 m"),
-        (lambda: Force("f", T, T, T, T, "wind"), "force 'f': role 'wind' is not one of 'ground', 'body'"),
-        (lambda: Reading("pitch", T), "label 'pitch' carries no unit"),
-        (lambda: Phase(["a"], [0, 1]), "an index is not one of 0 to 0"),
-        (lambda: scene(step=0.0), "step is 0 s; give a finite number above 0 s"),
-        (lambda: scene(bodies=[]), "has no body to follow"),
-        (lambda: scene(ground=[(0, 0)]), r"scene 'passive': ground needs 2 or more finite points \(x, z\)"),
-        (lambda: scene(struts=[Strut("car", (0, 0), "rear")]), "a strut hangs on wheel 'rear', which is not there"),
-        (lambda: scene(bodies=[body(), body()]), "body|bodies 'car' appears more than once"),
-        (lambda: scene(readings=[Reading("pitch [deg]", T[:-1])]), "series have different lengths"),
-        (lambda: Take("t", []), "0 scenes; 1 to 4 fit"),
-        (lambda: Take("t", [scene(), scene()]), "scene 'passive' appears more than once"),
-        (lambda: animation(takes=[]), "has no takes"),
-        (lambda: animation(id="Über"), "an id names a file"),
-        (lambda: animation(width=0.0), "width is 0 m; give a finite number above 0"),
+        lambda: body(outline=BOX[:2]),
+        lambda: body(outline=[*BOX, (np.nan, 0.0)]),
+        lambda: body(x=[0.0, np.nan]),
+        lambda: Wheel("w", 0.0, T, T, T),
+        lambda: Force("f", T, T, T, T, "wind"),
+        lambda: Reading("pitch", T),
+        lambda: Phase(["a"], [0, 1]),
+        lambda: scene(step=0.0),
+        lambda: scene(bodies=[]),
+        lambda: scene(ground=[(0, 0)]),
+        lambda: scene(struts=[Strut("car", (0, 0), "rear")]),
+        lambda: scene(bodies=[body(), body()]),
+        lambda: scene(readings=[Reading("pitch [deg]", T[:-1])]),
+        lambda: Take("t", []),
+        lambda: Take("t", [scene(), scene()]),
+        lambda: animation(takes=[]),
+        lambda: animation(id="Über"),
+        lambda: animation(width=0.0),
     ],
 )
-def test_refuses(make, message):
-    with pytest.raises(ValueError, match=message):
+def test_refuses(make, raises):
+    with raises(ValueError):
         make()
 
 
@@ -133,10 +133,10 @@ def test_page_without_animation_has_no_player(tmp_path):
     assert ".stage" not in text
 
 
-def test_same_bytes_and_unique_ids(tmp_path):
+def test_same_bytes_and_unique_ids(tmp_path, raises):
     one, two = (write_report(report(animation()), tmp_path / n).read_bytes() for n in ("one", "two"))
     assert one == two
-    with pytest.raises(ValueError, match="animation 'crossing' appears more than once"):
+    with raises(ValueError):
         report(animation(), replace(animation()))
 
 

@@ -40,8 +40,8 @@ class TestVerdict:
         claim = verdict(value=3, unit="times", band=Band(2.5, 3.5, "near threefold"), criterion="passive is worse")
         assert claim.criterion == "passive is worse; magnitude between 2.5 and 3.5 times (near threefold)"
 
-    def test_a_band_without_a_value_is_a_mistake(self):
-        with pytest.raises(ValueError, match="claim 'c' has a band but no value"):
+    def test_a_band_without_a_value_is_a_mistake(self, raises):
+        with raises(ValueError):
             verdict(band=Band(1, 2))
 
 
@@ -61,8 +61,8 @@ class TestDistributionAsValue:
         assert split.criterion == "magnitude at least 25 in clearly most seeds"
         assert verdict(over=Distribution([30] * 7 + [20]), band=bound).reproduced
 
-    def test_a_value_beside_it_is_a_mistake(self):
-        with pytest.raises(ValueError, match="claim 'c' has a value and a distribution"):
+    def test_a_value_beside_it_is_a_mistake(self, raises):
+        with raises(ValueError):
             verdict(value=15, over=Distribution([15]))
 
 
@@ -105,15 +105,15 @@ class TestBand:
         assert (band.low, band.high) == pytest.approx((54, 66))
         assert Band.around(-60).low == pytest.approx(-66)
 
-    def test_another_width_needs_its_reason(self):
-        with pytest.raises(ValueError, match="needs its reason"):
+    def test_another_width_needs_its_reason(self, raises):
+        with raises(ValueError):
             Band.around(60, 0.2)
         assert Band.around(60, 0.2, "read off a figure").reason == "read off a figure"
 
-    def test_an_empty_band_is_refused(self):
-        with pytest.raises(ValueError, match="holds nothing"):
+    def test_an_empty_band_is_refused(self, raises):
+        with raises(ValueError):
             Band(2, 1)
-        with pytest.raises(ValueError, match="holds nothing"):
+        with raises(ValueError):
             Band(math.nan, 1)
 
     def test_words(self):
@@ -157,8 +157,8 @@ class TestDistribution:
         assert not speeds.everywhere(lambda x: x > 10)
         assert speeds.text("{:.0f}", "W", lambda x: x > 10) == "median 20 W (10 to 40 W over 3 speeds; holds in 2 of 3)"
 
-    def test_nothing_is_no_distribution(self):
-        with pytest.raises(ValueError, match="no seeds"):
+    def test_nothing_is_no_distribution(self, raises):
+        with raises(ValueError):
             Distribution([])
 
 

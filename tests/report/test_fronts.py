@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from cosim.report.fronts import front_section, non_dominated
 
 
-def test_what_is_on_a_front() -> None:
+def test_what_is_on_a_front(raises) -> None:
     points = [[0, 3], [1, 1], [3, 0], [1, 2], [3, 3], [1, 1]]
     assert non_dominated(points).tolist() == [True, True, True, False, False, True]
     assert non_dominated([[2.0], [1.0], [1.0]]).tolist() == [False, True, True]
     for bad in ([1.0, 2.0], [[float("nan"), 1.0]]):
-        with pytest.raises(ValueError, match="a table of finite numbers"):
+        with raises(ValueError):
             non_dominated(bad)
 
 
-def test_a_front_on_a_page() -> None:
+def test_a_front_on_a_page(raises) -> None:
     tried = [{"a": a, "b": b} for a, b in ([0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
     found = front_section(
         "Front",
@@ -44,7 +43,7 @@ def test_a_front_on_a_page() -> None:
         )
         == 3
     )  # type: ignore[union-attr]
-    with pytest.raises(ValueError, match="takes two objectives"):
+    with raises(ValueError):
         front_section("F", {"a": "a [m]"}, {"a": "min"}, tried, [{}] * 3)
 
 

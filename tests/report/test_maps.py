@@ -31,25 +31,22 @@ def made(**changes) -> Map:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    "make",
     [
-        (lambda: Layer("a", [1.0, 2.0]), "two dimensions and no gaps"),
-        (lambda: Layer("a", [[1.0, np.nan]]), "two dimensions and no gaps"),
-        (lambda: made(layers=[]), "map 'cost' has no layers"),
-        (lambda: made(layers=[Layer("a", LOW.T)]), r"layer 'a' has shape \(3, 2\), the grid \(2, 3\)"),
-        (lambda: made(layers=[Layer("a", LOW), Layer("a", HIGH)]), "layer 'a' appears more than once"),
-        (lambda: made(x_label="length"), "label 'length' carries no unit"),
-        (lambda: made(x=[[1.0, 2.0]]), "map 'cost': x "),
-        (lambda: made(y=[[1.0, 2.0]]), "map 'cost': y "),
-        (lambda: made(value_range=(0.0, 14.0)), r"values from 0 to 15 exceed value_range \(0.0, 14.0\)"),
-        (
-            lambda: made(reference=16.0, value_range=(0.0, 15.0)),
-            r"values from 0 to 16 exceed value_range \(0.0, 15.0\)",
-        ),
+        lambda: Layer("a", [1.0, 2.0]),
+        lambda: Layer("a", [[1.0, np.nan]]),
+        lambda: made(layers=[]),
+        lambda: made(layers=[Layer("a", LOW.T)]),
+        lambda: made(layers=[Layer("a", LOW), Layer("a", HIGH)]),
+        lambda: made(x_label="length"),
+        lambda: made(x=[[1.0, 2.0]]),
+        lambda: made(y=[[1.0, 2.0]]),
+        lambda: made(value_range=(0.0, 14.0)),
+        lambda: made(reference=16.0, value_range=(0.0, 15.0)),
     ],
 )
-def test_refuses(make, message):
-    with pytest.raises(ValueError, match=message):
+def test_refuses(make, raises):
+    with raises(ValueError):
         make()
 
 

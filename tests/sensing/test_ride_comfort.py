@@ -103,12 +103,12 @@ def test_limit_is_a_parameter(component):
     check(run(component, az, absorbed_power__limit=0.2), az, limit=0.2)
 
 
-def test_another_period(component):
+def test_another_period(component, raises):
     az = np.random.default_rng(9).standard_normal(900)
     slow = ride_comfort("RideComfort2ms", period=2e-3).model()
     check(run(slow, az), az, rate=500.0)
     assert slow.size("state") < component.size("state")
-    with pytest.raises(ValueError, match="give a finite number of at least 500 Hz"):
+    with raises(ValueError):
         ride_comfort(period=5e-3)
 
 

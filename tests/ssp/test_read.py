@@ -120,7 +120,7 @@ def test_units_and_linear_transformations(follower, tmp_path, inner, more, facto
             assert c.offset == offset
 
 
-def test_booleans_and_integers_are_mapped(follower, tmp_path):
+def test_booleans_and_integers_are_mapped(follower, tmp_path, raises):
     one = ("on:input:Boolean", "off:output:Boolean", "count:output:Integer", "count_in:input:Integer")
     negated = (
         '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="false"/><ssc:MapEntry source="false"'
@@ -160,12 +160,12 @@ def test_booleans_and_integers_are_mapped(follower, tmp_path):
     )
     with (
         System.from_ssp(short) as system,
-        pytest.raises(ComponentError, match=r"one_count_mapped.*is not in the mapping of 0"),
+        raises(ComponentError),
     ):
         system.run("1/10")
 
 
-def test_items_of_enumerations_are_mapped_by_their_values(follower, tmp_path):
+def test_items_of_enumerations_are_mapped_by_their_values(follower, tmp_path, raises):
     one, other = ("count:output:Enumeration:Gear",), ("count_in:input:Enumeration:Mode",)
     kinds = (
         '<ssc:Enumeration name="Gear"><ssc:Item name="low" value="0"/><ssc:Item name="high"'
@@ -194,7 +194,7 @@ def test_items_of_enumerations_are_mapped_by_their_values(follower, tmp_path):
         other=other,
         enumerations=kinds,
     )
-    with pytest.raises(SspError, match="'hihg' is no item of the start's enumeration; did you mean 'high'"):
+    with raises(SspError):
         System.from_ssp(path)
 
 
@@ -307,7 +307,7 @@ def test_parameters_of_all_levels_and_mapped(follower, tmp_path):
     assert members["two"][1] == {"rate": 1e-3, "count_in": 40}
 
 
-def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path):
+def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path, raises):
     master = (
         '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:SimulationInformation'
         ' xmlns:oms="https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"><oms:FixedStepMaster'
@@ -328,7 +328,7 @@ def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path):
 
     assert steps(p.structure(plain, osp)) == [0.002, 0.005]
     assert steps(p.structure(plain.replace("</ssd:System>", master), osp)) == [0.002, 0.004]
-    with pytest.raises(SspError, match=r"how often 'none' is stepped: say it, step='1 ms'"):
+    with raises(SspError):
         steps(p.structure(plain))
     assert steps(p.structure(plain), step="1 ms") == [0.002, 0.001]
     assert steps(p.structure(plain), step={"*": "3 ms", "hint": "4 ms"}) == [0.004, 0.003]
@@ -336,7 +336,7 @@ def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path):
         steps(p.structure(plain), step={"*": "3 ms", "nobody": "4 ms"})
 
 
-def test_variants_are_chosen_by_name(follower, tmp_path):
+def test_variants_are_chosen_by_name(follower, tmp_path, raises):
     files: dict[str, Any] = {
         f"{n}.ssd": p.structure(p.system("top", p.component(c, "f.fmu")), name=f"The {c}")
         for n, c in (("SystemStructure", "first"), ("Other", "second"))
@@ -350,10 +350,7 @@ def test_variants_are_chosen_by_name(follower, tmp_path):
         ("The first", "first"),
     ):
         assert list(follow(path, variant=variant)[0]) == [member]
-    with pytest.raises(
-        SspError,
-        match=r"no variant 'Othr'; did you mean 'Other\.ssd'\? \(there are: SystemStructure\.ssd, Other\.ssd\)",
-    ):
+    with raises(SspError):
         System.from_ssp(path, variant="Othr")
 
 
@@ -396,8 +393,8 @@ def test_a_folder_is_read_too(follower, tmp_path):
 # -------------------------------------------------------------------------------------------------- what is wrong
 
 
-def broken(follower: dict[int, Path]) -> dict[str, tuple[dict[str, Any], str]]:
-    """Files, and what is said of them."""
+def broken(follower: dict[int, Path]) -> dict[str, dict[str, Any]]:
+    """Files that a reader refuses."""
     fmu = follower[2]
     one, wire = p.component("one", "f.fmu", *PAIR), p.connection
     two = one + p.component("two", "f.fmu", *PAIR)
@@ -415,269 +412,172 @@ def broken(follower: dict[int, Path]) -> dict[str, tuple[dict[str, Any], str]]:
         + "</ssd:Elements></ssd:System>" * 30
     )
     return {
-        "nothing": ({"readme.txt": "hello"}, r"is not an SSP: it holds no SystemStructure\.ssd"),
-        "not xml": ({SSD: "hello"}, "not well-formed"),
-        "another element": (
-            {SSD: f'<ssv:ParameterSet {p.NAMESPACES} version="1.0" name="x"><ssv:Parameters/></ssv:ParameterSet>'},
-            "ParameterSet, not SystemStructureDescription",
+        "nothing": {"readme.txt": "hello"},
+        "not xml": {SSD: "hello"},
+        "another element": {
+            SSD: f'<ssv:ParameterSet {p.NAMESPACES} version="1.0" name="x"><ssv:Parameters/></ssv:ParameterSet>'
+        },
+        "bomb": {SSD: '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><x>&b;</x>'},
+        "no component": of(p.system("top", "").replace("<ssd:Elements></ssd:Elements>", "")),
+        "missing fmu": of(p.system("top", p.component("one", "F.fmu"))),
+        "outside": of(p.system("top", p.component("one", "../../f.fmu"))),
+        "outside, encoded": of(p.system("top", p.component("one", "%2e%2e/%2e%2e/f.fmu"))),
+        "absolute": of(p.system("top", p.component("one", "/etc/passwd"))),
+        "elsewhere": of(p.system("top", p.component("one", "http://example.com/f.fmu"))),
+        "local file": of(p.system("top", p.component("one", "file:///etc/passwd"))),
+        "archive leads out": {SSD: p.structure(p.system("top", one)), "../f.fmu": fmu},
+        "no fmu": of(p.system("top", p.component("one", "f.txt")), **{"f.txt": "hello"}),
+        "no source": of(p.system("top", '<ssd:Component name="one"/>')),
+        "other type": of(p.system("top", p.component("one", "f.fmu", more='type="application/x-modelica"'))),
+        "model exchange": of(p.system("top", p.component("one", "f.fmu", more='implementation="ModelExchange"'))),
+        "twice": of(p.system("top", one + one)),
+        "connector twice": of(p.system("top", p.component("one", "f.fmu", *PAIR, "u:input"))),
+        "same after blanks": of(p.system("top", p.component("a b", "f.fmu") + p.component("a_b", "f.fmu"))),
+        "unknown element": wired(wire("on.y", "two.u")),
+        "unknown connector": wired(wire("one.yy", "two.u")),
+        "connector without variable": of(
+            p.system("top", two.replace('name="y"', 'name="why"'), wire("one.why", "two.u"))
         ),
-        "bomb": ({SSD: '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><x>&b;</x>'}, "document type declaration"),
-        "no component": (
-            of(p.system("top", "").replace("<ssd:Elements></ssd:Elements>", "")),
-            "there is no component in it",
+        "two outputs": wired(wire("one.y", "two.y")),
+        "two inputs": wired(wire("one.u", "two.u")),
+        "driven twice": wired(wire("one.y", "two.u") + wire("two.y", "two.u")),
+        "wrong kind": of(
+            p.system(
+                "top",
+                two.replace('name="u" kind="input"', 'name="u" kind="output"').replace(
+                    'name="y" kind="output"', 'name="y" kind="input"'
+                ),
+                wire("one.u", "two.y"),
+            )
         ),
-        "missing fmu": (
-            of(p.system("top", p.component("one", "F.fmu"))),
-            r"component 'one': 'F\.fmu' is not in it; did you mean 'f\.fmu'",
+        "wrong type": of(
+            p.system(
+                "top",
+                p.component("one", "f.fmu", *PAIR) + p.component("two", "f.fmu", "on:input:Boolean"),
+                wire("one.y", "two.on"),
+            )
         ),
-        "outside": (of(p.system("top", p.component("one", "../../f.fmu"))), "leads out of it"),
-        "outside, encoded": (of(p.system("top", p.component("one", "%2e%2e/%2e%2e/f.fmu"))), "leads out of it"),
-        "absolute": (of(p.system("top", p.component("one", "/etc/passwd"))), "no relative path"),
-        "elsewhere": (
-            of(p.system("top", p.component("one", "http://example.com/f.fmu"))),
-            "is elsewhere; what an SSP uses must be in it",
+        "units that differ": of(
+            p.system(
+                "top",
+                p.component("one", "f.fmu", *PAIR)
+                + p.system("sub", p.component("two", "f.fmu", *PAIR), wire("m", "two.u"), "m:input:Real:kg"),
+                wire("one.y", "sub.m"),
+            )
         ),
-        "local file": (of(p.system("top", p.component("one", "file:///etc/passwd"))), "is elsewhere"),
-        "archive leads out": ({SSD: p.structure(p.system("top", one)), "../f.fmu": fmu}, "outside of itself"),
-        "no fmu": (
-            of(p.system("top", p.component("one", "f.txt")), **{"f.txt": "hello"}),
-            r"component 'one': f\.txt is not an FMU",
+        "unknown unit": of(p.system("top", p.component("one", "f.fmu", "u:input:Real:furlong"))),
+        "unknown transformation": wired(wire("one.y", "two.u", '<ssc:CubicTransformation factor="2"/>')),
+        "no number": wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="much"/>')),
+        "infinite": wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="INF"/>')),
+        "half a mapping": wired(
+            wire(
+                "one.y",
+                "two.u",
+                '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true"'
+                ' target="true"/></ssc:BooleanMappingTransformation>',
+            )
         ),
-        "no source": (of(p.system("top", '<ssd:Component name="one"/>')), "component 'one' has no source"),
-        "other type": (
-            of(p.system("top", p.component("one", "f.fmu", more='type="application/x-modelica"'))),
-            "is of type 'application/x-modelica'",
+        "table of reals": wired(
+            wire(
+                "one.y",
+                "two.u",
+                '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1"'
+                ' target="2"/></ssc:IntegerMappingTransformation>',
+                'suppressUnitConversion="true"',
+            )
         ),
-        "model exchange": (
-            of(p.system("top", p.component("one", "f.fmu", more='implementation="ModelExchange"'))),
-            "'one' is to run as ModelExchange",
+        "mapped twice": wired(
+            wire(
+                "one.y",
+                "two.u",
+                '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/><ssc:MapEntry source="1"'
+                ' target="3"/></ssc:IntegerMappingTransformation>',
+            )
         ),
-        "twice": (of(p.system("top", one + one)), "already an element 'one'"),
-        "connector twice": (
-            of(p.system("top", p.component("one", "f.fmu", *PAIR, "u:input"))),
-            "already a connector 'u' of 'one'",
+        "calculated parameter": of(
+            p.system(
+                "top",
+                p.component("one", "f.fmu", "y:calculatedParameter") + p.component("two", "f.fmu", "rate:parameter"),
+                wire("one.y", "two.rate"),
+            )
         ),
-        "same after blanks": (
-            of(p.system("top", p.component("a b", "f.fmu") + p.component("a_b", "f.fmu"))),
-            "two components would be 'a_b'",
+        "in a circle": of(
+            p.system(
+                "top",
+                p.system("s", one, wire("a", "b") + wire("a", "one.u"), "a:input", "b:output"),
+                wire("s.b", "s.a"),
+            )
         ),
-        "unknown element": (wired(wire("on.y", "two.u")), "no element 'on'; did you mean 'one'"),
-        "unknown connector": (wired(wire("one.yy", "two.u")), "'one' has no connector 'yy'; did you mean 'y'"),
-        "connector without variable": (
-            of(p.system("top", two.replace('name="y"', 'name="why"'), wire("one.why", "two.u"))),
-            "has no variable 'why'",
+        "in itself": of(p.system("top", p.component("again", SSD, more=described))),
+        "in itself by two": of(
+            p.system("top", p.component("b", "b.ssd", more=described)),
+            **{"b.ssd": p.structure(p.system("b", p.component("a", SSD, more=described)))},
         ),
-        "two outputs": (wired(wire("one.y", "two.y")), r"both ends give a value \(output and output\)"),
-        "two inputs": (wired(wire("one.u", "two.u")), "both ends take a value"),
-        "driven twice": (wired(wire("one.y", "two.u") + wire("two.y", "two.u")), "already has its value from one.y"),
-        "wrong kind": (
-            of(
-                p.system(
-                    "top",
-                    two.replace('name="u" kind="input"', 'name="u" kind="output"').replace(
-                        'name="y" kind="output"', 'name="y" kind="input"'
-                    ),
-                    wire("one.u", "two.y"),
-                )
-            ),
-            "u' is an input, not an output",
-        ),
-        "wrong type": (
-            of(
-                p.system(
-                    "top",
-                    p.component("one", "f.fmu", *PAIR) + p.component("two", "f.fmu", "on:input:Boolean"),
-                    wire("one.y", "two.on"),
-                )
-            ),
-            "types differ, Real to Boolean",
-        ),
-        "units that differ": (
-            of(
-                p.system(
-                    "top",
-                    p.component("one", "f.fmu", *PAIR)
-                    + p.system("sub", p.component("two", "f.fmu", *PAIR), wire("m", "two.u"), "m:input:Real:kg"),
-                    wire("one.y", "sub.m"),
-                )
-            ),
-            r"units differ, \[rad\] to \[kg\]",
-        ),
-        "unknown unit": (
-            of(p.system("top", p.component("one", "f.fmu", "u:input:Real:furlong"))),
-            "the unit 'furlong', which is not among the Units",
-        ),
-        "unknown transformation": (
-            wired(wire("one.y", "two.u", '<ssc:CubicTransformation factor="2"/>')),
-            "no transformation 'CubicTransformation'",
-        ),
-        "no number": (
-            wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="much"/>')),
-            "factor is 'much', no finite number",
-        ),
-        "infinite": (
-            wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="INF"/>')),
-            "factor is 'INF', no finite number",
-        ),
-        "half a mapping": (
-            wired(
-                wire(
-                    "one.y",
-                    "two.u",
-                    '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true"'
-                    ' target="true"/></ssc:BooleanMappingTransformation>',
-                )
-            ),
-            "not what false does",
-        ),
-        "table of reals": (
-            wired(
-                wire(
-                    "one.y",
-                    "two.u",
-                    '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1"'
-                    ' target="2"/></ssc:IntegerMappingTransformation>',
-                    'suppressUnitConversion="true"',
-                )
-            ),
-            "integers are mapped, but it is Real to Real",
-        ),
-        "mapped twice": (
-            wired(
-                wire(
-                    "one.y",
-                    "two.u",
-                    '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/><ssc:MapEntry source="1"'
-                    ' target="3"/></ssc:IntegerMappingTransformation>',
-                )
-            ),
-            "1 is mapped twice",
-        ),
-        "calculated parameter": (
-            of(
-                p.system(
-                    "top",
-                    p.component("one", "f.fmu", "y:calculatedParameter")
-                    + p.component("two", "f.fmu", "rate:parameter"),
-                    wire("one.y", "two.rate"),
-                )
-            ),
-            "calculated parameter is handed on when components are initialized",
-        ),
-        "in a circle": (
-            of(
-                p.system(
-                    "top",
-                    p.system("s", one, wire("a", "b") + wire("a", "one.u"), "a:input", "b:output"),
-                    wire("s.b", "s.a"),
-                )
-            ),
-            "comes from itself",
-        ),
-        "in itself": (of(p.system("top", p.component("again", SSD, more=described))), "cyclic nesting"),
-        "in itself by two": (
-            of(
-                p.system("top", p.component("b", "b.ssd", more=described)),
-                **{"b.ssd": p.structure(p.system("b", p.component("a", SSD, more=described)))},
-            ),
-            "cyclic nesting",
-        ),
-        "in itself by id": (
-            of(p.system("top", p.component("a", "#me", more=described), more='id="me"')),
-            "cyclic nesting",
-        ),
-        "no such id": (of(p.system("top", p.component("a", "#you", more=described))), "no System with the id 'you'"),
-        "too deep": (of(p.system("top", deep)), "nested more than 20 deep"),
-        "too many": (
-            of(
-                p.system("top", p.component("a", "1.ssd", more=described)),
-                **{
-                    f"{k}.ssd": p.structure(
-                        p.system(
-                            "s",
-                            "".join(
-                                p.component(
-                                    f"c{i}", f"{k + 1}.ssd" if k < 6 else "f.fmu", more=described if k < 6 else ""
-                                )
-                                for i in range(8)
-                            ),
-                        )
-                    )
-                    for k in range(1, 7)
-                },
-            ),
-            "more than 10000 components",
-        ),
-        "no dictionary": (
-            of(
-                p.system(
-                    "top",
-                    one
-                    + '<ssd:SignalDictionaryReference name="r" dictionary="d">'
-                    + p.connectors("x:inout")
-                    + "</ssd:SignalDictionaryReference>",
-                    wire("one.y", "r.x"),
-                )
-            ),
-            "no signal dictionary 'd'",
-        ),
-        "missing parameters": (
-            of(p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>'))),
-            r"'p\.ssv' is not in it",
-        ),
-        "not parameters": (
-            of(
-                p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>')),
-                **{"p.ssv": p.structure(p.system("top", one))},
-            ),
-            "holds SystemStructureDescription, not ParameterSet",
-        ),
-        "text for a number": (
-            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(rate="String fast"))))),
-            "component 'one', parameter 'rate': 'fast' is no number",
-        ),
-        "unit of a parameter": (
-            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(u="Real 1@kg"))))),
-            "its unit is kg, that of the variable deg",
-        ),
-        "value of an output": (
-            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(y="Real 1"))))),
-            "one.y cannot be set",
-        ),
-        "half a whole number": (
-            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(count_in="Real 1.5"))))),
-            "count_in is an Integer, not 1.5",
-        ),
-        "several values": (
-            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values("2.0", rate="Real 1 2"))))),
-            r"rate has 2 value\(s\) for 1",
-        ),
-        "parameter twice": (
-            of(
-                p.system(
-                    "top",
-                    p.component(
-                        "one",
-                        "f.fmu",
-                        bindings=p.inline(
-                            p.values(rate="Real 1").replace(
-                                "</ssv:Parameters>",
-                                '<ssv:Parameter name="rate"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters>',
-                            )
+        "in itself by id": of(p.system("top", p.component("a", "#me", more=described), more='id="me"')),
+        "no such id": of(p.system("top", p.component("a", "#you", more=described))),
+        "too deep": of(p.system("top", deep)),
+        "too many": of(
+            p.system("top", p.component("a", "1.ssd", more=described)),
+            **{
+                f"{k}.ssd": p.structure(
+                    p.system(
+                        "s",
+                        "".join(
+                            p.component(f"c{i}", f"{k + 1}.ssd" if k < 6 else "f.fmu", more=described if k < 6 else "")
+                            for i in range(8)
                         ),
-                    ),
+                    )
                 )
-            ),
-            "already a parameter 'rate'",
+                for k in range(1, 7)
+            },
         ),
-        "step of zero": (
-            of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "0")))),
-            "StepSizeHint value must be positive",
+        "no dictionary": of(
+            p.system(
+                "top",
+                one
+                + '<ssd:SignalDictionaryReference name="r" dictionary="d">'
+                + p.connectors("x:inout")
+                + "</ssd:SignalDictionaryReference>",
+                wire("one.y", "r.x"),
+            )
         ),
-        "step of words": (
-            of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "soon")))),
-            "'soon' is no number of seconds",
+        "missing parameters": of(
+            p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>'))
         ),
+        "not parameters": of(
+            p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>')),
+            **{"p.ssv": p.structure(p.system("top", one))},
+        ),
+        "text for a number": of(
+            p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(rate="String fast"))))
+        ),
+        "unit of a parameter": of(
+            p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(u="Real 1@kg"))))
+        ),
+        "value of an output": of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(y="Real 1"))))),
+        "half a whole number": of(
+            p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(count_in="Real 1.5"))))
+        ),
+        "several values": of(
+            p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values("2.0", rate="Real 1 2"))))
+        ),
+        "parameter twice": of(
+            p.system(
+                "top",
+                p.component(
+                    "one",
+                    "f.fmu",
+                    bindings=p.inline(
+                        p.values(rate="Real 1").replace(
+                            "</ssv:Parameters>",
+                            '<ssv:Parameter name="rate"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters>',
+                        )
+                    ),
+                ),
+            )
+        ),
+        "step of zero": of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "0")))),
+        "step of words": of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "soon")))),
     }
 
 
@@ -685,33 +585,32 @@ NAMES = sorted(broken({2: Path()}))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_wrong_is_said_in_a_sentence(follower: dict[int, Path], tmp_path: Path, name: str) -> None:
-    files, message = broken(follower)[name]
-    path = p.package(tmp_path / "Bad.ssp", files)
+def test_what_is_wrong_is_said_in_a_sentence(follower: dict[int, Path], tmp_path: Path, name: str, raises) -> None:
+    path = p.package(tmp_path / "Bad.ssp", broken(follower)[name])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SspWarning)
-        with pytest.raises(SspError, match=message) as error:
+        with raises(SspError) as error:
             System.from_ssp(path)
     assert "\n" not in str(error.value)
     assert "Bad.ssp" in str(error.value)
     assert "cosim-ssp-" not in str(error.value)  # the folder where it was unpacked is nobody's business
 
 
-def test_files_that_are_no_archives(tmp_path):
-    for content, message in (
-        (b"", "is not an SSP or is incomplete"),
-        (b"PK\x03\x04 cut", "is not an SSP or is incomplete"),
+def test_files_that_are_no_archives(tmp_path, raises):
+    for content in (
+        b"",
+        b"PK\x03\x04 cut",
     ):
         (tmp_path / "x.ssp").write_bytes(content)
-        with pytest.raises(SspError, match=message):
+        with raises(SspError):
             System.from_ssp(tmp_path / "x.ssp")
-    with pytest.raises(SspError, match=re.escape("no such SSP") + r".*did you mean 'x\.ssp'"):
+    with raises(SspError):
         System.from_ssp(tmp_path / "y.ssp")
     with warnings.catch_warnings(), zipfile.ZipFile(tmp_path / "twice.ssp", "w") as archive:
         warnings.simplefilter("ignore")
         for _ in range(2):
             archive.writestr(SSD, p.structure(p.system("top", "")))
-    with pytest.raises(SspError, match="more than one SystemStructure"):
+    with raises(SspError):
         System.from_ssp(tmp_path / "twice.ssp")
 
 
@@ -725,15 +624,15 @@ def test_deviations_from_the_standard_are_warned_of(follower, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("unit", "read_as", "value"),
+    ("unit", "value"),
     [
-        ("", "no unit", 90.0),
-        ("[-]", "no unit", 90.0),
-        ("[rad]", "'rad'", math.degrees(90.0)),
-        ("rad", "'rad'", math.degrees(90.0)),
+        ("", 90.0),
+        ("[-]", 90.0),
+        ("[rad]", math.degrees(90.0)),
+        ("rad", math.degrees(90.0)),
     ],
 )
-def test_units_that_tools_write_though_the_file_does_not_define_them(follower, tmp_path, unit, read_as, value):
+def test_units_that_tools_write_though_the_file_does_not_define_them(follower, tmp_path, unit, value, warns):
     """Published files of two tools have `unit=""` and `unit="[m]"`.
 
     One warning for each text, of connectors and of parameters.
@@ -746,9 +645,7 @@ def test_units_that_tools_write_though_the_file_does_not_define_them(follower, t
         p.UNITS, p.UNITS.replace('<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit>', "")
     )
     path = p.package(tmp_path / "U.ssp", {SSD: text, "f.fmu": follower[2]})
-    with pytest.warns(
-        SspWarning, match=f"has the unit {re.escape(repr(unit))}, which is not among the Units; it is read as {read_as}"
-    ) as told:
+    with warns(SspWarning, match=re.escape(repr(unit))) as told:
         system = System.from_ssp(path)
     assert len([w for w in told if "among the Units" in str(w.message)]) == 1
     assert system["one"].values["u"] == pytest.approx(value)

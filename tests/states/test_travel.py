@@ -121,36 +121,33 @@ More.__qualname__ = "SampledSaw"
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    "other",
     [
-        (lambda: chain(rename="law2"), r"'law' is not in this one"),
-        (
-            lambda: chain(law=Other),
-            r"'law' is another component than in the state: its class is Other, there SampledSaw",
-        ),
-        (lambda: chain(law=More), r"'law' is another component than in the state: its list of variables is .*input v"),
+        lambda: chain(rename="law2"),
+        lambda: chain(law=Other),
+        lambda: chain(law=More),
     ],
 )
-def test_another_system_is_refused_by_name_of_what_differs(other, said):
+def test_another_system_is_refused_by_name_of_what_differs(other, raises):
     state = SystemState.from_bytes(taken(chain()))
-    with pytest.raises(CosimError, match=said):
+    with raises(CosimError):
         other().initialize(state=state)
 
 
-def test_rates_and_wiring_may_change_at_a_common_multiple_of_all_steps():
+def test_rates_and_wiring_may_change_at_a_common_multiple_of_all_steps(raises):
     """As for states that never left: at the end of everybody's step."""
     at_end, within = (SystemState.from_bytes(taken(chain(), t)) for t in (0.1, 0.101))
-    for changed, said in (
-        (lambda: chain(delay=True), "plant.u is connected to law.y .delayed., in the state to law.y"),
-        (lambda: chain(step="1 ms"), "the step of 'plant' is 1/1000 s, in the state 1/500 s"),
+    for changed in (
+        lambda: chain(delay=True),
+        lambda: chain(step="1 ms"),
     ):
         assert changed().initialize(state=at_end).time == 0.1
-        with pytest.raises(CosimError, match=f"within a step.*{said}"):
+        with raises(CosimError):
             changed().initialize(state=within)
     assert chain().initialize(state=within).time == 0.101
 
 
-def test_another_fmu_under_the_same_name_is_refused(built_fmus):
+def test_another_fmu_under_the_same_name_is_refused(built_fmus, raises):
     def car(name, fmi):
         system = System()
         system.add("car", built_fmus.path(name, fmi), step="1 ms")
@@ -158,15 +155,15 @@ def test_another_fmu_under_the_same_name_is_refused(built_fmus):
 
     with car("QuarterCarHmmwv", 3) as system:
         state = SystemState.from_bytes(taken(system, 0.01))
-    for other, said in (
-        (("QuarterCarHmmwv", 2), r"its FMI version is 2\.0, there 3\.0"),
-        (("QuarterCarBench", 3), "its model is QuarterCarBench, there QuarterCarHmmwv"),
+    for other in (
+        ("QuarterCarHmmwv", 2),
+        ("QuarterCarBench", 3),
     ):
-        with car(*other) as system, pytest.raises(CosimError, match=f"'car' is another component.*{said}"):
+        with car(*other) as system, raises(CosimError):
             system.initialize(state=state)
 
 
-def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step():
+def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step(raises):
     state = SystemState.from_bytes(taken(two_rates(), 0.004))
     whole = two_rates().run(0.02)
     assert_tail(two_rates().run(0.02, state=state), whole, 0.004)
@@ -176,7 +173,7 @@ def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step()
         within = simulation.save()
         simulation.advance(0.02)
     system.run(0.02, state=within, record=["fast.y"])
-    with pytest.raises(CosimError, match=r"slow.y shows until the step of 'slow' ends: record or watch it where"):
+    with raises(CosimError):
         system.run(0.02, state=within)
 
 
@@ -225,17 +222,17 @@ class Remembers(PythonComponent):
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    "value",
     [
-        (np.random.default_rng(1), "its attribute what is of type Generator"),
-        ({"a": [1, {2, 3}]}, "its attribute what is of type set"),
-        (np.array(["a"]), "dtype <U1"),
-        (np.array([None]), "dtype object"),
-        (10**2000, "more than 1024 hexadecimal digits"),
-        (lambda: 1, "of type function"),
+        np.random.default_rng(1),
+        {"a": [1, {2, 3}]},
+        np.array(["a"]),
+        np.array([None]),
+        pytest.param(10**2000, id="large"),
+        lambda: 1,
     ],
 )
-def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, said):
+def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, raises):
     system = System()
     component = Remembers()
     component.given = None
@@ -244,11 +241,11 @@ def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, said):
         system["mind"].component.what = value
         if not callable(value):
             state = simulation.save()
-            with pytest.raises(CosimError, match=f"cannot leave its process, because of 'mind': .*{said}"):
+            with raises(CosimError):
                 state.to_bytes()
 
 
-def test_arrays_that_share_memory_are_refused():
+def test_arrays_that_share_memory_are_refused(raises):
     system = System()
     component = Remembers()
     component.given = None
@@ -257,10 +254,10 @@ def test_arrays_that_share_memory_are_refused():
         component = system["mind"].component
         component.what = np.arange(4.0)
         component.part = component.what[1:]
-        with pytest.raises(CosimError, match="its attribute what and part share memory"):
+        with raises(CosimError):
             simulation.save().to_bytes()
         component.what, component.part = component._u, 1
-        with pytest.raises(CosimError, match="its attribute what and its inputs share memory"):
+        with raises(CosimError):
             simulation.save().to_bytes()
 
 
@@ -285,7 +282,7 @@ class Views(PythonComponent):
         y[0], y[1] = self.state.sum(), self.first[1]
 
 
-def test_arrays_that_share_memory_still_do_after_they_were_restored():
+def test_arrays_that_share_memory_still_do_after_they_were_restored(raises):
     system = System()
     system.add("views", Views(), step="1 ms")
     system.add("saw", Saw(), step="2 ms")
@@ -303,7 +300,7 @@ def test_arrays_that_share_memory_still_do_after_they_were_restored():
         views.state[:] = 7.0
         assert (views.first == 7.0).all()
         simulation.restore(state)
-        with pytest.raises(CosimError, match=r"its attribute state and \w+ share memory"):
+        with raises(CosimError):
             state.to_bytes()
 
 
@@ -332,25 +329,25 @@ def test_plain_data_comes_back_as_it_was():
     assert back["n"] is None
 
 
-def test_fmus_that_do_not_serialize_are_named(awkward_fmus):
+def test_fmus_that_do_not_serialize_are_named(awkward_fmus, raises):
     with System() as system:
         system.add("plant", awkward_fmus[3])
         system.add("saw", Saw(), step="1 ms")
         with system.initialize() as simulation:
             state = simulation.save()
-            with pytest.raises(CosimError, match=r"because of 'plant': its FMU does not serialize states"):
+            with raises(CosimError):
                 pickle.dumps(state)
             simulation.restore(state)  # here it can be used
 
 
-def test_states_without_a_copy_for_others(follower):
+def test_states_without_a_copy_for_others(follower, raises):
     with System() as system:
         system.add("plant", follower[3], step="1 ms")
         with system.initialize() as simulation:
             state = simulation.save(travels=False)
             simulation.advance(0.1)
             simulation.restore(state)
-            with pytest.raises(CosimError, match="'plant': it was saved with travels=False"):
+            with raises(CosimError):
                 state.to_bytes()
 
 
@@ -385,9 +382,9 @@ def test_every_flipped_byte_and_every_cut_is_refused(good):
     for i in range(len(good)):
         damaged = bytearray(good)
         damaged[i] ^= 1 << (i % 8)
-        with pytest.raises(CosimError, match=r"damaged or incomplete|does not begin with|is of version"):
+        with pytest.raises(CosimError, match="this state"):
             SystemState.from_bytes(bytes(damaged))
-        with pytest.raises(CosimError, match=r"damaged or incomplete|does not begin with"):
+        with pytest.raises(CosimError, match="this state"):
             SystemState.from_bytes(good[:i])
 
 
@@ -457,46 +454,46 @@ FORGED = [
 
 
 @pytest.mark.parametrize("change", FORGED, ids=range(len(FORGED)))
-def test_forged_states_are_refused_in_a_sentence(good, change):
-    with pytest.raises(CosimError, match=r"this state was not written by this program: .") as caught:
+def test_forged_states_are_refused_in_a_sentence(good, change, raises):
+    with raises(CosimError) as caught:
         SystemState.from_bytes(repacked(good, change))
     assert "\n" not in str(caught.value)
 
 
 USED = [
-    (value_of(np.nan), "the state's value of law.y is nan"),
-    (value_of(np.inf), "the state's value of law.y is inf"),
-    (lambda a, p: (a | {"keys": a["keys"][:-1]}, [p[0][:-8], *p[1:]]), "the state does not hold what"),
-    (lambda a, p: (a, [p[0], b"[]", p[2]]), "'law' does not hold its inputs"),
-    (lambda a, p: (a, [p[0], b"{}", p[2]]), "'law' is no list"),
-    (lambda a, p: (a, [p[0], b"[" * 10**6, p[2]]), "'law' cannot be read"),
-    (lambda a, p: (a, [p[0], p[1][:-1] + b',["step",["float","0000000000000000"]]]', p[2]]), "would replace its step"),
-    (lambda a, p: (a, [p[0], p[1][:-1] + b',["description",["none"]]]', p[2]]), "would replace its description"),
-    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","float64",[0],[1000000000000],""]]]', p[2]]), "of shape"),
-    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","object",[],[],""]]]', p[2]]), "cannot be read"),
-    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","bool",[],[],"Ag=="]]]', p[2]]), "neither true nor false"),
-    (lambda a, p: (a, [p[0], p[1], p[2][:-1]]), "fmi3DeserializeFMUState"),
-    (lambda a, p: (a, [p[0], p[1], b""]), "fmi3DeserializeFMUState"),
+    value_of(np.nan),
+    value_of(np.inf),
+    lambda a, p: (a | {"keys": a["keys"][:-1]}, [p[0][:-8], *p[1:]]),
+    lambda a, p: (a, [p[0], b"[]", p[2]]),
+    lambda a, p: (a, [p[0], b"{}", p[2]]),
+    lambda a, p: (a, [p[0], b"[" * 10**6, p[2]]),
+    lambda a, p: (a, [p[0], p[1][:-1] + b',["step",["float","0000000000000000"]]]', p[2]]),
+    lambda a, p: (a, [p[0], p[1][:-1] + b',["description",["none"]]]', p[2]]),
+    lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","float64",[0],[1000000000000],""]]]', p[2]]),
+    lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","object",[],[],""]]]', p[2]]),
+    lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","bool",[],[],"Ag=="]]]', p[2]]),
+    lambda a, p: (a, [p[0], p[1], p[2][:-1]]),
+    lambda a, p: (a, [p[0], p[1], b""]),
 ]
 
 
-@pytest.mark.parametrize(("change", "said"), USED, ids=range(len(USED)))
-def test_what_shows_only_when_it_is_used_is_refused_then(good, follower, change, said):
+@pytest.mark.parametrize("change", USED, ids=range(len(USED)))
+def test_what_shows_only_when_it_is_used_is_refused_then(good, follower, change, raises):
     state = SystemState.from_bytes(repacked(good, change))
     with System() as system:
         system.add("plant", follower[3], step="1 ms", start={"u": 1.0})
         system.add("law", SampledSaw(), step="2 ms")
         system.connect("plant.y", "law.u", delay=True)
-        with pytest.raises(CosimError, match=said):
+        with raises(CosimError):
             system.initialize(state=state)
         good_again = system.run(0.01, state=SystemState.from_bytes(good))
         assert np.isfinite(good_again.data).all()
 
 
-def test_sizes_are_compared_before_they_are_believed(good):
+def test_sizes_are_compared_before_they_are_believed(good, raises):
     for length in (2**63, 2**64 - 1, len(good), 2**27):
         body = struct.pack("<Q", length) + good[len(MAGIC) + 40 :]
-        with pytest.raises(CosimError, match="its parts do not fit together"):
+        with raises(CosimError):
             SystemState.from_bytes(MAGIC + packing.hashlib.sha256(body).digest() + body)
 
 
@@ -528,7 +525,7 @@ def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
     return system
 
 
-def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower):
+def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, raises):
     with wired_pair(follower) as system, system.initialize(record=["b.y"]) as simulation:
         simulation.advance(0.5)
         travelled = SystemState.from_bytes(simulation.save().to_bytes())
@@ -536,7 +533,7 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower):
         assert not system["a"].component._states
         assert travelled.owner is None
         assert not travelled.members
-        with pytest.raises(CosimError, match="another simulation"):
+        with raises(CosimError):
             simulation.restore(travelled)
         fork = system.initialize(record=["b.y"], state=travelled)  # in the system where it comes from
         fork.advance(0.6)

@@ -30,28 +30,27 @@ class Ride(Base):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    "given",
     [
-        ({"road": "sien"}, "no road 'sien'; did you mean 'sine'? (there are: sine, curb)"),
-        ({"road": 3}, "road 3: give a text"),
-        ({"speed_kmh": 1.0}, "speed_kmh is 1 km/h; give a number from 2 to 200 km/h"),
-        ({"speed_kmh": 201}, "speed_kmh is 201 km/h; give a number from 2 to 200 km/h"),
-        ({"speed_kmh": 200.0000001}, "speed_kmh is 200.0000001 km/h; give a number from 2 to 200 km/h"),
-        ({"speed_kmh": float("nan")}, "speed_kmh is nan km/h; give a number from 2 to 200 km/h"),
-        ({"speed_kmh": "fast"}, "speed_kmh 'fast': give a number"),
-        ({"speed_kmh": True}, "speed_kmh True: give a number"),
-        ({"speed_kmh": None}, "speed_kmh None: give a number"),
-        ({"law": "passive", "hold": True}, "hold is for the law preview only"),
-        ({"hold": 1}, "hold 1: give True or False"),
-        ({"mass": 0.0}, "mass is 0 kg; give a number from 1 to 10000 kg"),
-        ({"parts": 2.5}, "parts 2.5: give a whole number"),
-        ({"parts": 5}, "parts is 5; give a number from 1 to 4"),
+        {"road": "sien"},
+        {"road": 3},
+        {"speed_kmh": 1.0},
+        {"speed_kmh": 201},
+        {"speed_kmh": 200.0000001},
+        {"speed_kmh": float("nan")},
+        {"speed_kmh": "fast"},
+        {"speed_kmh": True},
+        {"speed_kmh": None},
+        {"law": "passive", "hold": True},
+        {"hold": 1},
+        {"mass": 0.0},
+        {"parts": 2.5},
+        {"parts": 5},
     ],
 )
-def test_what_cannot_be_run_cannot_be_made(given, message) -> None:
-    with pytest.raises(CaseError) as refused:
+def test_what_cannot_be_run_cannot_be_made(given, raises) -> None:
+    with raises(CaseError):
         Ride(**given)
-    assert message in str(refused.value)
 
 
 def test_bounds_and_files_are_accepted() -> None:
@@ -183,15 +182,15 @@ def test_a_key_knows_no_difference_between_1_and_1_0() -> None:
     assert list(values(Ride())) == [f.name for f in sorted(dataclasses.fields(Ride), key=lambda f: f.kw_only)]
 
 
-def test_grids() -> None:
+def test_grids(raises) -> None:
     cases = grid(Ride, speed_kmh=(30, 50), law=("passive", "preview"))
     assert [(c.speed_kmh, c.law) for c in cases] == [(30, "passive"), (30, "preview"), (50, "passive"), (50, "preview")]
     assert [f.name for f in differing(cases)] == ["speed", "law"]
-    with pytest.raises(CaseError, match="no field of Ride 'sped'"):
+    with raises(CaseError):
         grid(Ride, sped=(1,))
 
 
-def test_cases_of_a_function() -> None:
+def test_cases_of_a_function(raises) -> None:
     def system(speed: float = 30.0, name="car", laps: int = option(2, within=(1, 9), help="laps")):
         return speed, name, laps
 
@@ -201,23 +200,23 @@ def test_cases_of_a_function() -> None:
         ("name", str, "car"),
         ("laps", int, 2),
     ]
-    with pytest.raises(CaseError, match="laps is 10; give a number from 1 to 9"):
+    with raises(CaseError):
         case(laps=10)
 
 
 @pytest.mark.parametrize(
-    ("function", "message"),
+    "function",
     [
-        (lambda speed: speed, "argument 'speed' needs a name and a default"),
-        (lambda **more: more, "argument 'more' needs"),
+        lambda speed: speed,
+        lambda **more: more,
     ],
 )
-def test_functions_without_options(function, message) -> None:
-    with pytest.raises(CaseError, match=message):
+def test_functions_without_options(function, raises) -> None:
+    with raises(CaseError):
         case_of(function)
 
 
-def test_classes_that_are_no_cases() -> None:
+def test_classes_that_are_no_cases(raises) -> None:
     @dataclass(frozen=True)
     class Odd:
         road: list = dataclasses.field(default_factory=list)
@@ -226,16 +225,16 @@ def test_classes_that_are_no_cases() -> None:
     class Bare:
         speed: float
 
-    for made, message in (
-        (Odd, "a field is a str, int, float or bool"),
-        (Bare, "needs a default"),
-        (int, "is no dataclass"),
+    for made in (
+        Odd,
+        Bare,
+        int,
     ):
-        with pytest.raises(CaseError, match=message):
+        with raises(CaseError):
             fields(made)
 
 
-def test_choices_that_are_numbers() -> None:
+def test_choices_that_are_numbers(raises) -> None:
     check_choice("side", 1, (0, 1))
-    with pytest.raises(CaseError, match=r"no side 2 \(there are: 0, 1\)"):
+    with raises(CaseError):
         check_choice("side", 2, (0, 1))

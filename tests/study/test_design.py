@@ -47,7 +47,7 @@ def test_distributions(text: str, law) -> None:
     np.testing.assert_allclose(axis(text).at(u), law.ppf(u), rtol=1e-9)
 
 
-def test_seeds_from_one_to_many() -> None:
+def test_seeds_from_one_to_many(raises) -> None:
     """`1..N` is every whole number from 1 to N: once each in a grid, and in a Latin hypercube of N samples."""
     seeds = axis("road.seed=1..200")
     assert seeds.grid() == list(range(1, 201))
@@ -56,7 +56,7 @@ def test_seeds_from_one_to_many() -> None:
     assert Design((seeds, axis("x=0:1:3")), "grid").runs == 600
     assert axis("n=-2..2").grid() == [-2, -1, 0, 1, 2]
     assert axis("n=3..3").grid() == [3]
-    with pytest.raises(DesignError, match="the range 5 to 2 is upside down"):
+    with raises(DesignError):
         axis("n=5..2")
 
 
@@ -84,7 +84,7 @@ def test_levels_of_morris_are_split_evenly_among_whole_numbers(first: int, last:
     assert Axis("n", "uniform", (-3, 3), whole=True).at(levels) == [-3, -2, -1, 0, 1, 2, 3, 3]
 
 
-def test_whole_numbers_stay_within_their_limits() -> None:
+def test_whole_numbers_stay_within_their_limits(raises) -> None:
     u = np.linspace(0, 1, 1001)
     for kind, numbers in (
         ("uniform", (-1.5, 1.5)),
@@ -95,31 +95,31 @@ def test_whole_numbers_stay_within_their_limits() -> None:
         assert (parameter.ends, set(parameter.at(u))) == ((-1, 1), {-1, 0, 1})
     assert Axis("n", "normal", (0.0, 1.0), whole=True).at(np.array([0.31, 0.5])) == [0, 0]
     assert Design((Axis("n", "uniform", (-1.5, 1.5), whole=True, count=9),), "grid").runs == 3
-    with pytest.raises(DesignError, match=r"n: there is no whole number between 0.2 and 0.8; give a wider range"):
+    with raises(DesignError):
         Axis("n", "uniform", (0.2, 0.8), whole=True)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("x", "write NAME=LOW:HIGH"),
-        ("x=", "write NAME=LOW:HIGH"),
-        ("x=2:1", "x: the range 2 to 1 is upside down or empty"),
-        ("x=1:1", "upside down or empty"),
-        ("x=1:b", "x: 'b' is no number"),
-        ("x=1:2:3:4", "a range is LOW:HIGH"),
-        ("x=1:2:1", "two values at least"),
-        ("x=nan:1", "finite"),
-        ("x=normal(1)", "normal needs mean, deviation, not 1 numbers"),
-        ("x=normal(1,0)", "positive deviation"),
-        ("x=lognormal(-1,1)", "positive deviation and median"),
-        ("x=triangular(0,5,1)", "the mode 5 is not between 0 and 1"),
-        ("x=truncnormal(0,1,3,2)", "upside down"),
-        ("x=nomal(1,2)", "no distribution 'nomal'; did you mean 'normal'"),
+        "x",
+        "x=",
+        "x=2:1",
+        "x=1:1",
+        "x=1:b",
+        "x=1:2:3:4",
+        "x=1:2:1",
+        "x=nan:1",
+        "x=normal(1)",
+        "x=normal(1,0)",
+        "x=lognormal(-1,1)",
+        "x=triangular(0,5,1)",
+        "x=truncnormal(0,1,3,2)",
+        "x=nomal(1,2)",
     ],
 )
-def test_what_is_refused(text: str, message: str) -> None:
-    with pytest.raises(DesignError, match=message):
+def test_what_is_refused(text: str, raises) -> None:
+    with raises(DesignError):
         axis(text)
 
 
@@ -162,16 +162,14 @@ def test_a_file_without_a_seed_gives_the_points_of_the_command(tmp_path: Path) -
     assert from_file(tmp_path / "a.toml") == by_command
 
 
-def test_options_of_the_command_count_beside_a_file(tmp_path: Path) -> None:
+def test_options_of_the_command_count_beside_a_file(tmp_path: Path, raises) -> None:
     file = tmp_path / "a.toml"
     file.write_text("samples = 64\nseed = 3\n[vary]\na = '10:20'\n")
     given = {"design": file, "vary": None, "method": "sobol", "samples": 8, "random_seed": None}
     found = _design(given)
     assert (found.method, found.samples, found.seed) == ("sobol", 8, 3)
     file.write_text("[[cases]]\na = 10\n")
-    with pytest.raises(
-        DesignError, match="lists its points \\(cases\\): leave out --samples, --method and --random-seed"
-    ):
+    with raises(DesignError):
         _design(given)
 
 
@@ -181,28 +179,28 @@ def test_latin_hypercubes_are_those_of_scipy() -> None:
     assert design.cube().tolist() == expected.tolist()
 
 
-def test_a_grid_has_all_combinations() -> None:
+def test_a_grid_has_all_combinations(raises) -> None:
     design = Design((axis("a=0:1:3"), axis("b=x,y")), "grid")
     assert design.columns() == [[0.0, 0.0, 0.5, 0.5, 1.0, 1.0], ["x", "y"] * 3]
     assert design.runs == 6
-    with pytest.raises(DesignError, match="a grid needs a range or a list, not a normal distribution"):
+    with raises(DesignError):
         Design((axis("a=normal(0,1)"),), "grid").columns()
 
 
 @pytest.mark.parametrize("method", ["sobol", "saltelli"])
-def test_sobol_sequences_come_in_powers_of_two(method: str) -> None:
-    with pytest.raises(DesignError, match=r"100 samples: .* balanced for powers of two only, such as 64 or 128"):
+def test_sobol_sequences_come_in_powers_of_two(method: str, raises) -> None:
+    with raises(DesignError):
         Design((ONE,), method, 100).columns()
 
 
-def test_designs_that_cannot_be() -> None:
-    for options, message in (
-        ({"axes": ()}, "nothing varies"),
-        ({"axes": (ONE, ONE)}, "a is given twice"),
-        ({"axes": (ONE,), "method": "lsh"}, "no method 'lsh'; did you mean 'lhs'"),
-        ({"axes": (ONE,), "samples": 0}, "0 samples"),
+def test_designs_that_cannot_be(raises) -> None:
+    for options in (
+        {"axes": ()},
+        {"axes": (ONE, ONE)},
+        {"axes": (ONE,), "method": "lsh"},
+        {"axes": (ONE,), "samples": 0},
     ):
-        with pytest.raises(DesignError, match=message):
+        with raises(DesignError):
             Design(**options)  # type: ignore[arg-type]
 
 
@@ -235,51 +233,51 @@ def test_design_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("metod = 1", "no entry 'metod'; did you mean 'method'"),
-        ("samples = 'many'", "samples is to be a whole number"),
-        ("samples = true", "samples is to be a whole number"),
-        ("seed = 'one'", "seed is to be a whole number"),
-        ("[vary]", "nothing varies"),
-        ("[vary]\nx = 3", "x: give a text such as '4000:6000', or a list of values"),
-        ("[vary]\nx = '2:1'", "upside down"),
-        ("[vary]\nx = []", "x: a list without values"),
-        ("seed = 1\n[[cases]]\nx = 1", "cases are a design of their own"),
-        ("[[cases]]\nx = 1\n[[cases]]\ny = 1", "case 2 names y; the first one names x"),
-        ("cases = []", "cases are to be tables"),
-        ("x = [", "Invalid value|Unclosed"),
+        "metod = 1",
+        "samples = 'many'",
+        "samples = true",
+        "seed = 'one'",
+        "[vary]",
+        "[vary]\nx = 3",
+        "[vary]\nx = '2:1'",
+        "[vary]\nx = []",
+        "seed = 1\n[[cases]]\nx = 1",
+        "[[cases]]\nx = 1\n[[cases]]\ny = 1",
+        "cases = []",
+        "x = [",
     ],
 )
-def test_design_files_that_are_refused(text: str, message: str, tmp_path: Path) -> None:
+def test_design_files_that_are_refused(text: str, tmp_path: Path, raises) -> None:
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises(DesignError, match=message) as refused:
+    with raises(DesignError) as refused:
         from_file(tmp_path / "a.toml")
     assert str(refused.value).startswith(str(tmp_path / "a.toml"))
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "message"),
+    ("name", "content"),
     [
-        ("no.toml", None, "does not exist"),
-        ("junk.toml", b"\xff\x00", "not a TOML file"),
-        ("junk.py", b"def :", "not a Python file"),
-        ("raises.py", b"\nopen('nowhere')", "line 2: FileNotFoundError"),
-        ("a.json", None, "a .toml or a .py file"),
-        ("b.py", b"X = 1", "DESIGN is to be a dict"),
+        ("no.toml", None),
+        ("junk.toml", b"\xff\x00"),
+        ("junk.py", b"def :"),
+        ("raises.py", b"\nopen('nowhere')"),
+        ("a.json", None),
+        ("b.py", b"X = 1"),
     ],
 )
-def test_files_that_are_none(name: str, content: bytes | None, message: str, tmp_path: Path) -> None:
+def test_files_that_are_none(name: str, content: bytes | None, tmp_path: Path, raises) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(DesignError, match=message):
+    with raises(DesignError):
         from_file(tmp_path / name)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a folder is opened like a file")
-def test_a_folder_is_no_design(tmp_path: Path) -> None:
+def test_a_folder_is_no_design(tmp_path: Path, raises) -> None:
     (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(DesignError, match="cannot be read: Is a directory"):
+    with raises(DesignError):
         from_file(tmp_path / "folder.toml")
 
 
@@ -312,11 +310,9 @@ def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...],
 
 
 @pytest.mark.parametrize("text", ["x=truncnormal(0,1e-200,1,2)", "x=lognormal(1,1e4)", "x=-1.5e308:1.5e308"])
-def test_values_that_are_no_numbers_are_refused(text: str) -> None:
+def test_values_that_are_no_numbers_are_refused(text: str, raises) -> None:
     with (
-        pytest.raises(
-            DesignError, match=r"x: values of .* are too far off to be numbers; bring its numbers nearer to each other"
-        ),
+        raises(DesignError),
         np.errstate(all="ignore"),
     ):
         axis(text).at(np.array([0.1, 0.5, 0.9]))
@@ -331,29 +327,29 @@ def test_where_both_ways_of_a_cut_distribution_meet() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    "text",
     [
-        ("x=0.1:0.2:inf", "x: 'inf' is no number of values"),
-        ("x=0.1:0.2:nan", "x: 'nan' is no number of values"),
-        ("x=0.1:0.2:2.5", "x: '2.5' is no number of values"),
+        "x=0.1:0.2:inf",
+        "x=0.1:0.2:nan",
+        "x=0.1:0.2:2.5",
     ],
 )
-def test_ranges_without_a_number_of_values(text: str, said: str) -> None:
-    with pytest.raises(DesignError, match=said):
+def test_ranges_without_a_number_of_values(text: str, raises) -> None:
+    with raises(DesignError):
         axis(text)
 
 
-def test_files_with_mistakes_of_their_own(tmp_path: Path) -> None:
+def test_files_with_mistakes_of_their_own(tmp_path: Path, raises) -> None:
     bad = tmp_path / "bad.py"
     bad.write_text("x = 1\nDESIGN = {'vary': y}\n")
-    with pytest.raises(DesignError, match=r"bad\.py, line 2: NameError: name 'y'"):
+    with raises(DesignError):
         from_file(bad)
     file = tmp_path / "bad.toml"
     file.write_text('seed = -1\n[vary]\nx = "0:1"\n')
-    with pytest.raises(DesignError, match=r"bad\.toml: the seed is -1; give 0 or more"):
+    with raises(DesignError):
         from_file(file)
     file.write_text('[set]\nx = 1.0\n[vary]\nx = "0:1"\n')
-    with pytest.raises(DesignError, match=r"bad\.toml: x is both set and varied"):
+    with raises(DesignError):
         from_file(file)
 
 

@@ -11,25 +11,23 @@ from cosim.study import ExperimentError, load
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("import no_such_module", "imports no_such_module, which is not installed"),
-        ("from cosim import Cosimulation", "cannot import name 'Cosimulation' from 'cosim'"),  # another project's
+        "import no_such_module",
+        "from cosim import Cosimulation",  # another project's
     ],
 )
-def test_what_a_file_imports_is_not_there(text: str, message: str, tmp_path: Path) -> None:
+def test_what_a_file_imports_is_not_there(text: str, tmp_path: Path, raises) -> None:
     file = tmp_path / "mine.py"
     file.write_text(text + "\n")
-    with pytest.raises(ExperimentError, match=message) as refused:
+    with raises(ExperimentError) as refused:
         load(str(file))
     assert str(file) in str(refused.value)
 
 
-def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     file = tmp_path / "mine.py"
     file.write_text("from build_fmus import extras\nextras.require('reports', 'this')\n")
     monkeypatch.setitem(extras.EXTRAS, "reports", ("no_such_module",))
-    with pytest.raises(
-        extras.MissingExtraError, match=r"this needs the extra \[reports\]: pip install 'suspension-fmus\[reports\]'"
-    ):
+    with raises(extras.MissingExtraError):
         load(str(file))

@@ -107,12 +107,12 @@ def results(failed: bool = True) -> Results:
 # ------------------------------------------------------------------------------------------------------------ results
 
 
-def test_what_comes_one_after_the_other_is_kept() -> None:
+def test_what_comes_one_after_the_other_is_kept(raises) -> None:
     """Tasks and entries may be given as iterators."""
     tasks, entries = [Task(Ride(v)) for v in (10.0, 20.0)], [{"metrics": {"heave": v}} for v in (0.1, 0.2)]
     found = Results(iter(tasks), iter(entries))
     assert [found[t.case]["heave"] for t in tasks] == [0.1, 0.2]
-    with pytest.raises(ValueError, match="2 tasks have 1 entries"):
+    with raises(ValueError):
         Results(iter(tasks), iter(entries[1:]))
 
 
@@ -136,18 +136,18 @@ def test_failures_are_counted_where_labels_are_alike() -> None:
     assert study.failure(Ride(50.00002)) == "1"
 
 
-def test_what_cannot_be_read_says_why() -> None:
+def test_what_cannot_be_read_says_why(raises) -> None:
     study = results()
-    for read, kind, message in (
-        (lambda: study[Ride(40.0)], KeyError, "the study has no run 40kmh"),
-        (lambda: study[3], KeyError, "the study has no run 3"),
-        (lambda: study[Ride(30.0, "curb")], RunFailed, "the run 30kmh-curb failed: ComponentError: it broke"),
-        (lambda: study.signals(Ride(30.0, "curb")), RunFailed, "the run 30kmh-curb failed"),
-        (lambda: study.signals(Ride(10.0)), KeyError, "the study kept no signals of the run 10kmh"),
-        (lambda: study.found(Match(4.0)), RunFailed, "the run match-4 failed: no weight does"),
-        (lambda: study.found(Match(9.0)), KeyError, "the study has no run match-9"),
+    for read, kind in (
+        (lambda: study[Ride(40.0)], KeyError),
+        (lambda: study[3], KeyError),
+        (lambda: study[Ride(30.0, "curb")], RunFailed),
+        (lambda: study.signals(Ride(30.0, "curb")), RunFailed),
+        (lambda: study.signals(Ride(10.0)), KeyError),
+        (lambda: study.found(Match(4.0)), RunFailed),
+        (lambda: study.found(Match(9.0)), KeyError),
     ):
-        with pytest.raises(kind, match=message):
+        with raises(kind):
             read()
 
 
@@ -171,7 +171,7 @@ def test_results_of_a_part() -> None:
 # -------------------------------------------------------------------------------------------------------------- claims
 
 
-def test_what_a_claim_carries_to_the_report() -> None:
+def test_what_a_claim_carries_to_the_report(raises) -> None:
     claims = ClaimList()
     band = Band(2.0, 4.0, "as printed")
 
@@ -220,7 +220,7 @@ def test_what_a_claim_carries_to_the_report() -> None:
         "here",
     )
     assert (done.value, done.unit, done.criterion, done.fitted, done.own) == (6.0, "runs", "seven", "nothing", True)
-    with pytest.raises(ValueError, match="there is a statement 'size' already"):
+    with raises(ValueError):
         claims.check("size", "Again", expected="")
     (kept,) = judged.evidence
     assert (kept.claim, kept.quantity, kept.unit) == ("size", "sizes", "mm")

@@ -327,14 +327,14 @@ class Full:
         return getattr(self.file, name)
 
 
-def test_a_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
+def test_a_full_disk_keeps_what_is_there(tmp_path: Path, raises) -> None:
     """The error names the file, no half line stays, and with room again the same process goes on."""
     store = runs(tmp_path)
     store.put(1, {"n": 1})
     (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
     store.store._file = Full(store.store._file, 20)
-    with pytest.raises(OSError, match="No space left") as caught:
+    with raises(OSError) as caught:
         store.put(2, {"n": 2})
     assert caught.value.filename == str(path)
     assert "free disk space there" in safe_files.sentence(caught.value)
@@ -347,7 +347,7 @@ def test_a_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full")
-def test_a_batch_that_does_not_fit_leaves_its_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_batch_that_does_not_fit_leaves_its_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     store = runs(tmp_path)
     store.put(1, {"n": 1})
 
@@ -355,7 +355,7 @@ def test_a_batch_that_does_not_fit_leaves_its_lines(tmp_path: Path, monkeypatch:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(pq, "write_table", full)
-    with pytest.raises(OSError, match=r"No space left.*\.parquet"):
+    with raises(OSError):
         store.store.flush()
     assert [p.suffix for p in tmp_path.iterdir()] == [".lines"]
     assert runs(tmp_path).get(1) == {"n": 1}
@@ -372,7 +372,7 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize("flushed", [False, True])
-def test_an_edited_result_is_made_again(tmp_path: Path, flushed: bool) -> None:
+def test_an_edited_result_is_made_again(tmp_path: Path, flushed: bool, warns) -> None:
     store = runs(tmp_path)
     store.put(["case", 1], {"J": 1.5})
     store.put(["case", 2], {"J": 2.5})
@@ -381,7 +381,7 @@ def test_an_edited_result_is_made_again(tmp_path: Path, flushed: bool) -> None:
     (path,) = tmp_path.iterdir()
     edit(path, "1.5", "0.5")
     store = runs(tmp_path)
-    with pytest.warns(DamagedWarning, match=r"is damaged: it is made again"), pytest.raises(NotStored):
+    with warns(DamagedWarning), pytest.raises(NotStored):
         store.get(["case", 1])
     assert store.get(["case", 2]) == {"J": 2.5}
     store.put(["case", 1], {"J": 1.5})

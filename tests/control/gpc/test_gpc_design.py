@@ -127,17 +127,17 @@ class TestPredictor:
         assert predictor.gamma.shape == (3, 0)
 
     @pytest.mark.parametrize(
-        ("h_p", "h_c", "message"),
+        ("h_p", "h_c"),
         [
-            (0, 1, "h_p is 0; give a whole number of at least 1"),
-            (4, 5, "h_c = 5 exceeds"),
-            (4, 0, "h_c is 0; give a whole number of at least 1"),
-            (2.0, 1, "whole number"),
-            (True, 1, "h_p"),
+            (0, 1),
+            (4, 5),
+            (4, 0),
+            (2.0, 1),
+            (True, 1),
         ],
     )
-    def test_refuses_horizons(self, model, h_p, h_c, message):
-        with pytest.raises(ValueError, match=message):
+    def test_refuses_horizons(self, model, h_p, h_c, raises):
+        with raises(ValueError):
             multi_step_predictor(model, h_p, h_c)
 
 
@@ -150,17 +150,17 @@ class TestModel:
         np.testing.assert_array_equal(rest, whole[20:])
 
     @pytest.mark.parametrize(
-        ("change", "message"),
+        "change",
         [
-            ({"alpha": np.zeros((2, 3, 2))}, r"alpha has shape \(2, 3, 2\)"),
-            ({"alpha": np.zeros((2, 3))}, "alpha has 2 dimensions"),
-            ({"beta": np.zeros((5, 3, 4))}, r"beta has shape \(5, 3, 4\).*\(6, 3, rc\)"),
-            ({"delta": np.zeros((6, 2, 4))}, r"delta has shape \(6, 2, 4\)"),
-            ({"beta": np.full((6, 3, 4), np.nan)}, r"beta\[0, 0, 0\] is nan"),
+            {"alpha": np.zeros((2, 3, 2))},
+            {"alpha": np.zeros((2, 3))},
+            {"beta": np.zeros((5, 3, 4))},
+            {"delta": np.zeros((6, 2, 4))},
+            {"beta": np.full((6, 3, 4), np.nan)},
         ],
     )
-    def test_refuses_shapes(self, model, change, message):
-        with pytest.raises(ValueError, match=message):
+    def test_refuses_shapes(self, model, change, raises):
+        with raises(ValueError):
             replace(model, **change)
 
     def test_refuses_signals(self, model):
@@ -267,7 +267,7 @@ class TestIdentification:
         spoiled[:100] = rng.standard_normal((100, 2))
         np.testing.assert_array_equal(identify_arx(u, spoiled, order=3, samples=100).model.alpha, found.model.alpha)
 
-    def test_drops_rows_without_variance(self, rng):
+    def test_drops_rows_without_variance(self, rng, raises):
         truth = random_arx(rng, p=2, m=2, rc=2, rd=2)
         u, d = rng.standard_normal((200, 2)), rng.standard_normal((200, 2))
         u[:, 1], d[:, 0] = 0.0, 0.0
@@ -279,7 +279,7 @@ class TestIdentification:
         assert not found.model.delta[:, :, 0].any()
         np.testing.assert_allclose(found.model.beta[:, :, 0], truth.beta[:, :, 0], atol=1e-10)
         np.testing.assert_allclose(found.model.delta[:, :, 1], truth.delta[:, :, 1], atol=1e-10)
-        with pytest.raises(ValueError, match="nothing to identify"):
+        with raises(ValueError):
             identify_arx(np.ones((100, 1)), np.zeros((100, 1)), order=2)
 
     def test_same_input_same_model(self, rng):
@@ -301,22 +301,22 @@ class TestIdentification:
             identify_arx(**data, order=2)
 
     @pytest.mark.parametrize(
-        ("shapes", "options", "message"),
+        ("shapes", "options"),
         [
-            ({}, {"order": 8, "samples": 103}, "too few samples: .* 96 .* at least 104 samples, got 103"),
-            ({}, {"order": 8, "samples": 401}, "samples = 401, but only 400 were recorded"),
-            ({}, {"order": 0}, "order is 0; give a whole number of at least 1"),
-            ({}, {"order": 2.5}, "order is 2.5"),
-            ({}, {"order": 8, "samples": -1}, "samples is -1; give a whole number of at least 1"),
-            ({"y": (399, 3)}, {"order": 8}, "y has 399 samples, u has 400"),
-            ({"d": (401, 4)}, {"order": 8}, "d has 401 samples, u has 400"),
-            ({"u": (400,)}, {"order": 8}, r"u has shape \(400,\)"),
-            ({"y": (400, 0)}, {"order": 8}, "y has no columns"),
+            ({}, {"order": 8, "samples": 103}),
+            ({}, {"order": 8, "samples": 401}),
+            ({}, {"order": 0}),
+            ({}, {"order": 2.5}),
+            ({}, {"order": 8, "samples": -1}),
+            ({"y": (399, 3)}, {"order": 8}),
+            ({"d": (401, 4)}, {"order": 8}),
+            ({"u": (400,)}, {"order": 8}),
+            ({"y": (400, 0)}, {"order": 8}),
         ],
     )
-    def test_refuses_wrong_data(self, rng, shapes, options, message):
+    def test_refuses_wrong_data(self, rng, shapes, options, raises):
         shapes = {"u": (400, 4), "y": (400, 3), "d": (400, 4)} | shapes
-        with pytest.raises(ValueError, match=message):
+        with raises(ValueError):
             identify_arx(**{name: rng.standard_normal(shape) for name, shape in shapes.items()}, **options)
 
     def test_smallest_sufficient_sample_count(self, rng):
@@ -459,51 +459,55 @@ class TestLaw:
         np.testing.assert_allclose(gpc_sequence(predictor, Q, R).gain_y, expected, atol=1e-11)
 
     @pytest.mark.parametrize(
-        ("Q", "R", "message"),
+        ("Q", "R"),
         [
-            ([1.0, 1.0], 1.0, r"Q has shape \(2,\).*\(3,\), \(3, 3\) or \(24, 24\)"),
-            (np.eye(4), 1.0, r"Q has shape \(4, 4\)"),
-            ([1.0, -1.0, 1.0], 1.0, "Q is not positive semi-definite: the weight of output 1 is -1"),
-            (np.diag([1.0, 1.0, -2.0]), 1.0, "Q is not positive semi-definite: its smallest eigenvalue is -2"),
-            ([[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0, "Q is not symmetric"),
-            ([1.0, np.nan, 1.0], 1.0, r"Q\[1\] is nan"),
-            (1.0, 0.0, "R is not positive definite: the weight of control 0 is 0"),
-            (1.0, [1.0, 1.0, 1.0], r"R has shape \(3,\).*\(4,\), \(4, 4\) or \(20, 20\)"),
-            (1.0, np.ones((4, 4)), "R is not positive definite: its smallest eigenvalue"),
-            (1.0, np.inf, "R is inf"),
+            ([1.0, 1.0], 1.0),
+            (np.eye(4), 1.0),
+            ([1.0, -1.0, 1.0], 1.0),
+            (np.diag([1.0, 1.0, -2.0]), 1.0),
+            ([[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0),
+            ([1.0, np.nan, 1.0], 1.0),
+            (1.0, 0.0),
+            (1.0, [1.0, 1.0, 1.0]),
+            (1.0, -np.eye(4)),
+            (1.0, np.inf),
         ],
     )
-    def test_refuses_weights(self, model, Q, R, message):
-        with pytest.raises(ValueError, match=message):
+    def test_refuses_weights(self, model, Q, R, raises):
+        with raises(ValueError):
             gpc_law(multi_step_predictor(model, 8, 5), Q, R, "preview")
+
+    def test_refuses_a_singular_control_weight(self, model):
+        with pytest.raises(ValueError, match=r"^R .*eigenvalue"):
+            gpc_law(multi_step_predictor(model, 8, 5), 1.0, np.ones((4, 4)), "preview")
 
     def test_refuses_a_control_weight_lost_in_rounding(self, model):
         """32 controls act on 24 predicted outputs: only R decides between those that do the same."""
-        with pytest.raises(ValueError, match="R is too small beside tau' Q tau"):
+        with pytest.raises(ValueError, match=r"^R .*tau' Q tau"):
             gpc_law(multi_step_predictor(model, 8), 1.0, 1e-40, "preview")
 
-    def test_refuses_wrong_variants(self, rng, model):
+    def test_refuses_wrong_variants(self, rng, model, raises):
         with_d = multi_step_predictor(model, 8)
         without_d = multi_step_predictor(random_arx(rng, 5, m=3, rc=4, rd=0), 8)
-        with pytest.raises(ValueError, match=r"implicit control law takes no account .* 2; identify it without d"):
+        with raises(ValueError):
             gpc_law(with_d, 1.0, 1.0, "implicit")
         for variant in ("explicit", "preview"):
-            with pytest.raises(ValueError, match=f"{variant} control law needs measured disturbances"):
+            with raises(ValueError, match=f"{variant}"):
                 gpc_law(without_d, 1.0, 1.0, variant)
-        with pytest.raises(ValueError, match=r"unknown variant 'exlicit'.*implicit, explicit, preview"):
+        with raises(ValueError):
             gpc_law(with_d, 1.0, 1.0, "exlicit")
-        with pytest.raises(ValueError, match="hold applies to the explicit control law only"):
+        with raises(ValueError):
             gpc_law(with_d, 1.0, 1.0, "preview", hold=True)
 
-    def test_refuses_wrong_histories(self, rng, model):
+    def test_refuses_wrong_histories(self, rng, model, raises):
         predictor = multi_step_predictor(model, 8)
         y, u, d = random_past(rng, model).values()
         preview, explicit = (gpc_law(predictor, 1.0, 1.0, variant) for variant in ("preview", "explicit"))
-        with pytest.raises(ValueError, match="preview control law needs d_future"):
+        with raises(ValueError):
             preview.command(y, u, d)
-        with pytest.raises(ValueError, match="explicit control law has no use for d_future"):
+        with raises(ValueError):
             explicit.command(y, u, d, np.zeros((8, 2)))
-        with pytest.raises(ValueError, match="explicit control law needs d_hist"):
+        with raises(ValueError):
             explicit.command(y, u)
         with pytest.raises(ValueError, match=r"d_future has shape \(7, 2\); expected \(8, 2\) or \(16,\)"):
             preview.command(y, u, d, np.zeros((7, 2)))
@@ -551,9 +555,9 @@ class TestClosedLoop:
         assert law.gain_y[0, 0] == pytest.approx(-0.25)
         assert closed_loop_spectral_radius(model, law) == pytest.approx(0.25)
 
-    def test_refuses_a_law_of_another_model(self, rng, model):
+    def test_refuses_a_law_of_another_model(self, rng, model, raises):
         law = gpc_law(multi_step_predictor(random_arx(rng, 4, m=3, rc=4, rd=2), 4), 1.0, 1.0, "preview")
-        with pytest.raises(ValueError, match=r"\(4, 3, 4\) in the law and \(5, 3, 4\) in the model"):
+        with raises(ValueError):
             closed_loop_spectral_radius(model, law)
 
 
@@ -580,19 +584,19 @@ class TestStorage:
         assert back.disturbances == 0
 
     @pytest.mark.parametrize(
-        ("change", "message"),
+        "change",
         [
-            ({"format": "gpc-law/9"}, "format is 'gpc-law/9'"),
-            ({"extra": 1}, r"has unknown \['extra'\]"),
-            ({"variant": "preveiw"}, "unknown variant"),
-            ({"gain_u": [[1.0]]}, r"gain_u has shape \(1, 1\); expected \(4, 20\)"),
-            ({"h_p": 7}, "gain_preview has shape"),
-            ({"order": 0}, "order is 0; give a whole number of at least 1"),
-            ({"hold": 1}, "hold is 1"),
+            {"format": "gpc-law/9"},
+            {"extra": 1},
+            {"variant": "preveiw"},
+            {"gain_u": [[1.0]]},
+            {"h_p": 7},
+            {"order": 0},
+            {"hold": 1},
         ],
     )
-    def test_refuses_damaged_laws(self, law, change, message):
-        with pytest.raises(ValueError, match=message):
+    def test_refuses_damaged_laws(self, law, change, raises):
+        with raises(ValueError):
             GpcLaw.from_dict(law.to_dict() | change)
 
     def test_refuses_missing_and_non_finite(self, law):

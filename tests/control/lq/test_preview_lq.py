@@ -99,9 +99,9 @@ def test_plant_is_the_cars_own_linear_model(plant) -> None:
     np.testing.assert_array_equal(plant.F[:7], 0.0)  # accelerations and travels do not see the road directly
 
 
-def test_cars_with_damped_tires_are_refused() -> None:
+def test_cars_with_damped_tires_are_refused(raises) -> None:
     hmmwv = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
-    with pytest.raises(ValueError, match="tire damping"):
+    with raises(ValueError):
         ride_plant(hmmwv)
 
 
@@ -241,30 +241,30 @@ def test_taps_of_both_forms_agree_for_short_periods(plant) -> None:
     assert np.abs(fine.interior[5:95] - gains[5:95]).max() < 0.1 * scale
 
 
-def test_other_steps_need_another_build(car) -> None:
-    with pytest.raises(ValueError, match="no multiple"):
+def test_other_steps_need_another_build(car, raises) -> None:
+    with raises(ValueError):
         preview_lq(car, load_weights("comfort"), name="X", period=2e-3, preview_step=5e-3)
     built = preview_lq(car, load_weights("comfort"), name="X", preview_step=10e-3, preview_count=24)
     assert built.variable("preview.step").must_equal == 10e-3
 
 
-def test_weights_files(tmp_path) -> None:
+def test_weights_files(tmp_path, raises) -> None:
     good = (tmp_path / "mine.toml").resolve()
     text = (load_weights.__globals__["_HERE"] / "comfort.toml").read_text()
     good.write_text(text)
     assert load_weights(good) == load_weights("comfort")
-    for change, message in (
-        (("heave = 3.0", "heave = -3.0"), r"acceleration\.heave = -3.0"),
-        (("heave = 3.0", "heav = 3.0"), r"acceleration\.heav: unknown field; did you mean 'acceleration\.heave'\?"),
-        (("front = 1e-6", "front = 0.0"), r"force\.front = 0.0"),
-        (("[tire]", "[tires]"), r"tire: missing"),
-        (("rear = 1400.0", "rear = [1400.0, 1.0]"), r"suspension\.rear"),
+    for change in (
+        ("heave = 3.0", "heave = -3.0"),
+        ("heave = 3.0", "heav = 3.0"),
+        ("front = 1e-6", "front = 0.0"),
+        ("[tire]", "[tires]"),
+        ("rear = 1400.0", "rear = [1400.0, 1.0]"),
     ):
         bad = tmp_path / "bad.toml"
         bad.write_text(text.replace(*change, 1))
-        with pytest.raises(WeightsError, match=message):
+        with raises(WeightsError):
             load_weights(bad)
-    with pytest.raises(WeightsError, match="did you mean 'comfort'"):
+    with raises(WeightsError):
         load_weights("confort")
 
 
@@ -365,19 +365,17 @@ def test_over_the_whole_range_of_weights_a_law_is_right_or_refused(plant, design
     assert refused < 6
 
 
-def test_a_law_with_weights_as_parameters_is_for_cars_with_equal_sides(car) -> None:
+def test_a_law_with_weights_as_parameters_is_for_cars_with_equal_sides(car, raises) -> None:
     heavy = design_taps(ride_plant(car), load_weights("comfort"), CONTINUOUS_PERIOD, 5)
     preview._check_sides(heavy, "X")
     for kind in ("interior", "tail"):
         table = getattr(heavy, kind).copy()
         table[2, 1, 3] *= 1.01  # of the right front actuator, for the road below the right rear wheel
-        with pytest.raises(
-            ValueError, match="X: a control law with weights as parameters is for cars that are the same left and right"
-        ):
+        with raises(ValueError):
             preview._check_sides(replace(heavy, **{kind: table}), "X")
 
 
-def test_weights_are_parameters_of_a_tunable_law(car, tunable) -> None:
+def test_weights_are_parameters_of_a_tunable_law(car, tunable, raises) -> None:
     weights = load_weights("road_holding")
     found = {name: tunable.variable(name).start[0] for name in weight_parameters(weights)}
     assert found == weight_parameters(weights)
@@ -394,7 +392,5 @@ def test_weights_are_parameters_of_a_tunable_law(car, tunable) -> None:
     assert limits["suspension.rear"] == (0.0, 1e7)
     assert limits["tire.front"] == (1.0, 1e8)
     assert limits["force.rear"] == (1e-9, 1e-2)
-    with pytest.raises(
-        ValueError, match=r"X: a control law with weights as parameters is sampled every 0.001 s, not every 0.005 s"
-    ):
+    with raises(ValueError):
         preview_lq(car, weights, name="X", period=5e-3, tunable=True)

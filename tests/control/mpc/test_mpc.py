@@ -375,7 +375,7 @@ def test_what_an_observer_was_made_for_is_told(model) -> None:
     assert Observer.kalman(model, {"body.z": 1e-3}, input_noise=1.0).noise["walks"] is None
 
 
-def test_what_wanders_too_little_is_never_found(model) -> None:
+def test_what_wanders_too_little_is_never_found(model, raises) -> None:
     """An offset that hardly wanders against the noise of its output is corrected very little.
 
     The correction is so small that the filter forgets nothing.
@@ -384,9 +384,7 @@ def test_what_wanders_too_little_is_never_found(model) -> None:
     C = slow.model.C[[slow.model.outputs.index("body.z")]]
     left = np.abs(np.linalg.eigvals(slow.model.A - slow.model.A @ slow.gain @ C)).max()
     assert 1 - left == pytest.approx(1.5e-9, rel=1e-3)
-    with pytest.raises(
-        MpcError, match=r"offset\.body\.z cannot all be told from body\.z; measure more, or let less wander"
-    ):
+    with raises(MpcError):
         Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 5e-10})
 
 
@@ -402,34 +400,31 @@ def test_component_with_observer_has_the_measured_outputs_as_inputs(car, model) 
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    "change",
     [
-        (lambda m: Input("force", min=10.0, max=-10.0), "input force: min and max contradict"),
-        (lambda m: Input("force", rate_min=5.0, rate_max=9.0), "does not allow to hold"),
-        (lambda m: Input("force", weight=[1.0, 2.0]), "input force: weight has 2 values"),
-        (lambda m: Input("force", scale=0.0), "input force: scale is 0"),
-        (lambda m: Output("body.az", weight=float("nan")), "output body.az: weight is nan"),
-        (lambda m: Output("body.az", min=1.0, max=0.0), "output body.az: min and max contradict"),
-        (lambda m: Horizon(5, 6), "control horizon is longer than the prediction"),
-        (lambda m: Horizon(5, 2, blocks=(1, 1, 1)), "3 blocks for a control horizon of 2"),
-        (lambda m: Horizon(10, 0), "give control >= 1"),
-        (lambda m: settings(m, outputs=(Output("body.ay", weight=1.0),)), "did you mean 'body.az'"),
-        (lambda m: settings(m, inputs=()), "no weights and bounds for input.s. force"),
-        (lambda m: settings(m, cases=(Case("one", {"force": {"min": 5e3}}),)), "case 'one', input force: min and max"),
-        (lambda m: settings(m, cases=(Case("one", {"forces": {}}),)), "case 'one'.*did you mean 'force'"),
-        (lambda m: settings(m, cases=(Case("one", {"force": {"scale": 2.0}}),)), "setting of force that a case may"),
-        (lambda m: settings(m, inputs=(Input("force"),)), "weight or rate_weight must be positive"),
-        (lambda m: Observer.kalman(m, {"body.az": 0.0}, input_noise=1.0), "noise of body.az is 0"),
-        (lambda m: Observer.kalman(m, {"body.az": 0.1}, input_noise=1.0, walks=1e-3), "walk.road cannot all be told"),
-        (
-            lambda m: Observer.kalman(m, {"body.az": 0.1}, input_noise=1.0, offsets={"body.z": 1.0, "body.az": 1.0}),
-            "cannot all be told",
-        ),
-        (lambda m: MpcModel.sampled(lin_of(), 0.01, inputs=["forse"], outputs=[]), "did you mean 'force'"),
+        lambda m: Input("force", min=10.0, max=-10.0),
+        lambda m: Input("force", rate_min=5.0, rate_max=9.0),
+        lambda m: Input("force", weight=[1.0, 2.0]),
+        lambda m: Input("force", scale=0.0),
+        lambda m: Output("body.az", weight=float("nan")),
+        lambda m: Output("body.az", min=1.0, max=0.0),
+        lambda m: Horizon(5, 6),
+        lambda m: Horizon(5, 2, blocks=(1, 1, 1)),
+        lambda m: Horizon(10, 0),
+        lambda m: settings(m, outputs=(Output("body.ay", weight=1.0),)),
+        lambda m: settings(m, inputs=()),
+        lambda m: settings(m, cases=(Case("one", {"force": {"min": 5e3}}),)),
+        lambda m: settings(m, cases=(Case("one", {"forces": {}}),)),
+        lambda m: settings(m, cases=(Case("one", {"force": {"scale": 2.0}}),)),
+        lambda m: settings(m, inputs=(Input("force"),)),
+        lambda m: Observer.kalman(m, {"body.az": 0.0}, input_noise=1.0),
+        lambda m: Observer.kalman(m, {"body.az": 0.1}, input_noise=1.0, walks=1e-3),
+        lambda m: Observer.kalman(m, {"body.az": 0.1}, input_noise=1.0, offsets={"body.z": 1.0, "body.az": 1.0}),
+        lambda m: MpcModel.sampled(lin_of(), 0.01, inputs=["forse"], outputs=[]),
     ],
 )
-def test_mistakes_are_named(model, change, message) -> None:
-    with pytest.raises(MpcError, match=message):
+def test_mistakes_are_named(model, change, raises) -> None:
+    with raises(MpcError):
         change(model)
 
 
@@ -438,16 +433,16 @@ def lin_of():
 
 
 @pytest.mark.parametrize(
-    ("preview", "message"),
+    "preview",
     [
-        (Preview({"road": "preview"}, 15, PERIOD), "horizon of 0.2 s is longer than the preview of 15 points"),
-        (Preview({"road": "preview"}, 40, 0.007), "0.007 s and sample time 0.01 s do not divide"),
-        (Preview({"rode": "preview"}, 21, PERIOD), "did you mean 'road'"),
-        (Preview({}, 21, PERIOD), "no preview input for disturbance.s. road"),
+        Preview({"road": "preview"}, 15, PERIOD),
+        Preview({"road": "preview"}, 40, 0.007),
+        Preview({"rode": "preview"}, 21, PERIOD),
+        Preview({}, 21, PERIOD),
     ],
 )
-def test_preview_that_does_not_fit_is_refused(car, model, preview, message) -> None:
-    with pytest.raises(MpcError, match=message):
+def test_preview_that_does_not_fit_is_refused(car, model, preview, raises) -> None:
+    with raises(MpcError):
         mpc_component(settings(model), car, name="Law", description="x", source="x", preview=preview)
 
 
@@ -462,10 +457,10 @@ def test_preview_step_of_the_road_is_checked(car, model) -> None:
     assert (v.start, v.min, v.max) == ((0.0,), None, None)
 
 
-def test_sample_time_of_the_component_must_be_that_of_the_model(model) -> None:
+def test_sample_time_of_the_component_must_be_that_of_the_model(model, raises) -> None:
     c = Component("Wrong", kind="discrete", sample_time=0.02, description="x", source="x", symbols=ca.MX)
     mpc = settings(model)
-    with pytest.raises(MpcError, match="is not the model's period"):
+    with raises(MpcError):
         add_mpc(c, mpc, state=ca.MX.zeros(4), previous=previous_command(c, mpc))
 
 

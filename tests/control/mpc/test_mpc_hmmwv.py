@@ -178,12 +178,12 @@ def test_model_predicts_the_car(car) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    "given",
     [
-        ({"preview_points": 8}, "MpcHmmwv: the horizon of 0.45 s is longer than the preview of 8 points"),
-        ({"preview_step": 0.02}, "do not divide"),
+        {"preview_points": 8},
+        {"preview_step": 0.02},
     ],
 )
-def test_preview_must_fit(car, given, message) -> None:
-    with pytest.raises(MpcError, match=message):
+def test_preview_must_fit(car, given, raises) -> None:
+    with raises(MpcError):
         mpc_hmmwv(car, **given)
