@@ -220,7 +220,7 @@ HEADINGS = {
     "study": ["Study", "FMUs", "How it runs", "Inputs and results", "Other options"],
     "sweep": ["Case", "Design", "FMUs", "How it runs", "Inputs and results", "Other options"],
     "optimise": ["Case", "Search", "FMUs", "How it runs", "Inputs and results", "Other options"],
-    "export": ["Case", "What is written", "FMUs", "Other options"],
+    "export": ["Case", "Export", "FMUs", "Other options"],
     "wiring": ["Case", "Picture", "FMUs", "Other options"],
 }
 

@@ -73,7 +73,7 @@ def test_no_run_diverges(study: Study) -> None:
 def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -> None:
     report = make_report(runs, fmus)
     ids = {f.id for f in report.figures}
-    assert ids == {f"figure-{n}" for n in range(6, 13)}
+    assert ids == {"main-result", *(f"figure-{n}" for n in range(6, 13))}
     assert all(c.reason for c in report.claims if not c.well)
     assert all(c.criterion for c in report.claims)
     assert "motion_ratio" in next(c.fitted for c in report.claims if c.id == "open-loop-peak")

@@ -950,7 +950,7 @@ def test_words_on_the_preview(fmus: FmuSet) -> None:
     )["Preview"]
     assert "A preview of 4 steps of 30 ms is within 10 % of one of 15." in text
     assert "Of those tried, -20, -10, -5, +0, +5, +10, +20, +30 ms leave 10 to 20 %" in text
-    assert "; at -40, +40 ms it is worse than none. What the paper measured fits a preview in the wrong place." in text
+    assert "; at -40, +40 ms it is worse than none. The measurements of the paper fit a misplaced preview." in text
 
 
 def test_words_on_the_pump(fmus: FmuSet) -> None:
