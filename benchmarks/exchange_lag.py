@@ -85,20 +85,20 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
         def receive(w: Wired, slave: FMU3Slave) -> None:
             values[w.first : w.first + len(w.outputs)] = slave.getFloat64(w.outputs)
 
-        members = list(zip(wired, slaves, strict=True))
+        components = list(zip(wired, slaves, strict=True))
         for _ in range(SETTLING):
-            for action, (w, slave) in product((receive, send), members):
+            for action, (w, slave) in product((receive, send), components):
                 action(w, slave)
         for slave in slaves:
             slave.exitInitializationMode()
-        for w, slave in members:
+        for w, slave in components:
             receive(w, slave)
         seen = []
         for k in range(round(duration / STEP)):
             if lag:
-                for w, slave in members:
+                for w, slave in components:
                     send(w, slave)
-            for w, slave in members:
+            for w, slave in components:
                 if w.name == "car":
                     seen.append([*values[acting], *slave.getFloat64(felt)])
                 if not lag:
@@ -107,7 +107,7 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
                 if not lag:
                     receive(w, slave)
             if lag:
-                for w, slave in members:
+                for w, slave in components:
                     receive(w, slave)
         return np.array(seen)
 

@@ -38,14 +38,14 @@ def contact_plant(fmus: FmuSet) -> list[Wired]:
     path = fmus.path("ThreeAxleTrench")
     with System() as system:
         system.add("car", path, step="1 ms")
-        (member,) = system.schedule().members
-        outputs = member.description.outputs
+        (component,) = system.schedule().components
+        outputs = component.description.outputs
         read = [
             v.reference
             for n, v in outputs.items()
             if n == "x" or n.startswith("body.") or n.endswith((".force", ".fx"))
         ]
-        return [Wired(member.name, path, int(member.description.fmi_version[0]), [], [], read, 0)]
+        return [Wired(component.name, path, int(component.description.fmi_version[0]), [], [], read, 0)]
 
 
 SYSTEMS: dict[str, tuple[Callable[[FmuSet], list[Wired]], int]] = {

@@ -39,10 +39,10 @@ def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:
     result = {}
     with runpy.run_path(str(CORNER))["corner"]() as corner:
         result["corner"] = max(factor(corner, seconds) for _ in range(repeats))
-        result["corner, FMUs"] = float(len(corner.members))
+        result["corner, FMUs"] = float(len(corner.components))
     with Runner(EXPERIMENT, FmuSet()) as runner:
         for name, case in VEHICLES.items():
             vehicle = runner.system(case)
             result[f"vehicle, {name}"] = max(factor(vehicle, seconds) for _ in range(repeats))
-            result[f"vehicle, {name}, FMUs"] = float(len(vehicle.members))
+            result[f"vehicle, {name}, FMUs"] = float(len(vehicle.components))
     return result

@@ -50,7 +50,7 @@ def _per_step(fmu: Path, **how: Any) -> float:
         system.add("one", fmu, step=STEP, parameters={"rate": 50.0}, isolated=bool(how))
         system.connect("source.y", "one.u")
         if how:
-            component: Any = system["one"].component
+            component: Any = system["one"].implementation
             component.isolation = replace(component.isolation, **how)
         simulation = system.initialize(
             record=["one.y"], record_interval=STEPS * STEP, allow_unconnected=True, engine="compiled"

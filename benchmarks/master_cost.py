@@ -50,13 +50,13 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
     """Components in execution order with the variables that are exchanged."""
     position: dict[str, int] = {}
     result = []
-    for member in system.schedule().members:
-        used = dict.fromkeys(c.source_name for c in system.connections.values() if c.source is member)
+    for component in system.schedule().components:
+        used = dict.fromkeys(c.source_name for c in system.connections.values() if c.source is component)
         first = len(position)
         position.update((n, first + i) for i, n in enumerate(used))
-        outputs = [member.description.outputs[n.split(".", 1)[1]].reference for n in used]
-        version = int(member.description.fmi_version[0])
-        result.append(Wired(member.name, paths[member.name], version, [], [], outputs, first))
+        outputs = [component.description.outputs[n.split(".", 1)[1]].reference for n in used]
+        version = int(component.description.fmi_version[0])
+        result.append(Wired(component.name, paths[component.name], version, [], [], outputs, first))
     for wired in result:
         for c in system.connections.values():
             if c.target.name == wired.name:

@@ -61,7 +61,7 @@ LOOPS = tuple(
 )
 
 
-class _Member:
+class _Component:
     """A component that is stepped in Python."""
 
     def __init__(self, evaluator: Evaluator) -> None:
@@ -107,9 +107,9 @@ def drive(loop: Loop, choice: str) -> dict[str, float]:
     """One closed loop: what the passengers, suspension and tires get, and how often OSQP reached its limit."""
     plant = make("RideCarHmmwv")
     heights = {place: loop.scale * h for place, h in BUMPS["track"].items()}
-    road = _Member(Evaluator(make("RoadBumps").model(), bump_parameters(heights)))
-    law = _Member(Evaluator(hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice]).model()))
-    car = _Member(Evaluator(plant.model()))
+    road = _Component(Evaluator(make("RoadBumps").model(), bump_parameters(heights)))
+    law = _Component(Evaluator(hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice]).model()))
+    car = _Component(Evaluator(plant.model()))
     watched = _Watched(law.evaluator, choice)
     law.evaluator._programs = watched  # type: ignore[assignment]
     law.take({"use_preview": float(loop.preview)})

@@ -166,7 +166,7 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
             for variant in range(case.variants):
                 one = replace(case, variant=variant)
                 states_from = "kalman" if states == "estimated" else "car"
-                ahead = next(n for n in ("buffer", "map", "road") if n in runs.system(one).members)
+                ahead = next(n for n in ("buffer", "map", "road") if n in runs.system(one).components)
                 names = [f"{states_from}.*", f"{ahead}.preview.*"]
                 recording = runs.record(one, record=names, record_interval="30 ms")
                 recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))

@@ -38,10 +38,10 @@ def seconds(work: Callable[[], object], repeats: int, rounds: int = 5) -> float:
 def call_by_call(system: System) -> Callable[[], None]:
     """fmi3GetFMUState of all six FMUs, each into the block of its first state, as calls of C."""
     calls = []
-    for member in system.members.values():
-        component: Any = member.component
-        pointer = component.save().pointer
-        calls.append(partial(component._function("GetFMUState"), component._instance, pointer))
+    for component in system.components.values():
+        implementation: Any = component.implementation
+        pointer = implementation.save().pointer
+        calls.append(partial(implementation._function("GetFMUState"), implementation._instance, pointer))
 
     def work() -> None:
         for call in calls:

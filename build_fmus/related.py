@@ -146,10 +146,10 @@ def archived(path: str, archive: bytes) -> dict[str, Any]:
     with zipfile.ZipFile(io.BytesIO(archive)) as z:
         held = {BILL: z.read(BILL)} if BILL in z.namelist() else {}
     hashes = [{"alg": "SHA-256", "content": hashlib.sha256(archive).hexdigest()}]
-    return {**member(path.removesuffix(".fmu"), held), "hashes": hashes}
+    return {**component(path.removesuffix(".fmu"), held), "hashes": hashes}
 
 
-def member(name: str, files: Mapping[str, bytes]) -> dict[str, Any]:
+def component(name: str, files: Mapping[str, bytes]) -> dict[str, Any]:
     """The entry in a system's bill of an FMU with these files: with all that its own bill lists, where it has one."""
     found: dict[str, Any] = {"type": "library", "bom-ref": f"{name}.fmu", "name": f"{name}.fmu"}
     if BILL in files:

@@ -35,7 +35,7 @@ from cosim.master.state import SystemState
 from cosim.master.stops import StopWhen, View
 from cosim.recording import Recording
 from cosim.session import Fmu, System
-from cosim.system.members import Connection, Group, Member
+from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule
 from cosim.tables import Table, TableError
 
@@ -58,7 +58,6 @@ __all__ = [
     "IsolationCrashedWarning",
     "Limits",
     "LoopError",
-    "Member",
     "Ports",
     "PythonComponent",
     "Recording",
@@ -70,6 +69,7 @@ __all__ = [
     "StabilityWarning",
     "StopWhen",
     "System",
+    "SystemComponent",
     "SystemState",
     "Table",
     "TableError",

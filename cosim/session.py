@@ -106,7 +106,7 @@ class System(Wiring):
 
     def schedule(self, *extra: Fraction, engine: EngineChoice = "auto") -> Schedule:
         """As `Wiring.schedule`; it also says what executes it with this choice of `engine`, and why."""
-        return replace(super().schedule(*extra), executed_by=choose_engine(self.members.values(), engine).text)
+        return replace(super().schedule(*extra), executed_by=choose_engine(self.components.values(), engine).text)
 
     def initialize(
         self,
@@ -154,7 +154,7 @@ class System(Wiring):
             stop_time=stop_time,
             state=state,
             allow_nan=allow_nan,
-            exchange=choose_engine(self.members.values(), engine).exchange,
+            exchange=choose_engine(self.components.values(), engine).exchange,
         )
         if check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
@@ -277,13 +277,13 @@ class System(Wiring):
         sampled, after = discrete is not False, rational(settle, "settle")
         # The linear model solves the loops of a system, a run of it does not.
         schedule = self._make_schedule(loops_are_solved=not sampled and not after)
-        chosen_in = linear.choose_inputs(self.members, schedule, sampled, inputs)
-        chosen_out = linear.choose_outputs(self.members, schedule, sampled, outputs)
+        chosen_in = linear.choose_inputs(self.components, schedule, sampled, inputs)
+        chosen_out = linear.choose_outputs(self.components, schedule, sampled, outputs)
         period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
         if sampled:
             schedule = self._make_schedule(period)
         self.end_simulation()
-        exchange = choose_engine(self.members.values()).exchange
+        exchange = choose_engine(self.components.values()).exchange
         interval = period if sampled else None
         with self._begin(schedule, record=chosen_out, record_interval=interval, exchange=exchange) as simulation:
             if sampled:
@@ -395,7 +395,7 @@ class System(Wiring):
         ) as started:
             initial = {c.target_name: started[c.target_name] for c in schedule.connections}
         return export_ssp(
-            self.members.values(),
+            self.components.values(),
             schedule,
             Path(path),
             version=version,
@@ -427,8 +427,8 @@ class System(Wiring):
         """Free all instances and remove unpacked FMUs."""
         self.reset()
         with held():
-            for member in self.members.values():
-                member.component.close()
+            for component in self.components.values():
+                component.implementation.close()
         for fmu in self._fmus.values():
             fmu.close()
         if self._room is not None:
@@ -462,11 +462,13 @@ class Fmu(FmuFile):  # noqa: D101
 
         name = re.sub(r"\W", "_", self.description.name)
         with System() as system:
-            member = system.add(
+            component = system.add(
                 name, self, step=None if self.description.default_step else "1 ms", parameters=parameters, start=start
             )
             chosen_in, chosen_out = _below(name, inputs), _below(name, outputs)
-            matrices = system._linearized(chosen_in, chosen_out, period or True if member.discrete else False, settle)
+            matrices = system._linearized(
+                chosen_in, chosen_out, period or True if component.discrete else False, settle
+            )
         return LinearModel(matrices.within(name))
 
 
@@ -479,10 +481,12 @@ def _check_stop_time(stop_time: TimeLike, start_time: TimeLike, state: SystemSta
         )
 
 
-def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | None:
+def _below(component: str, patterns: str | Iterable[str] | None) -> list[str] | None:
     """Names of a component's variables as those of a system."""
     return (
-        None if patterns is None else [f"{member}.{p}" for p in ([patterns] if isinstance(patterns, str) else patterns)]
+        None
+        if patterns is None
+        else [f"{component}.{p}" for p in ([patterns] if isinstance(patterns, str) else patterns)]
     )
 
 

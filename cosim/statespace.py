@@ -39,11 +39,11 @@ class Matrices:
     units: Mapping[str, str] = field(default_factory=dict)
     point: Mapping[str, float] = field(default_factory=dict)
 
-    def within(self, member: str) -> Matrices:
+    def within(self, component: str) -> Matrices:
         """The same in the component's own names."""
 
         def own(name: str) -> str:
-            return name.removeprefix(f"{member}.")
+            return name.removeprefix(f"{component}.")
 
         return replace(
             self,

@@ -83,13 +83,13 @@ def library(version: int, folder: Path, *macros: str) -> bytes:
     return path.read_bytes()
 
 
-def archive(path: Path, xml: bytes, *, binary: bytes | None = None, **members: bytes) -> Path:
+def archive(path: Path, xml: bytes, *, binary: bytes | None = None, **components: bytes) -> Path:
     """An FMU file; `binary` is the library of this machine."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("modelDescription.xml", xml)
         if binary is not None:
             folder, suffix = platform_folder("3" if b'fmiVersion="3' in xml else "2")
             file.writestr(f"binaries/{folder}/Awkward{suffix}", binary)
-        for name, data in members.items():
+        for name, data in components.items():
             file.writestr(name, data)
     return path

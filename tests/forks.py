@@ -83,8 +83,8 @@ class Player(PythonComponent):
 def played(path: Path) -> System:
     """An FMU with moving inputs."""
     system = System()
-    member = system.add("fmu", path, step=None if Fmu(path).description.sample_time else "1 ms")
-    free = [v for v in member.description.inputs.values() if v.type == "real" and v.must_equal is None]
+    component = system.add("fmu", path, step=None if Fmu(path).description.sample_time else "1 ms")
+    free = [v for v in component.description.inputs.values() if v.type == "real" and v.must_equal is None]
     ranges = {}
     for v in free:
         low = 0.0 if v.minimum is None else v.minimum

@@ -7,7 +7,7 @@
 - `lanes`: these functions vectorized over several copies, in C;
 - `library`: the compiled library, for one kind of processor.
 
-In `runtime/` are the vectors (`lanes.h`), solvers and samples in lanes (`lane_member.h`), and the engine of
+In `runtime/` are the vectors (`lanes.h`), solvers and samples in lanes (`lane_component.h`), and the engine of
 groups (`batch.c`).
 """
 

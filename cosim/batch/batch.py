@@ -31,7 +31,7 @@ from cosim.memory import physical_memory
 from cosim.recording import Recording
 from cosim.session import System
 from cosim.signals import Array
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 from cosim.time import TimeLike, positive, rational, seconds_text
 
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
@@ -118,8 +118,8 @@ class Batch:
         whole_number("copies", copies, error=CosimError)
         self.copies = int(copies)
         self.system = system
-        for m in system.members.values():
-            if not isinstance(m.component, FmuComponent) and not m.description.native:
+        for m in system.components.values():
+            if not isinstance(m.implementation, FmuComponent) and not m.description.native:
                 raise CosimError(
                     f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component"
                     " that build-fmus makes an FMU of, or run the copies without a batch"
@@ -144,17 +144,17 @@ class Batch:
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
         self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
-        self._sources: dict[Member, LaneSource] = {}
+        self._sources: dict[SystemComponent, LaneSource] = {}
         self.scalar: dict[str, str] = {}
         """Names of components that are not vectorizable, and why."""
-        self._fixed_reasons: dict[Member, str] = {}
-        for m in system.members.values():
+        self._fixed_reasons: dict[SystemComponent, str] = {}
+        for m in system.components.values():
             try:
                 self._sources[m] = self._lanes_of(m)
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
         self._check_memory()
-        self._clones: dict[Member, list[Any]] = {}
+        self._clones: dict[SystemComponent, list[Any]] = {}
         self._pool: ThreadPoolExecutor | None = None
         self.failures: list[CopyFailure] = []
         """Copies that have ended, in the order in which that was found."""
@@ -174,21 +174,23 @@ class Batch:
                 f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
             )
 
-    def _lanes_of(self, member: Member) -> LaneSource:
-        component = member.component
-        if not isinstance(component, FmuComponent):
+    def _lanes_of(self, component: SystemComponent) -> LaneSource:
+        implementation = component.implementation
+        if not isinstance(implementation, FmuComponent):
             raise NoLanes("its signals are from a table")
-        if component.isolation is not None:
+        if implementation.isolation is not None:
             raise NoLanes("it is isolated in a process of its own")
-        return lane_source(component.fmu)
+        return lane_source(implementation.fmu)
 
-    def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[Member, Variable]]:
-        members, driven = self.system.members, self.system.connections
-        found: dict[tuple[Member, Variable], None] = {}
+    def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[SystemComponent, Variable]]:
+        components, driven = self.system.components, self.system.connections
+        found: dict[tuple[SystemComponent, Variable], None] = {}
         for name in _listed(names):
             pattern = "*" in name or "?" in name
             chosen = [
-                (m, v) for m, v in members.fitting(name, "input") if not pattern or f"{m.name}.{v.name}" not in driven
+                (m, v)
+                for m, v in components.fitting(name, "input")
+                if not pattern or f"{m.name}.{v.name}" not in driven
             ]
             if not chosen:
                 free = ", ".join(self.system.unconnected()) or "none"
@@ -223,17 +225,19 @@ class Batch:
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
         for m in self._alone:
-            self._clones.setdefault(m, [m.component.clone() for _ in range(self.copies)])  # type: ignore[attr-defined]
+            self._clones.setdefault(m, [m.implementation.clone() for _ in range(self.copies)])  # type: ignore[attr-defined]
         self._begin(given)
 
-    def _given(self, start: Mapping[str, Any]) -> dict[tuple[Member, str], list[Any]]:
+    def _given(self, start: Mapping[str, Any]) -> dict[tuple[SystemComponent, str], list[Any]]:
         """Start values of all copies, element by element."""
-        found: dict[tuple[Member, str], list[Any]] = {}
+        found: dict[tuple[SystemComponent, str], list[Any]] = {}
         for name, value in start.items():
-            member, variable = self.system.members.split(name)
+            component, variable = self.system.components.split(name)
             array = np.asarray(value)
-            own = member.description.arrays.get(member.description.canonical(variable))
-            is_array = own is not None and member.description.canonical(variable) not in member.description.variables
+            own = component.description.arrays.get(component.description.canonical(variable))
+            is_array = (
+                own is not None and component.description.canonical(variable) not in component.description.variables
+            )
             each = array.ndim >= 1 and len(array) == self.copies and (not is_array or array.ndim > 1)
             if not each and array.ndim >= 1 and not is_array:
                 raise WiringError(
@@ -242,25 +246,25 @@ class Batch:
                 )
             for copy in range(self.copies):
                 try:
-                    expanded = member.expand(
+                    expanded = component.expand(
                         variable, (array[copy] if array.ndim > 1 else array[copy].item()) if each else value
                     )
                 except WiringError as error:
                     raise WiringError(f"copy {copy}: {error}" if each else str(error)) from None
                 for n, v in expanded.items():
-                    found.setdefault((member, n), [None] * self.copies)[copy] = v
+                    found.setdefault((component, n), [None] * self.copies)[copy] = v
                 if not each:
                     for n in expanded:
-                        found[member, n] = [found[member, n][0]] * self.copies
+                        found[component, n] = [found[component, n][0]] * self.copies
                     break
         return found
 
-    def _begin(self, given: Mapping[tuple[Member, str], list[Any]]) -> None:
+    def _begin(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
         """Initialize the copies, one after the other; where all components have lanes, equal ones once."""
         self.system.end_simulation()
         schedule = self._schedule
-        kept = [(m, dict(m.values), m.component) for m in schedule.members]
-        sources = [m for m in schedule.members if m not in self._alone]
+        kept = [(m, dict(m.values), m.implementation) for m in schedule.components]
+        sources = [m for m in schedule.components if m not in self._alone]
         exchanges: list[Exchange | None] = [None] * self.copies
         errors: dict[int, ComponentError] = {}
         first_of: dict[tuple[Any, ...], int] = {}
@@ -276,7 +280,7 @@ class Batch:
                 for m, values, _ in kept:
                     m.values = dict(values)
                     if m in self._alone:
-                        m.component = self._clones[m][copy]
+                        m.implementation = self._clones[m][copy]
                 for (m, name), each in given.items():
                     m.values[name] = each[copy]
                 try:
@@ -289,7 +293,7 @@ class Batch:
                 self._take(exchange, copy)
         finally:
             for m, values, component in kept:
-                m.values, m.component = values, component
+                m.values, m.implementation = values, component
         errors |= {copy: errors[source] for copy, source in like.items() if source in errors}
         if len(errors) == self.copies:
             raise errors[0]
@@ -334,7 +338,7 @@ class Batch:
         group, lane = divmod(copy, self._target.lanes)
         self._values[group, :, lane] = exchange.values
         for m, lanes in self._lanes.items():
-            data = m.component.serialize()  # type: ignore[attr-defined]
+            data = m.implementation.serialize()  # type: ignore[attr-defined]
             lanes.values()[group, :, lane] = np.frombuffer(
                 data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values
             )
@@ -345,7 +349,7 @@ class Batch:
         for array in (self._values, *(each.memory for each in self._lanes.values())):
             array[h, :, k] = array[g, :, i]
 
-    def _prepare(self, exchange: Exchange, sources: Sequence[Member]) -> None:
+    def _prepare(self, exchange: Exchange, sources: Sequence[SystemComponent]) -> None:
         """Memory of all copies, once the exchange is known."""
         self._plan: Plan = make_plan(exchange)
         self._exchange = exchange
@@ -515,7 +519,7 @@ class Batch:
     def __getitem__(self, name: str) -> Array:
         """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN for ended copies."""
         readable = self._exchange.layout.readable
-        full = self.system.members.canonical(name)
+        full = self.system.components.canonical(name)
         if full not in readable:
             raise KeyError(
                 f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]"
@@ -557,7 +561,7 @@ class Batch:
             f"{self.copies} copies in {self._groups} groups of {t.lanes} ({t.name}), {self.threads}"
             f" thread{'s' * (self.threads != 1)}, at t = {self.time:.9g} s"
         ]
-        together = [m for m in self._schedule.members if m in self._lanes]
+        together = [m for m in self._schedule.components if m in self._lanes]
         if together:
             lines.append("in lanes:")
             lines += [f"     {m.name} ({m.description.name})" for m in together]
@@ -565,7 +569,7 @@ class Batch:
             lines.append("scalar:")
             lines += [
                 f"     {m.name} ({m.description.name}): {self._alone[m]}"
-                for m in self._schedule.members
+                for m in self._schedule.components
                 if m in self._alone
             ]
         if self.failures:
@@ -576,7 +580,7 @@ class Batch:
     # The end.
 
     def _forget(self) -> None:
-        self._lanes: dict[Member, Lanes] = {}
+        self._lanes: dict[SystemComponent, Lanes] = {}
 
     def close(self) -> None:
         """Free the copies' own instances; the system stays."""

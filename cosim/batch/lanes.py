@@ -117,12 +117,12 @@ class Fixed:
 
     def code(self) -> str:
         """Struct, and the function that computes it."""
-        members = [f"    {kind} {name[3:]};" for kind, name in zip(self.kinds, self.names.values(), strict=True)]
+        components = [f"    {kind} {name[3:]};" for kind, name in zip(self.kinds, self.names.values(), strict=True)]
         lines = [f"    {name} = {text};" for text, name in self.names.items()]
         return "\n".join(
             [
                 "typedef struct {",
-                *members,
+                *components,
                 "    lanes unused;",
                 "} Fixed;",
                 "",
@@ -141,12 +141,12 @@ class Needed:
     """Elements of the outputs that somebody reads, by name of the C code and index."""
 
     elements: frozenset[tuple[str, int]]
-    members: frozenset[str]
+    components: frozenset[str]
 
     @classmethod
-    def of(cls, members: Sequence[tuple[str, int]], slots: Iterable[int]) -> Needed:
+    def of(cls, components: Sequence[tuple[str, int]], slots: Iterable[int]) -> Needed:
         """From the names and sizes of the struct's fields, in their order, and the slots of the elements."""
-        places = [(name, i) for name, size in members for i in range(size)]
+        places = [(name, i) for name, size in components for i in range(size)]
         found = frozenset(places[s] for s in slots)
         return cls(found, frozenset(name for name, _ in found))
 
@@ -160,7 +160,7 @@ class Needed:
         name = target.text.partition("->")[2]
         if index is not None and index.kind == "number":
             return (name, int(index.text)) in self.elements
-        return name in self.members
+        return name in self.components
 
 
 class Structs:
@@ -168,19 +168,19 @@ class Structs:
 
     def __init__(self, code: str):
         self.code: dict[str, str] = {}
-        self.members: dict[str, list[tuple[str, int]]] = {}
+        self.components: dict[str, list[tuple[str, int]]] = {}
         self.arrays: set[str] = set()  # fields that are arrays, as pointer->name
         for body, name in _STRUCT.findall(code):
             rows = [_MEMBER.fullmatch(line.strip()) for line in body.split("\n") if line.strip()]
             if not all(rows):
                 raise NotRead(f"its struct {name} has something else than numbers")
-            self.members[name] = []
+            self.components[name] = []
             for row in rows:
                 assert row is not None
                 size = 1
                 for length in re.findall(r"\d+", row[2]):
                     size *= int(length)
-                self.members[name].append((row[1], size))
+                self.components[name].append((row[1], size))
                 if row[2]:
                     self.arrays.update(f"{pointer}->{row[1]}" for pointer in _POINTERS.get(name, ()))
             self.code[name] = f"typedef struct {{\n{body}\n}} {name};\n".replace("double ", "lanes ")
@@ -196,7 +196,7 @@ def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
     fixed = Fixed()
     functions: list[str] = []
     names: list[str] = []
-    needed = Needed.of(structs.members.get("Outputs", []), outputs)
+    needed = Needed.of(structs.components.get("Outputs", []), outputs)
     for name in ("start_states", "derivatives", "outputs", "sample"):
         statements = read_function(code, name)
         if statements is None:
@@ -417,11 +417,11 @@ class _Function:
             return f"&{self._checked(e.parts[0].text)}", "lanes"
         raise NotRead(f"its code has '{e.text}' in place of an array")
 
-    def _checked(self, member: str) -> str:
-        pointer = member.partition("->")[0]
+    def _checked(self, component: str) -> str:
+        pointer = component.partition("->")[0]
         if pointer not in VECTORS and pointer not in _RESULTS:
-            raise NotRead(f"its code reads {member}")
-        return member
+            raise NotRead(f"its code reads {component}")
+        return component
 
     def _index(self, e: Expression) -> str:
         """A whole number that is the same in all lanes."""

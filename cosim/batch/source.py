@@ -143,7 +143,7 @@ class LaneSource:
                 *numbers,
                 shown,
                 *defines,
-                '#include "lane_member.h"',
+                '#include "lane_component.h"',
                 "",
             ]
         )

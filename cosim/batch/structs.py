@@ -14,12 +14,12 @@ from cosim.batch.source import LaneSource
 from cosim.component import EndRequested
 from cosim.description import Variable
 from cosim.engine.compiled import BoundEngine
-from cosim.engine.plan import MemberPlan, Plan
+from cosim.engine.plan import ComponentPlan, Plan
 from cosim.errors import CallFailed, ComponentError
 from cosim.master.exchange import Exchange
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 
-HEADER = 8  # rows of a group's memory before the values of its instances (lane_member.h)
+HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)
 _INPUT_REFUSED = 101  # BATCH_INPUT_REFUSED
 _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
@@ -29,7 +29,7 @@ class CopyFailure:
     """A copy that has ended: index, component that failed, time [s] at which its step began, and message."""
 
     copy: int
-    member: str
+    component: str
     time: float
     message: str
 
@@ -67,8 +67,8 @@ class Structs:
         plan: Plan,
         exchange: Exchange,
         exchanges: Sequence[Exchange | None],
-        lanes: Mapping[Member, Lanes],
-        alone: Collection[Member],
+        lanes: Mapping[SystemComponent, Lanes],
+        alone: Collection[SystemComponent],
         values: npt.NDArray[np.float64],
         alive: npt.NDArray[np.uint8],
         target: Target,
@@ -83,11 +83,11 @@ class Structs:
             # Where a copy could not be initialized nothing is called.
             pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
             self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
-        self._members = self._new("BatchMember[]", len(plan.members))
-        for number, (struct, member) in enumerate(zip(self._members, plan.members, strict=True)):
-            self._fill(struct, member, number)
+        self._components = self._new("BatchComponent[]", len(plan.components))
+        for number, (struct, component) in enumerate(zip(self._components, plan.components, strict=True)):
+            self._fill(struct, component, number)
         self.batch = b = self._new("Batch*")
-        b.members, b.n_members, b.n_discrete = self._members, len(plan.members), plan.n_discrete
+        b.components, b.n_components, b.n_discrete = self._components, len(plan.components), plan.n_discrete
         b.clocks = self._new("EngineClock[]", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
         b.n_clocks = len(plan.clocks)
         b.a, b.b, b.d = plan.time
@@ -115,10 +115,10 @@ class Structs:
         plan = self._plan
         w = self._new("BatchWorker*")
         w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
-        w.list = self._new(f"int32_t[{len(plan.members)}]")
+        w.list = self._new(f"int32_t[{len(plan.components)}]")
         return w
 
-    def _fill(self, m: Any, plan: MemberPlan, number: int) -> None:
+    def _fill(self, m: Any, plan: ComponentPlan, number: int) -> None:
         ffi = interface()
         m.clock, m.step, m.check_before, m.number = plan.clock, plan.step, plan.check_before, number
         copies = [*plan.remember, *plan.show]
@@ -134,12 +134,12 @@ class Structs:
             m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
         m.lines = self._new("EngineLine[]", [list(line) for line in plan.lines]) if plan.lines else ffi.NULL
         m.n_lines, m.first, m.n_outputs = len(plan.lines), plan.first, plan.n_outputs
-        if plan.member not in self._lanes:
+        if plan.component not in self._lanes:
             reads = {int(i) for i in plan.index} | {i for line in plan.lines for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
             m.alone = self._alone_engines
             return
-        lanes, place = self._lanes[plan.member], self._exchange.layout.places[plan.member]
+        lanes, place = self._lanes[plan.component], self._exchange.layout.places[plan.component]
         m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
         m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
         rows = lanes.source.rows
@@ -173,29 +173,29 @@ class Structs:
     def failure(self, copy: int) -> CopyFailure:
         """The failure of a copy, with the message that a run of this copy alone would give."""
         found = self._failures[copy]
-        member = self._plan.members[found.member].member
+        component = self._plan.components[found.component].component
         t = self._exchange.base.seconds(found.tick)
-        if member in self._lanes:
-            return CopyFailure(copy, member.name, t, self._lane_message(copy, member, found))
+        if component in self._lanes:
+            return CopyFailure(copy, component.name, t, self._lane_message(copy, component, found))
         engine = self._engines[copy]
         assert engine is not None
         # What is raised is what a run of this copy alone would raise.
         try:
             if found.result == engine.NOT_FINITE:
-                text = f"component '{member.name}': an output is not finite"
+                text = f"component '{component.name}': an output is not finite"
             else:
-                engine.fail(member, found.call, found.status, t)
-                text = f"component '{member.name}' failed"
+                engine.fail(component, found.call, found.status, t)
+                text = f"component '{component.name}' failed"
         except CallFailed as failure:
             text = str(ComponentError(failure, t, None))
         except EndRequested as request:
             text = str(request)
-        return CopyFailure(copy, member.name, t, text)
+        return CopyFailure(copy, component.name, t, text)
 
-    def _lane_message(self, copy: int, member: Member, found: Any) -> str:
+    def _lane_message(self, copy: int, component: SystemComponent, found: Any) -> str:
         """In the words of the FMU (fmu_core.c)."""
         group, lane = divmod(copy, self._target.lanes)
-        lanes, place = self._lanes[member], self._exchange.layout.places[member]
+        lanes, place = self._lanes[component], self._exchange.layout.places[component]
         memory = lanes.memory[group, :, lane]
         if found.result == _INPUT_REFUSED:
             row = lanes.source.rows[place.inputs[found.call].reference]
@@ -203,15 +203,15 @@ class Structs:
             why = (
                 "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
             )
-            return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
+            return f"component '{component.name}': value {value:.9g} for {row.name} {why}"
         kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
         role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
         name = lanes.source.name_of(role, slot)
         if kind != 1:
-            return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
+            return f"component '{component.name}': {name} is not finite at time {when:.9g} s"
         return (
-            f"component '{member.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its bound "
-            f"{lanes.source.bound(slot):g}; check inputs and parameters, or reduce solver.step"
+            f"component '{component.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its"
+            f" bound {lanes.source.bound(slot):g}; check inputs and parameters, or reduce solver.step"
         )
 
 

@@ -11,7 +11,7 @@ from cosim.engine.compiled import CompiledExchange
 from cosim.engine.library import NoEngine, library
 from cosim.errors import CosimError
 from cosim.master.exchange import Exchange
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 
 EngineChoice = Literal["auto", "compiled", "python"]
 
@@ -24,7 +24,7 @@ class Engine:
     text: str
 
 
-def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> Engine:
+def choose_engine(components: Iterable[SystemComponent], choice: EngineChoice = "auto") -> Engine:
     """Choose the engine that executes a system of these components.
 
     Raises CosimError for an unknown choice, and when "compiled" is not possible.
@@ -34,9 +34,9 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
         raise CosimError(unknown("engine", choice, known))
     if choice == "python":
         return Engine(Exchange, "the Python master, as requested")
-    members = list(members)
-    back = [m.name for m in members if _called_back(m)]
-    if choice == "auto" and len(back) == len(members):
+    components = list(components)
+    back = [m.name for m in components if _called_back(m)]
+    if choice == "auto" and len(back) == len(components):
         return Engine(
             Exchange, "the Python master: all components are written in Python or have clocks, which only it drives"
         )
@@ -52,7 +52,7 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
     )
 
 
-def _called_back(member: Member) -> bool:
+def _called_back(component: SystemComponent) -> bool:
     """Whether its steps are Python's: a component in Python, or an FMU whose clocks are driven there."""
-    about = member.description
-    return not (about.fmi_version or about.native) or getattr(member.component, "in_event_mode", False)
+    about = component.description
+    return not (about.fmi_version or about.native) or getattr(component.implementation, "in_event_mode", False)

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from cosim.component import EndRequested, FmiCalls, Transfer
 from cosim.engine.library import interface, library
-from cosim.engine.plan import Copy, MemberPlan, make_plan
+from cosim.engine.plan import ComponentPlan, Copy, make_plan
 from cosim.errors import NotFinite
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.stops import Reader, Stop, StopCondition, StopWhen
-from cosim.system.members import Member
-from cosim.system.names import Members
+from cosim.system.components import SystemComponent
+from cosim.system.names import SystemComponents
 
 _Stop = tuple[StopWhen, int, float, float]  # with slot, scale and offset of what it looks at
 _RELATIONS = {">=": "ENGINE_GE", ">": "ENGINE_GT", "<=": "ENGINE_LE", "<": "ENGINE_LT"}
@@ -44,7 +44,7 @@ class CompiledExchange(Exchange):
     def stop_when(self, conditions: Sequence[StopCondition], read: Reader) -> None:
         super().stop_when(conditions, read)
         plain = [c for c in conditions if isinstance(c, StopWhen)]
-        canonical = Members((m.name, m) for m in self.schedule.members).canonical
+        canonical = SystemComponents((m.name, m) for m in self.schedule.components).canonical
         known = [self.layout.readable.get(canonical(c.name)) for c in plain]
         self._by_hand = len(plain) < len(conditions) or None in known
         self._stops = [] if self._by_hand else [(c, *k) for c, k in zip(plain, known, strict=True) if k]
@@ -73,24 +73,24 @@ class CompiledExchange(Exchange):
         if result == engine.STOPPED:
             self.phase = Phase.SAMPLED
             raise Stop(str(self._stops[engine.call][0]))
-        member = self.schedule.members[engine.member]
+        component = self.schedule.components[engine.component]
         try:
-            self.raise_failure(engine, result, member)
+            self.raise_failure(engine, result, component)
         except EndRequested as request:
             instant, t = self.timetable.at(self.tick), self.time
-            rest = instant.whole[instant.whole.index(self._step(member)) + 1 :]
+            rest = instant.whole[instant.whole.index(self._step(component)) + 1 :]
             if self._end_requested(request, rest, len(instant.advance), t):
                 self.tick += 1
         return False
 
-    def raise_failure(self, engine: BoundEngine, result: int, member: Member) -> None:
+    def raise_failure(self, engine: BoundEngine, result: int, component: SystemComponent) -> None:
         """What the Python master would raise where the engine came back."""
         if result == engine.NOT_FINITE:
-            culprit = self.layout.not_finite([member], self.time)
-            raise culprit or NotFinite(member.name, "?", float("nan"), self.time)
+            culprit = self.layout.not_finite([component], self.time)
+            raise culprit or NotFinite(component.name, "?", float("nan"), self.time)
         if result == engine.BACK_FAILED:
             raise engine.take_failure()
-        engine.fail(member, engine.call, engine.status, self.time)
+        engine.fail(component, engine.call, engine.status, self.time)
 
 
 class BoundEngine:
@@ -108,18 +108,21 @@ class BoundEngine:
             getattr(self._library, f"ENGINE_{name}") for name in names
         )
         self.plan = plan = make_plan(exchange)
-        self._members = ffi.new("EngineMember[]", len(plan.members))
+        self._components = ffi.new("EngineComponent[]", len(plan.components))
         self._calls: list[FmiCalls | None] = []
-        for struct, member in zip(self._members, plan.members, strict=True):
-            self._fill(struct, member)
+        for struct, component in zip(self._components, plan.components, strict=True):
+            self._fill(struct, component)
         self._state = e = ffi.new("Engine*")
         e.values = self._pointer("double*", exchange.values)
-        e.members, e.n_members, e.n_discrete = self._members, len(plan.members), plan.n_discrete
+        e.components, e.n_components, e.n_discrete = self._components, len(plan.components), plan.n_discrete
         e.clocks = self._array("EngineClock", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
         e.n_clocks = len(plan.clocks)
         e.next, e.due = self._new(f"int64_t[{e.n_clocks}]"), self._new(f"bool[{e.n_clocks}]")
-        e.list, e.reached = self._new(f"EngineMember*[{e.n_members}]"), self._new(f"EnginePiece[{e.n_members}]")
-        e.shown = self._new(f"EngineCopy[{sum(len(m.show) for m in plan.members)}]")
+        e.list, e.reached = (
+            self._new(f"EngineComponent*[{e.n_components}]"),
+            self._new(f"EnginePiece[{e.n_components}]"),
+        )
+        e.shown = self._new(f"EngineCopy[{sum(len(m.show) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.look = not exchange.allow_nan
         e.recorded, e.n_recorded = self._slots(plan.recorded), len(plan.recorded)
@@ -140,9 +143,9 @@ class BoundEngine:
         return int(self._state.tick)
 
     @property
-    def member(self) -> int:
+    def component(self) -> int:
         """Index of the component that failed."""
-        return int(self._state.member)
+        return int(self._state.component)
 
     @property
     def call(self) -> int:
@@ -160,15 +163,15 @@ class BoundEngine:
         assert failure is not None
         return failure
 
-    def fail(self, member: Member, call: int, status: int, t: float) -> None:
+    def fail(self, component: SystemComponent, call: int, status: int, t: float) -> None:
         """Raise the exception of a component's ports for an FMU call with this status, in an instant at `t` [s]."""
-        calls = self._exchange.ports[member].fmi
+        calls = self._exchange.ports[component].fmi
         assert calls is not None
         if call:
             transfer = calls.sets[call - 1] if call > 0 else calls.gets[-call - 1]
             calls.call_failed(transfer.function, status)
         else:
-            calls.step_failed(status, t, float(member.step))
+            calls.step_failed(status, t, float(component.step))
 
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
@@ -184,21 +187,21 @@ class BoundEngine:
             return int(self._library.cosim_engine_run(e, end))
         finally:
             recorder.count = begin + int(e.count)
-            for struct, calls in zip(self._members, self._calls, strict=True):
+            for struct, calls in zip(self._components, self._calls, strict=True):
                 if calls is not None and struct.changed:
                     calls.changed(int(struct.changed))
                     struct.changed = 0
 
     def ready(self) -> None:
         """Before components are stepped: whether their FMUs may be rolled back is known."""
-        for struct, calls in zip(self._members, self._calls, strict=True):
+        for struct, calls in zip(self._components, self._calls, strict=True):
             if calls is not None:
                 struct.no_set_prior = calls.no_set_prior()
 
     # Making the structs.
 
-    def _fill(self, m: Any, plan: MemberPlan) -> None:
-        ports, place = self._exchange.ports[plan.member], self._exchange.layout.places[plan.member]
+    def _fill(self, m: Any, plan: ComponentPlan) -> None:
+        ports, place = self._exchange.ports[plan.component], self._exchange.layout.places[plan.component]
         m.clock, m.step, m.check_before = plan.clock, plan.step, plan.check_before
         copies = [*plan.remember, *plan.show]
         m.copies, m.n_copies = self._array("EngineCopy", [_copy(c) for c in copies]), len(copies)
@@ -247,8 +250,8 @@ class BoundEngine:
         return {"slot": slot, "relation": relation, "scale": scale, "offset": offset, "value": float(stop.value)}
 
     def _back(self) -> Any:
-        members, ports = self._exchange.schedule.members, self._exchange.ports
-        runs = [(ports[m].run, float(m.step)) for m in members]
+        components, ports = self._exchange.schedule.components, self._exchange.ports
+        runs = [(ports[m].run, float(m.step)) for m in components]
 
         def back(_: Any, i: int, t: float) -> int:
             try:

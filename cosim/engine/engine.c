@@ -38,7 +38,7 @@ double engine_time(const Engine *e, int64_t tick) {
 /* ------------------------------------------------------------------ values */
 
 /* Extrapolate inputs, and convert them to their units. */
-NOINLINE void convert(const double *values, const EngineMember *m, double t) {
+NOINLINE void convert(const double *values, const EngineComponent *m, double t) {
     double *u = m->u;
     for (size_t i = 0; i < m->n_lines; i++) {
         const EngineLine *l = &m->lines[i];
@@ -50,13 +50,13 @@ NOINLINE void convert(const double *values, const EngineMember *m, double t) {
     }
 }
 
-INLINE void gather(const double *values, const EngineMember *m, double t) {
+INLINE void gather(const double *values, const EngineComponent *m, double t) {
     double *u = m->u;
     for (size_t i = 0; i < m->n_inputs; i++) u[i] = values[m->index[i]];
     if (m->n_lines | (m->scale != NULL)) convert(values, m, t);
 }
 
-void engine_gather(const Engine *e, const EngineMember *m, double t) { gather(e->values, m, t); }
+void engine_gather(const Engine *e, const EngineComponent *m, double t) { gather(e->values, m, t); }
 
 #define FOR_ALL(type, to, from) \
     for (size_t i = 0; i < s->n; i++) to = (type)(from); \
@@ -120,13 +120,13 @@ COLD int failed(Engine *e, int32_t call, uint32_t status) {
         if (s->element) collect(s, m->y);                               \
     }
 
-int engine_set(Engine *e, const EngineMember *m) {
+int engine_set(Engine *e, const EngineComponent *m) {
     if (m->fmi == 3) SET_ALL(CALL3)
     else SET_ALL(CALL2)
     return ENGINE_AT_END;
 }
 
-int engine_get(Engine *e, const EngineMember *m) {
+int engine_get(Engine *e, const EngineComponent *m) {
     if (m->fmi == 3) GET_ALL(CALL3)
     else GET_ALL(CALL2)
     return ENGINE_AT_END;
@@ -134,19 +134,19 @@ int engine_get(Engine *e, const EngineMember *m) {
 
 /* ------------------------------------------------------------------ steps */
 
-INLINE int step2(Engine *e, const EngineMember *m, double t) {
+INLINE int step2(Engine *e, const EngineComponent *m, double t) {
     const uint32_t status = m->step2(m->instance, t, m->step, m->no_set_prior);
     return RARELY(status > LARGEST_SUCCESS) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
-INLINE int step3(Engine *e, const EngineMember *m, double t) {
+INLINE int step3(Engine *e, const EngineComponent *m, double t) {
     bool *flags = m->flags;
     const uint32_t status = m->step3(m->instance, t, m->step, m->no_set_prior, flags, flags + 2, flags + 3, m->last);
     return RARELY((status > LARGEST_SUCCESS) | flags[2] | flags[3]) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
 /* Set, step and get of a component with any number of calls. */
-NOINLINE int run_parts(Engine *e, const EngineMember *m, double t) {
+NOINLINE int run_parts(Engine *e, const EngineComponent *m, double t) {
     int result = engine_set(e, m);
     if (!result) result = m->fmi == 3 ? step3(e, m, t) : step2(e, m, t);
     return result ? result : engine_get(e, m);
@@ -161,29 +161,29 @@ NOINLINE int run_parts(Engine *e, const EngineMember *m, double t) {
     status = CALL(m->gets);                                             \
     return RARELY(status > LARGEST_SUCCESS) ? failed(e, -1, status) : ENGINE_AT_END
 
-INLINE int run2(Engine *e, const EngineMember *m, double t) { RUN(CALL2, step2); }
-INLINE int run3(Engine *e, const EngineMember *m, double t) { RUN(CALL3, step3); }
+INLINE int run2(Engine *e, const EngineComponent *m, double t) { RUN(CALL2, step2); }
+INLINE int run3(Engine *e, const EngineComponent *m, double t) { RUN(CALL3, step3); }
 
-NOINLINE int run_back(Engine *e, const EngineMember *m, double t) {
-    return e->back(e->context, (int32_t)(m - e->members), t) == 0 ? ENGINE_AT_END : ENGINE_BACK_FAILED;
+NOINLINE int run_back(Engine *e, const EngineComponent *m, double t) {
+    return e->back(e->context, (int32_t)(m - e->components), t) == 0 ? ENGINE_AT_END : ENGINE_BACK_FAILED;
 }
 
-COLD void put_back(Engine *e, const EngineMember *m) {
-    e->members[m - e->members].changed |= environment_restore(e->environment);
+COLD void put_back(Engine *e, const EngineComponent *m) {
+    e->components[m - e->components].changed |= environment_restore(e->environment);
 }
 
 /* One communication step of a component: inputs as they stand, doStep, outputs. */
-INLINE int run_member(Engine *e, const EngineMember *m, double t) {
+INLINE int run_component(Engine *e, const EngineComponent *m, double t) {
     gather(e->values, m, t);
     const int result = !m->direct    ? (m->fmi ? run_parts(e, m, t) : run_back(e, m, t))
                        : m->fmi == 3 ? run3(e, m, t)
                                      : run2(e, m, t);
     if (RARELY(environment_looks_changed() & m->foreign)) put_back(e, m);
-    if (RARELY(result)) e->member = (int32_t)(m - e->members);
+    if (RARELY(result)) e->component = (int32_t)(m - e->components);
     return result;
 }
 
-int engine_member(Engine *e, int32_t number, double t) { return run_member(e, &e->members[number], t); }
+int engine_component(Engine *e, int32_t number, double t) { return run_component(e, &e->components[number], t); }
 
 INLINE bool all_finite(const double *y, size_t n) {
     const uint64_t exponent = UINT64_C(0x7ff) << 52;
@@ -202,9 +202,9 @@ INLINE bool all_finite(const double *y, size_t n) {
 COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = first; k < end; k++) {
-        const EngineMember *m = e->list[k];
+        const EngineComponent *m = e->list[k];
         if (!all_finite(m->y, m->n_outputs)) {
-            e->member = (int32_t)(m - e->members);
+            e->component = (int32_t)(m - e->components);
             return ENGINE_NOT_FINITE;
         }
     }
@@ -232,7 +232,7 @@ INLINE void arrive(Engine *e, double t) {
     double *values = e->values;
     if (e->remembers)
         for (int32_t k = 0; k < e->n_due; k++) { /* what was visible until now */
-            const EngineMember *m = e->list[k];
+            const EngineComponent *m = e->list[k];
             if (m->stamp >= 0) values[m->stamp] = t;
             for (int32_t c = 0; c < m->n_copies_before; c++) copy(values, &m->copies[c]);
         }
@@ -251,7 +251,7 @@ INLINE bool holds(const EngineStop *s, const double *values) {
 
 INLINE int sample(Engine *e, double t) {
     for (int32_t k = 0; k < e->n_due_discrete; k++) {
-        int result = run_member(e, e->list[k], t);
+        int result = run_component(e, e->list[k], t);
         if (!result) result = check_outputs_finite(e, k, k + 1);
         if (result) return result;
     }
@@ -278,13 +278,13 @@ INLINE int advance(Engine *e, double t) {
                 result = check_outputs_finite(e, first, k);
                 first = k;
             }
-            if (!result) result = run_member(e, e->list[k], t);
+            if (!result) result = run_component(e, e->list[k], t);
             if (result) return result;
         }
         return check_outputs_finite(e, first, n);
     }
     for (int32_t k = e->n_due_discrete; k < n; k++) {
-        const int result = run_member(e, e->list[k], t);
+        const int result = run_component(e, e->list[k], t);
         if (result) return result;
     }
     return look_at_reached(e);
@@ -297,7 +297,7 @@ int engine_advance(Engine *e, double t) { return advance(e, t); }
 /* ------------------------------------------------------------------ instants */
 
 /* What a continuous component shows at its arrival, and where its outputs are, behind what others have. */
-static void append(Engine *e, const EngineMember *m) {
+static void append(Engine *e, const EngineComponent *m) {
     for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
         const EngineCopy new = m->copies[c];
         EngineCopy *last = e->shown + e->n_shown - 1;
@@ -313,8 +313,8 @@ static void append(Engine *e, const EngineMember *m) {
 static void list_due(Engine *e) {
     e->n_due = e->n_due_discrete = e->n_shown = e->n_reached = 0;
     e->remembers = e->in_line = false;
-    for (int32_t i = 0; i < e->n_members; i++) {
-        const EngineMember *m = &e->members[i];
+    for (int32_t i = 0; i < e->n_components; i++) {
+        const EngineComponent *m = &e->components[i];
         if (!e->due[m->clock]) continue;
         e->list[e->n_due++] = m;
         if (m->stamp >= 0 || m->n_copies_before) e->remembers = true;

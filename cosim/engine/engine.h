@@ -32,7 +32,7 @@ typedef uint32_t (*EngineValues3)(void *instance, const uint32_t *references, si
 typedef uint32_t (*EngineStep2)(void *instance, double t, double h, int no_set_prior);
 typedef uint32_t (*EngineStep3)(
     void *instance, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last);
-typedef int (*EngineBack)(void *context, int32_t member, double t);
+typedef int (*EngineBack)(void *context, int32_t component, double t);
 
 /* One call that sets or gets all connected variables of one type. */
 typedef struct {
@@ -88,7 +88,7 @@ typedef struct {
     int32_t direct;             /* there is one of each, and their data are u and y */
     int32_t foreign;            /* the floating-point environment is restored after its calls */
     uint32_t changed;           /* what it has changed there (environment.h) */
-} EngineMember;
+} EngineComponent;
 
 /* Outputs of components that lie side by side: values[from] to values[from + n - 1]. */
 typedef struct {
@@ -111,19 +111,19 @@ typedef struct {
 
 typedef struct {
     double *values;
-    EngineMember *members;      /* discrete ones in order of execution, then continuous ones group by group */
-    int32_t n_members, n_discrete;
+    EngineComponent *components;      /* discrete ones in order of execution, then continuous ones group by group */
+    int32_t n_components, n_discrete;
     const EngineClock *clocks;  /* the last one is the recorder's */
     int32_t n_clocks;
     int64_t *next;              /* of n_clocks: when each is due next */
     bool *due;                  /* of n_clocks: which are due now */
-    const EngineMember **list;  /* of n_members: those that are due, in their order */
+    const EngineComponent **list;  /* of n_components: those that are due, in their order */
     int32_t n_due, n_due_discrete;
     bool remembers;             /* some of them have values to remember at their arrival */
     bool in_line;               /* some of the continuous ones read what those before them have just reached */
     EngineCopy *shown;          /* of all copies: what they show at their arrival */
     int32_t n_shown;
-    EnginePiece *reached;       /* of n_members: where the outputs are that continuous ones compute */
+    EnginePiece *reached;       /* of n_components: where the outputs are that continuous ones compute */
     int32_t n_reached;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
@@ -137,7 +137,7 @@ typedef struct {
     EngineBack back;
     void *context;
     int64_t tick;               /* where it stands */
-    int32_t member, call; /* what failed; call: 0 its step, k > 0 sets[k - 1], k < 0 gets[-k - 1]; or which stop */
+    int32_t component, call; /* what failed; call: 0 its step, k > 0 sets[k - 1], k < 0 gets[-k - 1]; or which stop */
     uint32_t status;
 } Engine;
 
@@ -153,12 +153,12 @@ int engine_advance(Engine *e, double t);
 /* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
 /* Inputs of a component from the values. */
-void engine_gather(const Engine *e, const EngineMember *m, double t);
+void engine_gather(const Engine *e, const EngineComponent *m, double t);
 /* Hand inputs over, or fetch outputs. Returns 0, or 1 with what failed in `call` and `status`. */
-int engine_set(Engine *e, const EngineMember *m);
-int engine_get(Engine *e, const EngineMember *m);
+int engine_set(Engine *e, const EngineComponent *m);
+int engine_get(Engine *e, const EngineComponent *m);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
-int engine_member(Engine *e, int32_t number, double t);
+int engine_component(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);
 
 #endif

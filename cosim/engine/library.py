@@ -46,6 +46,6 @@ def library() -> Any:
         loaded: Any = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
-    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineMember") + ffi.sizeof("Table"):
+    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineComponent") + ffi.sizeof("Table"):
         raise NoEngine(f"{path} lays out its data in another way than this Python")
     return loaded

@@ -9,7 +9,7 @@ from cosim.component import Array
 from cosim.master.exchange import Exchange
 from cosim.master.timetable import Clock
 from cosim.master.values import EXACT, Index, Layout
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Copy:
 
 
 @dataclass(frozen=True)
-class MemberPlan:
-    """One component's part; the names are those of `EngineMember`."""
+class ComponentPlan:
+    """One component's part; the names are those of `EngineComponent`."""
 
-    member: Member
+    component: SystemComponent
     clock: int
     step: float
     check_before: bool
@@ -46,7 +46,7 @@ class Plan:
     """A whole exchange; the names are those of `Engine`. `clocks` ends with the recorder's."""
 
     size: int
-    members: tuple[MemberPlan, ...]
+    components: tuple[ComponentPlan, ...]
     n_discrete: int
     clocks: tuple[Clock, ...]
     time: tuple[int, int, int]
@@ -63,10 +63,10 @@ def make_plan(exchange: Exchange) -> Plan:
     layout, schedule = exchange.layout, exchange.schedule
     clocks: dict[Clock, int] = {}
     own = [clocks.setdefault(clock, len(clocks)) for clock in exchange.clocks[:-1]]
-    seidel = {m for g in schedule.groups if g.method == "gauss-seidel" for m in g.members}
+    seidel = {m for g in schedule.groups if g.method == "gauss-seidel" for m in g.components}
     return Plan(
         size=len(layout.values),
-        members=tuple(_member(layout, m, c, m in seidel) for m, c in zip(schedule.members, own, strict=True)),
+        components=tuple(_component(layout, m, c, m in seidel) for m, c in zip(schedule.components, own, strict=True)),
         n_discrete=len(schedule.discrete),
         clocks=(*clocks, exchange.clocks[-1]),
         time=exchange.base.integers(),
@@ -74,17 +74,17 @@ def make_plan(exchange: Exchange) -> Plan:
     )
 
 
-def _member(layout: Layout, member: Member, clock: int, seidel: bool) -> MemberPlan:
-    place = layout.places[member]
-    remember, show = layout.copies(member)
-    return MemberPlan(
-        member=member,
+def _component(layout: Layout, component: SystemComponent, clock: int, seidel: bool) -> ComponentPlan:
+    place = layout.places[component]
+    remember, show = layout.copies(component)
+    return ComponentPlan(
+        component=component,
         clock=clock,
-        step=float(member.step),
+        step=float(component.step),
         check_before=seidel,
         remember=tuple(_runs(remember)),
         show=tuple(_runs(show)),
-        stamp=layout.reached.get(member),
+        stamp=layout.reached.get(component),
         index=place.index,
         in_place=place.in_place,
         scale=place.scale,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeVar
 
-from cosim import Member
+from cosim import SystemComponent
 from cosim.study.case import Case, option
 
 PARTS = (1, 16)
@@ -43,7 +43,7 @@ def exchange_step(coarse: Fraction, case: Stepped) -> Fraction:
     return coarse / case.exchange_parts
 
 
-def set_solver_step(plant: Member, case: Stepped) -> None:
+def set_solver_step(plant: SystemComponent, case: Stepped) -> None:
     """Divide the solver step that the plant's FMU declares."""
     declared = float(plant.description.parameters["solver.step"].start)  # type: ignore[arg-type]
     plant.set({"solver.step": declared / case.solver_parts})

@@ -12,7 +12,7 @@ from build_fmus import extras, generate, package, safe_files, surface
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.escape import c_identifier, c_number, c_string
 from cosim.description import Variable
-from cosim.engine.plan import MemberPlan, Plan, make_plan
+from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.errors import CosimError, WiringError
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
@@ -20,7 +20,7 @@ from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.master.exchange import Exchange
-from cosim.system.members import Group, Member
+from cosim.system.components import Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
 from cosim.system.wiring import Wiring
 
@@ -49,22 +49,24 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
 
     `page`: export a web page, which must contain every component; otherwise an FMU.
     """
-    left_out = {wiring.members[name] for name in without}
-    members = [m for m in wiring.members.values() if m not in left_out]
+    left_out = {wiring.components[name] for name in without}
+    components = [m for m in wiring.components.values() if m not in left_out]
     what = "a web page" if page else "the FMU of a system"
-    for m in members:
+    for m in components:
         option = surface.hint(f"without=['{m.name}']", f"--without {m.name}")
         remedy = "" if page else f"leave it out ({option}), or "
-        if not isinstance(m.component, FmuComponent):
+        if not isinstance(m.implementation, FmuComponent):
             raise CosimError(
                 f"'{m.name}' is written in Python, and {what} holds compiled components only: {remedy}write it as a"
                 " component that build-fmus compiles"
             )
-        if m.component.in_event_mode and m.component.description.kind is None:
+        if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not tick: {remedy}use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
-    groups = [Group(g.name, tuple(m for m in g.members if m not in left_out), g.method) for g in wiring.groups.values()]
-    return make_schedule(members, connections, [g for g in groups if g.members])
+    groups = [
+        Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
+    ]
+    return make_schedule(components, connections, [g for g in groups if g.components])
 
 
 @dataclass(frozen=True)
@@ -99,16 +101,16 @@ class SystemCode:
         known: dict[tuple[str, str], Part] | None = None,
     ):
         self.name, self.schedule, self.variables, self.fmi = name, schedule, variables, fmi
-        outputs = [(e.member, e.variable) for e in variables if e.causality == "output"]
+        outputs = [(e.component, e.variable) for e in variables if e.causality == "output"]
         self.exchange = Exchange(schedule, record=outputs)
         self.plan: Plan = make_plan(self.exchange)
         self.parts = self._parts({} if known is None else known)
 
-    def _parts(self, found: dict[tuple[str, str], Part]) -> dict[Member, Part]:
+    def _parts(self, found: dict[tuple[str, str], Part]) -> dict[SystemComponent, Part]:
         """One part per FMU file, whatever number of components is made of it."""
-        parts: dict[Member, Part] = {}
-        for m in self.schedule.members:
-            fmu = m.component.fmu  # type: ignore[attr-defined]
+        parts: dict[SystemComponent, Part] = {}
+        for m in self.schedule.components:
+            fmu = m.implementation.fmu  # type: ignore[attr-defined]
             key = (str(fmu.path), fmu.description.token)
             other = next((o.name for o, p in parts.items() if p is found.get(key)), None)
             if other and m.description.only_once:
@@ -126,7 +128,7 @@ class SystemCode:
     @property
     def can_save(self) -> bool:
         """Whether all components can save their states."""
-        return all(m.description.can_save for m in self.schedule.members)
+        return all(m.description.can_save for m in self.schedule.components)
 
     def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
         """All C files and headers except plan.c, by path below `sources/`.
@@ -160,11 +162,11 @@ class SystemCode:
         a, _, d = self.plan.time
         buffers = _Room()
         room_u = _Room()
-        members = [self._member(i, p, buffers, room_u) for i, p in enumerate(self.plan.members)]
+        components = [self._component(i, p, buffers, room_u) for i, p in enumerate(self.plan.components)]
         return template("plan.c.j2").render(
             name=self.name,
             token=token,
-            members=members,
+            components=components,
             n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked],
             clocks=self.plan.clocks[:-1],
@@ -178,13 +180,13 @@ class SystemCode:
             n_values=self.plan.size,
             n_u=room_u.used,
             n_buffer=buffers.used,
-            n_shown=sum(len(p.show) for p in self.plan.members),
+            n_shown=sum(len(p.show) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
         )
 
-    def _member(self, i: int, p: MemberPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
-        m, part = p.member, self.parts[p.member]
+    def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
+        m, part = p.component, self.parts[p.component]
         place = self.exchange.layout.places[m]
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
@@ -222,7 +224,7 @@ class SystemCode:
         }
 
     def _variable(self, e: Exported) -> dict[str, Any]:
-        layout, version = self.exchange.layout, self.parts[e.member].version
+        layout, version = self.exchange.layout, self.parts[e.component].version
         found: dict[str, Any] = {"name": e.name, "type": _TYPES[e.type], "role": _ROLES[e.causality]}
         if e.causality == "output":
             slot, scale, offset = layout.readable[e.name]
@@ -230,9 +232,9 @@ class SystemCode:
         low, high = e.limits
         return {
             **found,
-            "slot": layout.constants.get((e.member, e.variable), -1),
+            "slot": layout.constants.get((e.component, e.variable), -1),
             "kind": _kind(version, e.variable.fmi_type),
-            "member": self.schedule.members.index(e.member),
+            "component": self.schedule.components.index(e.component),
             "reference": e.variable.reference,
             "tunable": e.tunable,
             "min": c_number(low),
@@ -244,10 +246,10 @@ class SystemCode:
         names = [""] * self.plan.size
         layout = self.exchange.layout
         for slots in (layout.visible, layout.latest, layout.previous, layout.constants):
-            for (member, variable), slot in slots.items():
-                names[slot] = f"{member.name}.{variable.name}"
-        for member, slot in layout.reached.items():
-            names[slot] = f"time of {member.name}"
+            for (component, variable), slot in slots.items():
+                names[slot] = f"{component.name}.{variable.name}"
+        for component, slot in layout.reached.items():
+            names[slot] = f"time of {component.name}"
         return names
 
 
@@ -276,33 +278,33 @@ def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
     }
 
 
-def start_values(member: Member) -> Iterator[tuple[Variable, Any]]:
+def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
     """Start values of a component, each as a variable and its text or numbers.
 
     Of an array, the variable is the first element, and the numbers are those of all elements. Raises WiringError if a
     part of an array is given and the FMU does not tell the other elements.
     """
-    variables = member.description.variables
-    given = {variables[n]: v for n, v in member.values.items()}
+    variables = component.description.variables
+    given = {variables[n]: v for n, v in component.values.items()}
     for elements in by_reference(given).values():
         one = elements[0]
         if one.fmi_type == "String":
             yield one, str(given[one])
             continue
-        whole = [variables[n] for n in member.description.arrays.get(one.declared, [])] if one.size > 1 else [one]
+        whole = [variables[n] for n in component.description.arrays.get(one.declared, [])] if one.size > 1 else [one]
         values = {v.index: given.get(v, v.start) for v in whole}
         missing = [v.name for v in whole if values[v.index] is None]
         if missing:
             raise WiringError(
-                f"'{member.name}': set all of {one.declared}; the FMU tells no start value of {missing[0]}"
+                f"'{component.name}': set all of {one.declared}; the FMU tells no start value of {missing[0]}"
             )
         yield one, [float(values[k]) for k in sorted(values)]
 
 
-def _starts(member: Member, version: int) -> list[_Start]:
+def _starts(component: SystemComponent, version: int) -> list[_Start]:
     """The same as C."""
     found = []
-    for variable, values in start_values(member):
+    for variable, values in start_values(component):
         if isinstance(values, str):
             found.append(_Start("KIND_STRING", variable.reference, [], values))
         else:

@@ -106,7 +106,7 @@ def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> 
             "continuous"
             if e.type == "Float64"
             and v.variability == "continuous"
-            and not (e.causality == "output" and e.member.discrete)
+            and not (e.causality == "output" and e.component.discrete)
             else "discrete"
         )
     )

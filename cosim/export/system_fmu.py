@@ -69,16 +69,16 @@ class _Exporter:
         self.facts = self._facts(text)
 
     def _facts(self, text: str) -> description.Facts:
-        members = self.schedule.members
-        about = [m.description for m in members]
+        components = self.schedule.components
+        about = [m.description for m in components]
         stops = [float(a.default_stop) for a in about if a.default_stop is not None]
-        listed = ", ".join(f"{m.name} ({m.description.name})" for m in members)
+        listed = ", ".join(f"{m.name} ({m.description.name})" for m in components)
         discrete = not self.schedule.continuous
         return description.Facts(
             name=self.name,
-            text=text or f"A system of {len(members)} FMUs: {listed}",
+            text=text or f"A system of {len(components)} FMUs: {listed}",
             kind="discrete" if discrete else "continuous",
-            step=self.schedule.tick if discrete else min(m.step for m in members),
+            step=self.schedule.tick if discrete else min(m.step for m in components),
             stop_time=max(stops, default=_DEFAULT_STOP),
             can_save=self.code.can_save,
             can_serialize=all(a.can_save and a.can_serialize for a in about),
@@ -122,8 +122,8 @@ class _Exporter:
         else:
             content["sources/buildDescription.xml"] = base.build_description(self.name, c_files)
             content["terminalsAndIcons/icon.png"] = icon
-        members = [related.member(p.name, p.files) for p in self.distinct]
-        content |= related.files(self.name, content, parts, compilers, components=members)
+        components = [related.component(p.name, p.files) for p in self.distinct]
+        content |= related.files(self.name, content, parts, compilers, components=components)
         return package.archive(content)
 
     def _check_platforms(self, platforms: Sequence[Platform]) -> None:
@@ -185,7 +185,7 @@ class _Exporter:
             facts=self.facts,
             fmi=f"{self.fmi}.0",
             schedule=str(self.schedule),
-            members=self.schedule.members,
+            components=self.schedule.components,
             parts=self.parts,
             variables=self.variables,
             tick=self.schedule.tick,

@@ -11,8 +11,8 @@ from build_fmus import units
 from build_fmus.units import Unit
 from cosim.description import Variable
 from cosim.errors import WiringError
-from cosim.system.members import Connection, Member
-from cosim.system.names import Members
+from cosim.system.components import Connection, SystemComponent
+from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 
 TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
@@ -23,7 +23,7 @@ _FITS = {"Real", "Float64", "Float32", "Integer", "Int32", "Int16", "UInt16", "I
 class Exported:
     """One variable of the system's FMU: `component.variable`."""
 
-    member: Member
+    component: SystemComponent
     variable: Variable
     causality: str  # parameter, input, output
     start: Any  # of parameters and inputs
@@ -31,7 +31,7 @@ class Exported:
     @property
     def name(self) -> str:
         """Full name, `component.variable`."""
-        return f"{self.member.name}.{self.variable.name}"
+        return f"{self.component.name}.{self.variable.name}"
 
     @property
     def type(self) -> str:
@@ -62,35 +62,35 @@ def choose(
     `parameters`: "*", all. Raises WiringError for a name that fits nothing, that is driven, or whose type no system's
     FMU has.
     """
-    members = Members((m.name, m) for m in schedule.members)
+    components = SystemComponents((m.name, m) for m in schedule.components)
     driven = {c.target_name: c for c in schedule.connections}
     found = [
-        *_chosen(members, parameters, "parameter", {}),
-        *_chosen(members, inputs if inputs is not None else "*", "input", driven),
+        *_chosen(components, parameters, "parameter", {}),
+        *_chosen(components, inputs if inputs is not None else "*", "input", driven),
     ]
-    shown = [(m, v) for m, v in members.select(outputs) if v.causality != "parameter"]
+    shown = [(m, v) for m, v in components.select(outputs) if v.causality != "parameter"]
     taken = {e.name for e in found}
     found += [Exported(m, v, "output", None) for m, v in shown if f"{m.name}.{v.name}" not in taken]
     return found
 
 
 def _chosen(
-    members: Members, patterns: str | Iterable[str] | None, causality: str, driven: dict[str, Connection]
+    components: SystemComponents, patterns: str | Iterable[str] | None, causality: str, driven: dict[str, Connection]
 ) -> list[Exported]:
     """Variables of one causality: all that can be had for a pattern, every one for a plain name."""
     chosen: dict[str, Exported] = {}
     for pattern in [patterns] if isinstance(patterns, str) else patterns or ():
         plain = not set("*?") & set(pattern)
-        candidates = members.fitting(pattern, causality)
-        for member, variable in candidates:
-            name = f"{member.name}.{variable.name}"
+        candidates = components.fitting(pattern, causality)
+        for component, variable in candidates:
+            name = f"{component.name}.{variable.name}"
             reason = _unfit(variable, causality, driven.get(name))
             if reason and plain:
                 raise WiringError(
                     f"{name} cannot be {'an input' if causality == 'input' else f'a {causality}'} of the FMU: {reason}"
                 )
             if not reason:
-                chosen[name] = Exported(member, variable, causality, _start(member, variable))
+                chosen[name] = Exported(component, variable, causality, _start(component, variable))
         if plain and not candidates:
             raise WiringError(f"'{pattern}' is no {causality} of a component")
     return list(chosen.values())
@@ -108,8 +108,8 @@ def _unfit(variable: Variable, causality: str, connection: Connection | None) ->
     return ""
 
 
-def _start(member: Member, variable: Variable) -> Any:
-    value = member.values.get(variable.name, variable.start)
+def _start(component: SystemComponent, variable: Variable) -> Any:
+    value = component.values.get(variable.name, variable.start)
     return 0 if value is None else value
 
 
@@ -148,12 +148,12 @@ def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, 
     ahead = {c.target_name: c for c in schedule.connections if not c.delay and c not in schedule.lagging}
     found: dict[str, frozenset[str]] = {}
 
-    def of(member: Member, output: str) -> frozenset[str]:
-        name = f"{member.name}.{output}"
+    def of(component: SystemComponent, output: str) -> frozenset[str]:
+        name = f"{component.name}.{output}"
         if name not in found:
             found[name] = frozenset()
-            for needed in member.description.depends(output) if member.discrete else ():
-                found[name] |= at(f"{member.name}.{needed}")
+            for needed in component.description.depends(output) if component.discrete else ():
+                found[name] |= at(f"{component.name}.{needed}")
         return found[name]
 
     def at(target: str) -> frozenset[str]:
@@ -163,7 +163,7 @@ def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, 
         return frozenset({target}) & inputs
 
     return {
-        e.name: sorted(at(e.name) if e.variable.causality == "input" else of(e.member, e.variable.name))
+        e.name: sorted(at(e.name) if e.variable.causality == "input" else of(e.component, e.variable.name))
         for e in variables
         if e.causality == "output"
     }

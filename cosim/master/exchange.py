@@ -44,7 +44,7 @@ from cosim.master.recorder import Recorder
 from cosim.master.stops import Reader, Stop, StopCondition, stop_check
 from cosim.master.timetable import Clock, Timetable
 from cosim.master.values import Layout, Timed, make_layout
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 from cosim.time import TimeBase
 
@@ -82,8 +82,8 @@ class Exchange:
         schedule: Schedule,
         start: Fraction = Fraction(0),
         *,
-        record: Sequence[tuple[Member, Variable]] = (),
-        watch: Sequence[tuple[Member, Variable]] = (),
+        record: Sequence[tuple[SystemComponent, Variable]] = (),
+        watch: Sequence[tuple[SystemComponent, Variable]] = (),
         interval: Fraction | None = None,
         allow_nan: bool = False,
     ):
@@ -94,16 +94,16 @@ class Exchange:
         self.layout: Layout = make_layout(schedule, record, watch)
         self.values = self.layout.values
         self.recorder = Recorder(self.values, self.layout.record_index, *self.layout.record_conversion)
-        self.ports: dict[Member, Ports] = {}
+        self.ports: dict[SystemComponent, Ports] = {}
         self.tick = 0
         self.phase = Phase.ARRIVED
         self.ending: tuple[int, str] | None = None
         self._check: Timed | None = None
         if interval is None:
-            interval = min(m.step for m in schedule.members)
-        self._step_of: dict[Member, Timed] = {}
+            interval = min(m.step for m in schedule.components)
+        self._step_of: dict[SystemComponent, Timed] = {}
         self.clocks = (  # of the components, then the recorder's
-            *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.members),
+            *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.components),
             Clock(self.base.count(interval), 0),
         )
         self.timetable = Timetable(self.clocks, self._compile)
@@ -131,26 +131,26 @@ class Exchange:
 
     def _compile(self, due: frozenset[int]) -> Instant:
         """The instant at which the clocks numbered `due` are due."""
-        members = [m for i, m in enumerate(self.schedule.members) if i in due]
+        components = [m for i, m in enumerate(self.schedule.components) if i in due]
         recording = len(self.clocks) - 1 in due
-        arrive = self.layout.arrival(members)
-        discrete = self._steps([m for m in members if m.discrete])
+        arrive = self.layout.arrival(components)
+        discrete = self._steps([m for m in components if m.discrete])
         sample = [self.recorder.sample] if recording else []
         check = [] if self._check is None else [self._check]
-        continuous = self._steps([m for m in members if not m.discrete])
+        continuous = self._steps([m for m in components if not m.discrete])
         return Instant(tuple(arrive), (*discrete, *sample, *check), tuple(continuous), recording)
 
-    def _steps(self, members: Sequence[Member]) -> list[Timed]:
+    def _steps(self, components: Sequence[SystemComponent]) -> list[Timed]:
         """Steps of components in their order, each followed by a check of its outputs before any component reads them.
 
         Components that advance side by side read nothing from each other, so they are checked together.
         """
         if self.allow_nan:
-            return [self._step(m) for m in members]
-        seidel = {m for group in self.schedule.groups if group.method == "gauss-seidel" for m in group.members}
+            return [self._step(m) for m in components]
+        seidel = {m for group in self.schedule.groups if group.method == "gauss-seidel" for m in group.components}
         acts: list[Timed] = []
-        together: list[Member] = []
-        for m, following in itertools.zip_longest(members, members[1:]):
+        together: list[SystemComponent] = []
+        for m, following in itertools.zip_longest(components, components[1:]):
             acts.append(self._step(m))
             together.append(m)
             if m.discrete or following is None or following in seidel:
@@ -158,16 +158,16 @@ class Exchange:
                 together = []
         return acts
 
-    def _step(self, member: Member) -> Timed:
+    def _step(self, component: SystemComponent) -> Timed:
         """One communication step of a component: inputs as they stand, doStep, outputs."""
-        if member not in self._step_of:
-            self._step_of[member] = self._make_step(member)
-        return self._step_of[member]
+        if component not in self._step_of:
+            self._step_of[component] = self._make_step(component)
+        return self._step_of[component]
 
-    def _make_step(self, member: Member) -> Timed:
-        run, h, place = self.ports[member].run, float(member.step), self.layout.places[member]
+    def _make_step(self, component: SystemComponent) -> Timed:
+        run, h, place = self.ports[component].run, float(component.step), self.layout.places[component]
         take, index, u = self.values.take, place.index, place.u
-        gather = self.layout.gather(member)
+        gather = self.layout.gather(component)
 
         def without_inputs(t: float) -> None:
             run(t, h)
@@ -258,7 +258,7 @@ class Exchange:
         Returns whether the instant is done. `rest` is the remaining work of the instant; its last `advances` entries
         are steps of continuous components. Sets the time of the end.
         """
-        step = next(self.base.count(m.step) for m in self.schedule.members if m.name == request.component)
+        step = next(self.base.count(m.step) for m in self.schedule.components if m.name == request.component)
         ending = self.tick + step * request.complete, str(request)
         self.ending = ending if self.ending is None else min(self.ending, ending)
         if not request.complete:

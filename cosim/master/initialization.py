@@ -13,7 +13,7 @@ from cosim.errors import CosimError, NotFinite, WiringError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.loops import check_loops
 from cosim.master.state import Packed, SystemState, difference, unpack
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 from cosim.system.renewal import renewed
 
 
@@ -23,38 +23,38 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     Components that are in `state` continue from there, and the others settle to them. If the system is that of the
     state, it is restored exactly as it was, to the last bit, also within steps.
     """
-    members = exchange.schedule.members
-    _renew(members)
+    components = exchange.schedule.components
+    _renew(components)
     restored = [] if state is None else _continued(exchange, state)
-    for m in members:
-        m.component.instantiate(m.name)
+    for m in components:
+        m.implementation.instantiate(m.name)
         if m.values:
-            m.component.set({m.description.variables[n]: v for n, v in m.values.items()})
-    for m in members:
+            m.implementation.set({m.description.variables[n]: v for n, v in m.values.items()})
+    for m in components:
         begin = exchange.base.start + m.offset
         told = None
         if stop is not None and stop > begin and ((stop - begin) / m.step).denominator == 1:
             # A discrete component runs at the stop time, and an FMU refuses a step beyond the stop time it is given.
             told = float(stop + m.step if m.discrete and m.description.fmi_version else stop)
-        m.component.enter_initialization(float(begin), told)
-    for m in members:
+        m.implementation.enter_initialization(float(begin), told)
+    for m in components:
         place = exchange.layout.places[m]
-        exchange.ports[m] = m.component.bind(place.inputs, place.outputs, place.u, place.y)
+        exchange.ports[m] = m.implementation.bind(place.inputs, place.outputs, place.u, place.y)
     for (m, variable), slot in exchange.layout.constants.items():
-        exchange.values[slot] = float(m.component.get([variable])[0])
+        exchange.values[slot] = float(m.implementation.get([variable])[0])
     for m in restored:
-        m.component.exit_initialization()
+        m.implementation.exit_initialization()
         saved = state.components[m.name]  # type: ignore[union-attr]
         if isinstance(saved, Packed):
             unpack(m, saved)
         else:
-            m.component.restore(saved)
+            m.implementation.restore(saved)
         exchange.ports[m].get_outputs()
     for (m, variable), slot in exchange.layout.constants.items():
         if m in restored:
-            exchange.values[slot] = float(m.component.get([variable])[0])
+            exchange.values[slot] = float(m.implementation.get([variable])[0])
     exchange.layout.show_everything()
-    fresh = [m for m in members if m not in restored]
+    fresh = [m for m in components if m not in restored]
     unsettled = _settle(exchange, fresh)
     check_loops(exchange.schedule, fresh)
     if unsettled:
@@ -63,7 +63,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         )
     _check_constants(exchange, fresh)
     for m in fresh:
-        m.component.exit_initialization()
+        m.implementation.exit_initialization()
         exchange.ports[m].get_outputs()
     exchange.layout.show_everything()
     _check_initial_values(exchange)
@@ -71,14 +71,14 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         _take(exchange, state)
 
 
-def _renew(members: Sequence[Member]) -> None:
+def _renew(components: Sequence[SystemComponent]) -> None:
     """Components written in Python as they were added, whatever an earlier run has left."""
-    made = renewed({m.name: m.source for m in members if m.source is not None})
-    for m in members:
-        if m.source is not None and m.component is not made[m.name]:
-            if m.component is not m.source.added:
-                m.component.close()
-            m.component = made[m.name]
+    made = renewed({m.name: m.source for m in components if m.source is not None})
+    for m in components:
+        if m.source is not None and m.implementation is not made[m.name]:
+            if m.implementation is not m.source.added:
+                m.implementation.close()
+            m.implementation = made[m.name]
 
 
 def _take(exchange: Exchange, state: SystemState) -> None:
@@ -91,15 +91,15 @@ def _take(exchange: Exchange, state: SystemState) -> None:
             exchange.ending = exchange.base.at_or_after(state.base.exact(state.ending[0])), state.ending[1]
     within = {m.name for m in exchange.schedule.continuous if continues and _within(state, m.name)}
     for slot, key in enumerate(exchange.layout.keys):
-        part, member, variable = key
-        name = f"{member}.{variable}" if variable else f"the time of {member}"
+        part, component, variable = key
+        name = f"{component}.{variable}" if variable else f"the time of {component}"
         if key in stored and (
-            (continues and part != "constant") or (part == "previous" and member in state.components)
+            (continues and part != "constant") or (part == "previous" and component in state.components)
         ):
             exchange.values[slot] = stored[key]
-        elif continues and (part in ("previous", "reached") or (part == "visible" and member in within)):
+        elif continues and (part in ("previous", "reached") or (part == "visible" and component in within)):
             raise CosimError(
-                f"the state does not hold what {name} shows until the step of '{member}' ends: record or watch it "
+                f"the state does not hold what {name} shows until the step of '{component}' ends: record or watch it "
                 "where the state is saved"
             )
         if not exchange.allow_nan and not math.isfinite(exchange.values[slot]):
@@ -107,35 +107,35 @@ def _take(exchange: Exchange, state: SystemState) -> None:
             raise CosimError(f"the state's value of {name} is {value}; give allow_nan=True to let it pass")
 
 
-def _within(state: SystemState, member: str) -> bool:
+def _within(state: SystemState, component: str) -> bool:
     """Whether a component was within a step."""
-    clock = state.clock(member)
+    clock = state.clock(component)
     return state.tick > clock.offset and not clock.due(state.tick)
 
 
 def _check_initial_values(exchange: Exchange) -> None:
     if exchange.allow_nan:
         return
-    culprit = exchange.layout.not_finite(exchange.schedule.members)
-    for (member, variable), slot in exchange.layout.constants.items():
+    culprit = exchange.layout.not_finite(exchange.schedule.components)
+    for (component, variable), slot in exchange.layout.constants.items():
         if culprit is None and not np.isfinite(exchange.values[slot]):
-            culprit = NotFinite(member.name, variable.name, float(exchange.values[slot]))
+            culprit = NotFinite(component.name, variable.name, float(exchange.values[slot]))
     if culprit is not None:
         raise culprit
 
 
-def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
+def _continued(exchange: Exchange, state: SystemState) -> list[SystemComponent]:
     """Components that are in a saved state.
 
     If the system is not that of the state, they must be at the end of a step.
     """
     schedule = exchange.schedule
-    if not set(state.members.values()) <= set(schedule.members):  # components are never taken out of a system
+    if not set(state.instances.values()) <= set(schedule.components):  # components are never taken out of a system
         raise CosimError(
             "this state was saved in another system; FMU states belong to their instances: give it as bytes, "
             "SystemState.from_bytes(state.to_bytes()), or in a file"
         )
-    restored = [m for m in schedule.members if m.name in state.components]
+    restored = [m for m in schedule.components if m.name in state.components]
     if state.continues(schedule):
         return restored
     why = f"; {difference(state, schedule)}, so it does not simply continue"
@@ -147,7 +147,7 @@ def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
             f"this state was saved at a stop condition; save it after an advance that reached its time{why}"
         )
     for m in restored:
-        clock, (kind, *_) = state.clock(m.name), state.wiring["members"][m.name]
+        clock, (kind, *_) = state.clock(m.name), state.wiring["components"][m.name]
         if kind != m.kind:
             raise CosimError(f"'{m.name}' is {m.kind} here, and {kind} in the state")
         if clock.offset or not clock.due(state.tick):
@@ -158,15 +158,15 @@ def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
     return restored
 
 
-def _settle(exchange: Exchange, members: Sequence[Member]) -> list[str]:
+def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[str]:
     """Pass outputs to inputs, in order of execution, until nothing changes except for rounding.
 
     Returns the values that still change.
     """
-    gather = {m: exchange.layout.gather(m) for m in members}
-    for _ in range(20 + len(members)):
+    gather = {m: exchange.layout.gather(m) for m in components}
+    for _ in range(20 + len(components)):
         before = exchange.values.copy()
-        for m in members:
+        for m in components:
             gather[m](0.0)
             exchange.ports[m].set_inputs()
             exchange.ports[m].get_outputs()
@@ -176,15 +176,15 @@ def _settle(exchange: Exchange, members: Sequence[Member]) -> list[str]:
         if not moved.any():
             return []
     return [
-        f"{member}.{variable}"
-        for (part, member, variable), changes in zip(exchange.layout.keys, moved, strict=True)
+        f"{component}.{variable}"
+        for (part, component, variable), changes in zip(exchange.layout.keys, moved, strict=True)
         if part == "visible" and changes
     ]
 
 
-def _check_constants(exchange: Exchange, members: Sequence[Member]) -> None:
+def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) -> None:
     """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
-    for m in members:
+    for m in components:
         place = exchange.layout.places[m]
         for variable, value in zip(place.inputs, place.u, strict=True):
             if not variable.accepts(float(value)):

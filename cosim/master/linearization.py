@@ -51,11 +51,11 @@ from cosim.master.linearized import (
     model_of,
 )
 from cosim.statespace import Matrices
-from cosim.system.members import Connection, Group, Member
-from cosim.system.names import Members, elements, fits_any
+from cosim.system.components import Connection, Group, SystemComponent
+from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.schedule import Schedule
 
-Signal = tuple[Member, Variable]
+Signal = tuple[SystemComponent, Variable]
 
 _STEP = float(np.finfo(float).eps) ** (1 / 3)  # of central differences, relative to max(1, |value|)
 LARGEST = 50_000_000  # numbers in matrices: 7000 states and inputs, minutes of work
@@ -68,7 +68,7 @@ def name_of(signal: Signal) -> str:
 
 
 def choose_inputs(
-    members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
+    components: SystemComponents, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
 ) -> list[Signal]:
     """Inputs of a model by name and pattern; all by default.
 
@@ -76,7 +76,7 @@ def choose_inputs(
     """
     driven = {(c.target, c.input): c for c in schedule.connections}
     commands = {(c.source, c.output): None for c in schedule.connections if c.source.discrete and not c.target.discrete}
-    every = [(m, v) for m in schedule.members for v in m.description.inputs.values()]
+    every = [(m, v) for m in schedule.components for v in m.description.inputs.values()]
     free = [s for s in every if s not in driven and (sampled or not s[0].discrete)]
     usual = [s for s in [*([] if sampled else commands), *free] if s[1].type == "real" and s[1].must_equal is None]
     if patterns is None:
@@ -103,8 +103,8 @@ def choose_inputs(
             if not found:
                 raise WiringError(f"'{pattern}' fits no input of the model{did_you_mean(pattern, map(name_of, usual))}")
         else:
-            member, name = members.split(pattern)
-            found = [(member, v) for v in elements(member, name)]
+            component, name = components.split(pattern)
+            found = [(component, v) for v in elements(component, name)]
         for signal in found:
             refuse(signal)
             chosen[signal] = None
@@ -112,19 +112,19 @@ def choose_inputs(
 
 
 def choose_outputs(
-    members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
+    components: SystemComponents, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
 ) -> list[Signal]:
     """Outputs of a model by name and pattern; all Real ones by default. Raises WiringError for what can be none."""
     if patterns is None:
         return [
             (m, v)
-            for m in (schedule.members if sampled else schedule.continuous)
+            for m in (schedule.components if sampled else schedule.continuous)
             for v in m.description.outputs.values()
             if v.type == "real"
         ]
     chosen: dict[Signal, None] = {}
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
-        found = members.select(pattern)
+        found = components.select(pattern)
         real = [(m, v) for m, v in found if v.type == "real" and v.causality in ("output", "local")]
         if not real or (len(real) < len(found) and not set("*?") & set(pattern)):
             raise WiringError(f"'{pattern}' is no Real output")
@@ -140,10 +140,12 @@ def _units(signals: Iterable[Signal]) -> dict[str, str]:
 
 
 def _point(signals: Sequence[Signal]) -> dict[str, float]:
-    return {name_of((m, v)): float(m.component.get([v])[0]) for m, v in signals}
+    return {name_of((m, v)): float(m.implementation.get([v])[0]) for m, v in signals}
 
 
-def _models(schedule: Schedule, ports: Mapping[Member, tuple[list[Variable], list[Variable]]]) -> dict[Member, Model]:
+def _models(
+    schedule: Schedule, ports: Mapping[SystemComponent, tuple[list[Variable], list[Variable]]]
+) -> dict[SystemComponent, Model]:
     models = {}
     for m in schedule.continuous:
         if m.description.fmi_version and not m.description.states and not m.description.model_exchange:
@@ -153,14 +155,14 @@ def _models(schedule: Schedule, ports: Mapping[Member, tuple[list[Variable], lis
             )
         try:
             models[m] = model = model_of(m, *ports[m])
-            if hasattr(m.component, "refuse_kinks"):
-                m.component.refuse_kinks(*ports[m], np.block([[model.a, model.b], [model.c, model.d]]))
+            if hasattr(m.implementation, "refuse_kinks"):
+                m.implementation.refuse_kinks(*ports[m], np.block([[model.a, model.b], [model.c, model.d]]))
         except CosimError as error:
             raise CosimError(f"'{m.name}' cannot be linearized: {error}") from None
     return models
 
 
-def _state_signals(m: Member, count: int) -> list[tuple[str, Variable | None]]:
+def _state_signals(m: SystemComponent, count: int) -> list[tuple[str, Variable | None]]:
     known = m.description.states
     return (
         [(f"{m.name}.{v.name}", v) for v in known] if known else [(f"{m.name}.x[{i + 1}]", None) for i in range(count)]
@@ -177,20 +179,22 @@ def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequ
     own. Raises CosimError for components and connections without a linear model, LoopError for a singular algebraic
     loop.
     """
-    members = schedule.continuous
-    if not members:
+    components = schedule.continuous
+    if not components:
         raise CosimError("no component is continuous: linearize with discrete=True")
-    inner = [c for c in schedule.connections if c.source in members and c.target in members and c.output.type == "real"]
+    inner = [
+        c for c in schedule.connections if c.source in components and c.target in components and c.output.type == "real"
+    ]
     for c in inner:
         if c.delay:
             raise CosimError(
                 f"{c} is delayed by one step, which a continuous model has not: linearize with discrete=True"
             )
     reached = [
-        (c, (c.source, c.output)) for c in schedule.connections if c.target in members and c.source not in members
+        (c, (c.source, c.output)) for c in schedule.connections if c.target in components and c.source not in components
     ]
-    ports: dict[Member, tuple[list[Variable], list[Variable]]] = {}
-    for m in members:
+    ports: dict[SystemComponent, tuple[list[Variable], list[Variable]]] = {}
+    for m in components:
         wanted = [c.input for c in inner if c.target is m] + [
             c.input for c, s in reached if c.target is m and s in inputs
         ]
@@ -199,8 +203,8 @@ def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequ
         ports[m] = (list(dict.fromkeys(own)), list(dict.fromkeys(shown)))
     models = _models(schedule, ports)
     all_ = diagonal(list(models.values()))
-    u = {(m, v): i for i, (m, v) in enumerate((m, v) for m in members for v in ports[m][0])}
-    y = {(m, v): i for i, (m, v) in enumerate((m, v) for m in members for v in ports[m][1])}
+    u = {(m, v): i for i, (m, v) in enumerate((m, v) for m in components for v in ports[m][0])}
+    y = {(m, v): i for i, (m, v) in enumerate((m, v) for m in components for v in ports[m][1])}
     coupling = np.zeros((len(u), len(y)))
     for c in inner:
         coupling[u[c.target, c.input], y[c.source, c.output]] = c.scale
@@ -214,8 +218,8 @@ def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequ
     a, b, c_, d = _closed(all_, coupling, list(u))
     show = np.zeros((len(outputs), len(y)))
     show[range(len(outputs)), [y[s] for s in outputs]] = 1.0
-    states = [s for m in members for s in _state_signals(m, len(models[m].a))]
-    known = [(m, v) for m in members for v in m.description.states]
+    states = [s for m in components for s in _state_signals(m, len(models[m].a))]
+    known = [(m, v) for m in components for v in m.description.states]
     return Matrices(
         a,
         b @ drive,
@@ -258,7 +262,7 @@ def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Ar
 
 def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
     """The least common multiple of all steps, or a multiple of it. Raises TimeError when it is none."""
-    ticks = math.lcm(*(int(m.step / schedule.tick) for m in schedule.members))
+    ticks = math.lcm(*(int(m.step / schedule.tick) for m in schedule.components))
     least = ticks * schedule.tick
     if given is None:
         return least
@@ -277,7 +281,7 @@ class _Updates:
     when perturbed.
     """
 
-    member: Member
+    component: SystemComponent
     inputs: list[Variable]
     outputs: list[Variable]
     samples: int = 1  # in the period
@@ -301,11 +305,11 @@ class _Updates:
             back = abs(self.after[i] - self.before[i]) <= 1e-9 * max(1.0, abs(self.before[i]))
             if i in self.jumps and acts:
                 raise CosimError(
-                    f"'{self.member.name}' cannot be linearized: it jumps when its {self.names[i]} changes"
+                    f"'{self.component.name}' cannot be linearized: it jumps when its {self.names[i]} changes"
                 )
             if counts and not back:
                 raise CosimError(
-                    f"'{self.member.name}' cannot be linearized over this period: its {self.names[i]} counts, from"
+                    f"'{self.component.name}' cannot be linearized over this period: its {self.names[i]} counts, from"
                     f" {self.before[i]:g} to {self.after[i]:g}; give the period after which it begins from scratch,"
                     " discrete='10 ms' (of one FMU: period='10 ms')"
                 )
@@ -319,17 +323,17 @@ class _Updates:
         columns = [i for i in range(width) if i not in drop]
         rows = [i for i in range(len(self.names) + len(self.outputs)) if i not in drop]
         kept = [m[np.ix_(rows, columns)] for m in self.matrices]
-        names = [f"{self.member.name}.{n}" for i, n in enumerate(self.names) if i not in drop]
+        names = [f"{self.component.name}.{n}" for i, n in enumerate(self.names) if i not in drop]
         return LinearizedSampled(kept, self.inputs, self.outputs), names
 
     def look(self, step: Callable[[], None]) -> None:
         """Linearize the component's next sample about where it stands, and leave it there."""
-        component = self.member.component
+        component = self.component.implementation
         point = component.sampled_states()  # type: ignore[attr-defined]
         if not self.matrices:
             self.names, self.before = list(point), np.array(list(point.values()))
             _check_size(
-                f"'{self.member.name}'", len(point) + len(self.inputs), len(point) + len(self.outputs), self.samples
+                f"'{self.component.name}'", len(point) + len(self.inputs), len(point) + len(self.outputs), self.samples
             )
         x, u = np.array(list(point.values())), component.get(self.inputs)
         saved, n = component.save(), len(point)
@@ -388,7 +392,7 @@ class _Updates:
         names = [*self.names, *(v.name for v in self.outputs)]
         cause = self.names[column] if variable is None else variable.name
         raise CosimError(
-            f"'{self.member.name}' cannot be linearized: its {names[rows[0]]} has a kink or jump over {cause} ="
+            f"'{self.component.name}' cannot be linearized: its {names[rows[0]]} has a kink or jump over {cause} ="
             f" {value:g}"
         )
 
@@ -423,7 +427,7 @@ def sampled_model(
         if c.extrapolate:
             raise CosimError(f"{c} is extrapolated: the sampled model knows values that are held; connect without it")
     length = int(period / schedule.tick)
-    latest = max([not_before, *(m.offset for m in schedule.members)])
+    latest = max([not_before, *(m.offset for m in schedule.components)])
     begin = (
         max(1, -(-latest // period)) * length
     )  # a first sample is special: calculated start states follow its inputs
@@ -434,35 +438,35 @@ def sampled_model(
             [*(v for v in layout.places[m].inputs if v.type == "real"), *(v for owner, v in inputs if owner is m)],
             [v for v in layout.places[m].outputs if v.type == "real"],
         )
-        for m in schedule.members
+        for m in schedule.components
     }
     models = _models(schedule, ports)
     known = [(m, v) for m in schedule.continuous for v in m.description.states]
     units, point = _units([*known, *inputs, *outputs]), _point([*known, *inputs, *outputs])
     found = _through_period(exchange, length, ports)
-    linearized_components: dict[Member, Member] = {}
-    names: dict[Member, list[str]] = {}
-    for m in schedule.members:
+    linearized_components: dict[SystemComponent, SystemComponent] = {}
+    names: dict[SystemComponent, list[str]] = {}
+    for m in schedule.components:
         if m.discrete:
             linearized, names[m] = found[m].linearized()
         else:
             linearized = LinearizedContinuous(models[m], *ports[m], float(m.step))  # type: ignore[assignment]
             names[m] = [name for name, _ in _state_signals(m, len(models[m].a))]
-        linearized_components[m] = Member(m.name, linearized, m.step, m.offset, m.kind)
+        linearized_components[m] = SystemComponent(m.name, linearized, m.step, m.offset, m.kind)
     return _Period(schedule, linearized_components, names, real, inputs, outputs, period, begin).matrices(units, point)
 
 
 def _through_period(
-    exchange: Exchange, length: int, ports: Mapping[Member, tuple[list[Variable], list[Variable]]]
-) -> dict[Member, _Updates]:
+    exchange: Exchange, length: int, ports: Mapping[SystemComponent, tuple[list[Variable], list[Variable]]]
+) -> dict[SystemComponent, _Updates]:
     """Run one period, and linearize every sample of the discrete components on the way."""
-    found: dict[Member, _Updates] = {}
+    found: dict[SystemComponent, _Updates] = {}
     for m in exchange.schedule.discrete:
         if not m.description.can_save:
             raise CosimError(
                 f"'{m.name}' cannot be linearized: its state cannot be saved and restored, so it cannot be perturbed"
             )
-        if not hasattr(m.component, "sampled_states"):
+        if not hasattr(m.implementation, "sampled_states"):
             raise CosimError(f"'{m.name}' cannot be linearized: it does not say what it remembers between samples")
         found[m] = _Updates(m, *ports[m], samples=max(1, length // int(m.step / exchange.schedule.tick)))
         exchange.ports[m] = _linearizing(exchange.ports[m], found[m])
@@ -479,10 +483,10 @@ def _linearizing(ports: Ports, updates: _Updates) -> Ports:
         try:
             updates.look(lambda: ports.step(t, h))
         except CallFailed as error:
-            raise CosimError(f"'{updates.member.name}' cannot be linearized: {error}") from None
+            raise CosimError(f"'{updates.component.name}' cannot be linearized: {error}") from None
         except CosimError as error:
             about = str(error)
-            prefix = f"'{updates.member.name}' cannot be linearized"
+            prefix = f"'{updates.component.name}' cannot be linearized"
             raise CosimError(about if about.startswith(prefix) else f"{prefix}: {about}") from None
         ports.run(t, h)
 
@@ -495,8 +499,8 @@ class _Period:
     def __init__(
         self,
         schedule: Schedule,
-        linearized_components: dict[Member, Member],
-        names: dict[Member, list[str]],
+        linearized_components: dict[SystemComponent, SystemComponent],
+        names: dict[SystemComponent, list[str]],
         real: Sequence[Connection],
         inputs: Sequence[Signal],
         outputs: Sequence[Signal],
@@ -508,9 +512,9 @@ class _Period:
             for c in real
         ]
         self._source = Source(drives := [replace(v, name=f"{m.name}.{v.name}", causality="output") for m, v in inputs])
-        first: tuple[Member, ...] = ()
+        first: tuple[SystemComponent, ...] = ()
         if inputs:
-            source = Member("", self._source, period, Fraction(0), "discrete")
+            source = SystemComponent("", self._source, period, Fraction(0), "discrete")
             first = (source,)
             copies += [
                 Connection(source, drive, linearized_components[m], v)
@@ -519,7 +523,9 @@ class _Period:
         linear = Schedule(
             schedule.tick,
             first + tuple(linearized_components[m] for m in schedule.discrete),
-            tuple(Group(g.name, tuple(linearized_components[m] for m in g.members), g.method) for g in schedule.groups),
+            tuple(
+                Group(g.name, tuple(linearized_components[m] for m in g.components), g.method) for g in schedule.groups
+            ),
             (),
             tuple(sorted(copies, key=lambda c: c.target_name)),
             (),
@@ -533,16 +539,16 @@ class _Period:
         layout = self.exchange.layout
         self._out = [layout.readable[name_of(s)] for s in outputs]
         self._inputs, self._outputs = [name_of(s) for s in inputs], [name_of(s) for s in outputs]
-        self._members = list(linearized_components.values())
+        self._components = list(linearized_components.values())
         self._parts: list[
             tuple[Array, list[str], bool]
         ] = []  # an array of states, their names, whether they are held values
         for m, linearized in linearized_components.items():
-            self._parts.append((linearized.component.x, names[m], False))  # type: ignore[attr-defined]
+            self._parts.append((linearized.implementation.x, names[m], False))  # type: ignore[attr-defined]
         for m, linearized in linearized_components.items():
             if not m.discrete:
-                labels = [f"{m.name}.{v.name}.held" for v in linearized.component._inputs]  # type: ignore[attr-defined]
-                self._parts.append((linearized.component.held, labels, True))  # type: ignore[attr-defined]
+                labels = [f"{m.name}.{v.name}.held" for v in linearized.implementation._inputs]  # type: ignore[attr-defined]
+                self._parts.append((linearized.implementation.held, labels, True))  # type: ignore[attr-defined]
         self._slots = [
             (slot, f"{name_of(key)}.{word}")
             for slots, word in ((layout.visible, "shown"), (layout.previous, "before"))
@@ -564,12 +570,12 @@ class _Period:
         exchange.values[:] = 0.0
         exchange.values[[slot for slot, _ in self._slots]] = x[place:]
         self._source.values[:] = u
-        for m in self._members:
-            if isinstance(m.component, LinearizedContinuous):
-                for variable, value in zip(m.component._outputs, m.component.outputs_now(), strict=True):
+        for m in self._components:
+            if isinstance(m.implementation, LinearizedContinuous):
+                for variable, value in zip(m.implementation._outputs, m.implementation.outputs_now(), strict=True):
                     exchange.values[exchange.layout.latest[m, variable]] = value
-            elif isinstance(m.component, LinearizedSampled):
-                m.component.sample = 0
+            elif isinstance(m.implementation, LinearizedSampled):
+                m.implementation.sample = 0
         exchange.tick, exchange.phase, self._shown = self._begin, Phase.NOTHING, None
         exchange.run_instants(self._begin + self._length)
         later = [*(part for part, _, _ in self._parts), exchange.values[[slot for slot, _ in self._slots]]]

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from cosim.component import Array, PythonComponent
 from cosim.description import Description, Variable
 from cosim.errors import CosimError
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Model:
     d: Array
 
 
-def model_of(member: Member, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Model:
+def model_of(component: SystemComponent, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Model:
     """The model of a component where it stands. Raises CosimError when it has none."""
     try:
-        linearize = member.component.linearize  # type: ignore[attr-defined]
+        linearize = component.implementation.linearize  # type: ignore[attr-defined]
     except AttributeError:
         raise CosimError("it offers no linear model") from None
     return Model(*linearize(inputs, outputs))

@@ -7,21 +7,21 @@ from collections.abc import Collection
 
 from cosim.dependencies import Dependencies
 from cosim.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed
+from cosim.system.components import SystemComponent
 from cosim.system.loops import Loop, components, declared, find_loops, path_of, refuse_loops
-from cosim.system.members import Member
 from cosim.system.schedule import Schedule
 
 
-def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
+def check_loops(schedule: Schedule, initializing: Collection[SystemComponent]) -> None:
     """Raise LoopError for an algebraic loop; issue an AlgebraicLoopWarning for a possible one.
 
     A loop is certain if its dependencies are declared, or measured on components that are `initializing`.
     """
-    measured: dict[Member, Dependencies] = {}
+    measured: dict[SystemComponent, Dependencies] = {}
 
-    def depends(member: Member, output: str) -> frozenset[str] | None:
-        known = declared(member, output)
-        return known if known is not None or member not in measured else measured[member].get(output, frozenset())
+    def depends(component: SystemComponent, output: str) -> frozenset[str] | None:
+        known = declared(component, output)
+        return known if known is not None or component not in measured else measured[component].get(output, frozenset())
 
     while schedule.possible_loops:
         loops = find_loops(schedule.connections, depends)
@@ -29,8 +29,8 @@ def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
         if not unknown:
             refuse_loops(loops, " (what is not declared was measured at the initial values)")
             break
-        for member in unknown.values():
-            measured[member] = _measured(schedule, member) if member in initializing else {}
+        for component in unknown.values():
+            measured[component] = _measured(schedule, component) if component in initializing else {}
     for loop in schedule.possible_loops:
         warnings.warn(_warning(loop), AlgebraicLoopWarning, stacklevel=9)
 
@@ -45,15 +45,15 @@ def _warning(loop: Loop) -> str:
     )
 
 
-def _measured(schedule: Schedule, member: Member) -> Dependencies:
+def _measured(schedule: Schedule, component: SystemComponent) -> Dependencies:
     """Undeclared direct dependencies of connected outputs on connected inputs; none if they cannot be measured."""
-    measure = getattr(member.component, "measure_dependencies", None)
+    measure = getattr(component.implementation, "measure_dependencies", None)
     if measure is None:
         return {}
-    inputs = [c.input for c in schedule.connections if c.target is member]
-    outputs = dict.fromkeys(c.output for c in schedule.connections if c.source is member)
+    inputs = [c.input for c in schedule.connections if c.target is component]
+    outputs = dict.fromkeys(c.output for c in schedule.connections if c.source is component)
     try:
-        found: Dependencies = measure(inputs, [v for v in outputs if declared(member, v.name) is None])
+        found: Dependencies = measure(inputs, [v for v in outputs if declared(component, v.name) is None])
     except CosimError as error:
         if isinstance(error, IsolationCrashed) or (isinstance(error, CallFailed) and error.status == "Fatal"):
             raise  # nothing of it can be called any more

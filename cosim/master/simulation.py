@@ -38,8 +38,8 @@ from cosim.master.values import EXACT
 from cosim.real_time import Pace, RealTime
 from cosim.recording import Recording
 from cosim.spool import Spool
-from cosim.system.members import Connection, Member
-from cosim.system.names import Members
+from cosim.system.components import Connection, SystemComponent
+from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 from cosim.time import TimeLike, gcd, positive, rational
 
@@ -63,9 +63,9 @@ class Simulation:
         schedule: Schedule,
         start_time: TimeLike = 0,
         *,
-        record: Sequence[tuple[Member, Variable]] = (),
+        record: Sequence[tuple[SystemComponent, Variable]] = (),
         record_interval: Fraction | None = None,
-        watch: Sequence[tuple[Member, Variable]] = (),
+        watch: Sequence[tuple[SystemComponent, Variable]] = (),
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
@@ -83,7 +83,7 @@ class Simulation:
                 start = state.base.start
         stop = None if stop_time is None else rational(stop_time, "stop_time")
         self.schedule = schedule
-        self._members = Members((m.name, m) for m in schedule.members)
+        self._components = SystemComponents((m.name, m) for m in schedule.components)
         self._exchange = exchange(
             schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
         )
@@ -121,7 +121,7 @@ class Simulation:
     def __getitem__(self, name: str) -> float:
         """Present value of a recorded or watched variable."""
         try:
-            slot, scale, offset = self._layout.readable[self._members.canonical(name)]
+            slot, scale, offset = self._layout.readable[self._components.canonical(name)]
         except KeyError:
             hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
             raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
@@ -130,25 +130,27 @@ class Simulation:
 
     def set(self, name: str, value: Any) -> None:
         """Change a tunable parameter or an unconnected input, effective from the next step on."""
-        member, variable = self._members.split(name)
-        values = {member.description.find(n, member.name): v for n, v in member.expand(variable, value).items()}
-        self._check_settable(name, member, values)
-        self.guarded(lambda: member.component.set(values))
+        component, variable = self._components.split(name)
+        values = {
+            component.description.find(n, component.name): v for n, v in component.expand(variable, value).items()
+        }
+        self._check_settable(name, component, values)
+        self.guarded(lambda: component.implementation.set(values))
         for changed, number in values.items():
-            slot = self._layout.constants.get((member, changed))
+            slot = self._layout.constants.get((component, changed))
             if slot is not None:
                 self._exchange.values[slot] = number
 
-    def _check_settable(self, name: str, member: Member, variables: Collection[Variable]) -> None:
+    def _check_settable(self, name: str, component: SystemComponent, variables: Collection[Variable]) -> None:
         for v in variables:
-            driven = self._driven.get((member, v))
+            driven = self._driven.get((component, v))
             if driven is not None:
                 raise WiringError(
                     f"{name if len(variables) == 1 else driven.target_name} is driven by {driven.source_name}"
                 )
         if any(v.causality != "input" and v.variability != "tunable" for v in variables):
             raise WiringError(
-                f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
+                f"{name} is fixed while the simulation runs: set it with system['{component.name}'].set(...) before it"
             )
 
     def setter(self, names: Sequence[str]) -> Callable[[Array], None]:
@@ -157,21 +159,21 @@ class Simulation:
         Names are looked up once, for loops that step by hand. The values must be finite and within the variables'
         limits, which the function does not check.
         """
-        found = [self._members.split(n) for n in names]
+        found = [self._components.split(n) for n in names]
         variables = [m.description.find(v, m.name) for m, v in found]
-        for name, (member, _), variable in zip(names, found, variables, strict=True):
-            self._check_settable(name, member, [variable])
-        of: dict[Member, list[int]] = {}
-        for i, (member, _) in enumerate(found):
-            of.setdefault(member, []).append(i)
-        groups = [(m.component, [(variables[i], i) for i in places]) for m, places in of.items()]
+        for name, (component, _), variable in zip(names, found, variables, strict=True):
+            self._check_settable(name, component, [variable])
+        of: dict[SystemComponent, list[int]] = {}
+        for i, (component, _) in enumerate(found):
+            of.setdefault(component, []).append(i)
+        groups = [(m.implementation, [(variables[i], i) for i in places]) for m, places in of.items()]
         keys = [(m, v) for (m, _), v in zip(found, variables, strict=True)]
         shown = [(self._layout.constants[k], i) for i, k in enumerate(keys) if k in self._layout.constants]
         values = self._exchange.values
 
         def put(given: Sequence[float]) -> None:
-            for component, places in groups:
-                component.set({variable: given[i] for variable, i in places})
+            for implementation, places in groups:
+                implementation.set({variable: given[i] for variable, i in places})
             for slot, i in shown:
                 values[slot] = given[i]
 
@@ -181,7 +183,7 @@ class Simulation:
         """What gives the present values (n,) of recorded or watched variables, in this order."""
         for name in names:
             self[name]
-        slots, scale, offset = zip(*(self._layout.readable[self._members.canonical(n)] for n in names), strict=True)
+        slots, scale, offset = zip(*(self._layout.readable[self._components.canonical(n)] for n in names), strict=True)
         index, values = np.array(slots, dtype=np.intp), self._exchange.values
         if set(scale) == {1.0} and set(offset) == {0.0}:
             return lambda: values.take(index)
@@ -404,10 +406,10 @@ class Simulation:
         """A component that cannot take a NaN does not cause it. Only initialization hands such values on."""
         if self._exchange.allow_nan or isinstance(failure, NotFinite):
             return failure
-        return self._layout.not_finite(self.schedule.members) or failure
+        return self._layout.not_finite(self.schedule.components) or failure
 
     @cached_property
-    def _driven(self) -> dict[tuple[Member, Variable], Connection]:
+    def _driven(self) -> dict[tuple[SystemComponent, Variable], Connection]:
         return {(c.target, c.input): c for c in self.schedule.connections}
 
     @cached_property
@@ -427,7 +429,7 @@ class Simulation:
         Pickled or written to a file, it continues in other processes, for which FMUs serialize their states now, unless
         `travels` is false. Raises CosimError naming the components that cannot save their state.
         """
-        unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
+        unable = [m.name for m in self.schedule.components if not m.implementation.description.can_save]
         if unable:
             raise CosimError(
                 f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
@@ -437,13 +439,13 @@ class Simulation:
         serialized: dict[str, bytes | CosimError] = {}
 
         def save() -> None:
-            for m in self.schedule.members:
-                components[m.name] = saved = m.component.save()
+            for m in self.schedule.components:
+                components[m.name] = saved = m.implementation.save()
                 if (
-                    travels and m.description.can_serialize and hasattr(m.component, "pack")
+                    travels and m.description.can_serialize and hasattr(m.implementation, "pack")
                 ):  # isinstance of a Protocol takes as long as saving
                     try:
-                        serialized[m.name] = m.component.pack(saved)
+                        serialized[m.name] = m.implementation.pack(saved)
                     except CosimError as error:
                         if isinstance(error, CallFailed) and error.status not in ("Discard", "Error"):
                             raise
@@ -462,7 +464,7 @@ class Simulation:
             serialized=serialized,
             samples=e.recorder.count,
             ending=e.ending,
-            members={m.name: m for m in self.schedule.members},
+            instances={m.name: m for m in self.schedule.components},
             owner=weakref.ref(e),
         )
 
@@ -472,8 +474,8 @@ class Simulation:
             raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
 
         def restore() -> None:
-            for m in self.schedule.members:
-                m.component.restore(state.components[m.name])
+            for m in self.schedule.components:
+                m.implementation.restore(state.components[m.name])
 
         self.guarded(restore)
         exchange = self._exchange
@@ -486,9 +488,9 @@ class Simulation:
 
     def forget(self, state: SystemState) -> None:
         """Free a saved state; it cannot be restored any more."""
-        for m in self.schedule.members:
-            if m.name in state.components and state.members.get(m.name) is m:
-                m.component.forget(state.components.pop(m.name))
+        for m in self.schedule.components:
+            if m.name in state.components and state.instances.get(m.name) is m:
+                m.implementation.forget(state.components.pop(m.name))
 
     # The end.
 
@@ -499,8 +501,8 @@ class Simulation:
         self._terminated = True
         if self._over is None or self._exchange.ending is not None:
             with held():
-                for m in self.schedule.members:
-                    m.component.terminate()
+                for m in self.schedule.components:
+                    m.implementation.terminate()
         self._over = self._over or "it is closed"
 
     def __enter__(self) -> Simulation:

@@ -29,7 +29,7 @@ from cosim.errors import CosimError, IsolationCrashed, StabilityWarning
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.linearized import LinearizedContinuous, Model, diagonal, model_of
-from cosim.system.members import Connection, Group, Member
+from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
 from cosim.time import seconds_text
 
@@ -91,12 +91,12 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
     The components must be initialized. Those without directional derivatives are reported in `unchecked`; raises
     CosimError when none is left.
     """
-    members = schedule.continuous
-    inner = [c for c in schedule.connections if c.source in members and c.target in members]
-    models: dict[Member, Model] = {}
+    components = schedule.continuous
+    inner = [c for c in schedule.connections if c.source in components and c.target in components]
+    models: dict[SystemComponent, Model] = {}
     unchecked: dict[str, str] = {}
-    ports: dict[Member, tuple[list[Variable], list[Variable]]] = {}
-    for m in members:
+    ports: dict[SystemComponent, tuple[list[Variable], list[Variable]]] = {}
+    for m in components:
         inputs = [c.input for c in inner if c.target is m]
         outputs = list(dict.fromkeys(c.output for c in inner if c.source is m))
         ports[m] = (inputs, outputs)
@@ -136,14 +136,14 @@ def _participation(matrix: Array, radius: float) -> Array:
 
 def _linear_schedule(
     schedule: Schedule,
-    models: dict[Member, Model],
-    ports: dict[Member, tuple[list[Variable], list[Variable]]],
+    models: dict[SystemComponent, Model],
+    ports: dict[SystemComponent, tuple[list[Variable], list[Variable]]],
     connections: Sequence[Connection],
 ) -> Schedule:
     """The same schedule with linear models in the place of the components."""
-    linearized: dict[Member, Member] = {}
+    linearized: dict[SystemComponent, SystemComponent] = {}
     for m, model in models.items():
-        linearized[m] = Member(
+        linearized[m] = SystemComponent(
             m.name, LinearizedContinuous(model, *ports[m], float(m.step)), m.step, m.offset, "continuous"
         )
     copies = [
@@ -151,7 +151,7 @@ def _linear_schedule(
         for c in connections
     ]
     groups = [
-        Group(g.name, tuple(linearized[m] for m in g.members if m in linearized), g.method)
+        Group(g.name, tuple(linearized[m] for m in g.components if m in linearized), g.method)
         for g in schedule.groups
         if g.name
     ]
@@ -165,8 +165,8 @@ def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
     """
     exchange = Exchange(schedule, allow_nan=True)
     initialize(exchange)
-    states = [m.component.x for m in schedule.members]  # type: ignore[attr-defined]
-    owners = [m.name for m, x in zip(schedule.members, states, strict=True) for _ in x]
+    states = [m.implementation.x for m in schedule.components]  # type: ignore[attr-defined]
+    owners = [m.name for m, x in zip(schedule.components, states, strict=True) for _ in x]
     owners += exchange.layout.owners()
     begin, length = exchange.timetable.cycle()
     size = len(owners)
@@ -186,8 +186,8 @@ def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
 
 
 def _coupled(
-    models: dict[Member, Model],
-    ports: dict[Member, tuple[list[Variable], list[Variable]]],
+    models: dict[SystemComponent, Model],
+    ports: dict[SystemComponent, tuple[list[Variable], list[Variable]]],
     connections: Sequence[Connection],
 ) -> Any:
     """Eigenvalues [1/s] of the components coupled without delay: A + B K (I - D K)^-1 C."""

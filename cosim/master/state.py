@@ -25,7 +25,7 @@ from cosim.errors import CosimError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.timetable import Clock
 from cosim.master.values import Key
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 from cosim.time import LONGEST, MOST_TICKS, TimeBase
 
@@ -66,7 +66,7 @@ class SystemState:
     serialized: dict[str, bytes | CosimError] = field(default_factory=dict, repr=False)  # by FMUs, when it was saved
     samples: int = 0
     ending: tuple[int, str] | None = None
-    members: Mapping[str, Member] = field(
+    instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
     )  # whose instances hold it; none when it travelled
     owner: weakref.ref[Exchange] | None = field(default=None, repr=False)
@@ -78,7 +78,7 @@ class SystemState:
 
     def clock(self, name: str) -> Clock:
         """When a component was due, in ticks of `base`."""
-        _, step, offset = self.wiring["members"][name]
+        _, step, offset = self.wiring["components"][name]
         return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
 
     def continues(self, schedule: Schedule) -> bool:
@@ -86,7 +86,7 @@ class SystemState:
 
         All components, rates and connections must be those of the state.
         """
-        return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)
+        return len(self.components) == len(schedule.components) and self.wiring == wiring_of(schedule)
 
     # As bytes.
 
@@ -98,7 +98,7 @@ class SystemState:
         packed, unable = {}, []
         for name, saved in self.components.items():
             try:
-                packed[name] = saved if isinstance(saved, Packed) else self._packed(self.members[name], saved)
+                packed[name] = saved if isinstance(saved, Packed) else self._packed(self.instances[name], saved)
             except CosimError as error:
                 unable.append(f"'{name}': {error}")
         if unable:
@@ -114,26 +114,26 @@ class SystemState:
         }
         return packing.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
 
-    def _packed(self, member: Member, saved: Any) -> Packed:
+    def _packed(self, component: SystemComponent, saved: Any) -> Packed:
         """Saved state of a live component.
 
         No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step.
         """
-        component = member.component
-        if not isinstance(component, Portable):
+        implementation = component.implementation
+        if not isinstance(implementation, Portable):
             raise CosimError(
-                f"{type(component).__name__} does not say how (identity, pack and unpack of cosim.component)"
+                f"{type(implementation).__name__} does not say how (identity, pack and unpack of cosim.component)"
             )
-        data = self.serialized.get(member.name)
+        data = self.serialized.get(component.name)
         if isinstance(data, CosimError):
             raise data
-        if data is None and member.description.fmi_version:
+        if data is None and component.description.fmi_version:
             raise CosimError(
                 "it was saved with travels=False"
-                if member.description.can_serialize
+                if component.description.can_serialize
                 else "its FMU does not serialize states (canSerializeFMUState)"
             )
-        return Packed(component.identity(), component.pack(saved) if data is None else data)
+        return Packed(implementation.identity(), implementation.pack(saved) if data is None else data)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> SystemState:
@@ -169,19 +169,19 @@ class SystemState:
 def wiring_of(schedule: Schedule) -> Wiring:
     """What decides how values are exchanged, in types that JSON has."""
     return {
-        "members": {m.name: [m.kind, str(m.step), str(m.offset)] for m in schedule.members},
+        "components": {m.name: [m.kind, str(m.step), str(m.offset)] for m in schedule.components},
         "connections": [
             [c.source_name, c.target_name, c.delay, c.extrapolate, c.scale, c.offset] for c in schedule.connections
         ],
-        "groups": [[g.method, [m.name for m in g.members]] for g in schedule.groups],
+        "groups": [[g.method, [m.name for m in g.components]] for g in schedule.groups],
     }
 
 
 def difference(state: SystemState, schedule: Schedule) -> str:
     """The first thing by which a system differs from that of a state, in words; empty when nothing does."""
     there, here = state.wiring, wiring_of(schedule)
-    for name in sorted({*there["members"], *here["members"]}):
-        old, new = there["members"].get(name), here["members"].get(name)
+    for name in sorted({*there["components"], *here["components"]}):
+        old, new = there["components"].get(name), here["components"].get(name)
         if old is None or new is None:
             return f"'{name}' is only in {'this system' if old is None else 'the state'}"
         for what, a, b in zip(("kind", "step", "offset"), old, new, strict=True):
@@ -195,7 +195,7 @@ def difference(state: SystemState, schedule: Schedule) -> str:
             return f"{target} is connected to {_source(new.get(target))}, in the state to {_source(old.get(target))}"
     if there["groups"] != here["groups"]:
         return "the groups differ"
-    missing = sorted({*here["members"]} - {*state.components})
+    missing = sorted({*here["components"]} - {*state.components})
     return f"'{missing[0]}' begins afresh" if missing else ""
 
 
@@ -208,24 +208,25 @@ def _source(connection: Sequence[Any] | None) -> str:
     return source + (f" ({', '.join(notes)})" if notes else "")
 
 
-def unpack(member: Member, packed: Packed) -> None:
+def unpack(component: SystemComponent, packed: Packed) -> None:
     """Restore a component from the state of another instance.
 
     Raises CosimError naming the component when they differ.
     """
-    component = member.component
-    if not isinstance(component, Portable):
+    implementation = component.implementation
+    if not isinstance(implementation, Portable):
         raise CosimError(
-            f"'{member.name}' is of type {type(component).__name__}, which takes no state of another instance"
+            f"'{component.name}' is of type {type(implementation).__name__}, which takes no state of another instance"
         )
-    here = component.identity()
+    here = implementation.identity()
     for what in dict.fromkeys([*here, *packed.identity]):
         a, b = packed.identity.get(what, "none"), here.get(what, "none")
         if a != b:
             raise CosimError(
-                f"'{member.name}' is another component than in the state: its {what} is {_short(b)}, there {_short(a)}"
+                f"'{component.name}' is another component than in the state: its {what} is {_short(b)}, there"
+                f" {_short(a)}"
             )
-    component.unpack(packed.data)
+    implementation.unpack(packed.data)
 
 
 def _short(text: str) -> str:
@@ -257,7 +258,7 @@ def _read(data: bytes, what: str) -> SystemState:
                 refuse("its end is none")
         if about["phase"] not in _PHASES:
             refuse("its phase is none")
-        known = wiring["members"]
+        known = wiring["components"]
         if len(set(keys)) != len(keys) or any(k[0] not in _PARTS or k[1] not in known for k in keys):
             refuse("its values have no names")
         if any(len(k) != 3 or not _readable(k[2]) for k in keys):
@@ -292,8 +293,8 @@ def _read(data: bytes, what: str) -> SystemState:
 
 def _check_wiring(wiring: Any) -> None:
     """Raises ValueError or TypeError for what is none."""
-    members, connections, groups = wiring["members"], wiring["connections"], wiring["groups"]
-    for name, (kind, step, offset) in members.items():
+    components, connections, groups = wiring["components"], wiring["connections"], wiring["groups"]
+    for name, (kind, step, offset) in components.items():
         if (
             not name
             or not _readable(name)
@@ -308,7 +309,7 @@ def _check_wiring(wiring: Any) -> None:
         if not named or kinds[:2] != [bool, bool] or not {*kinds[2:]} <= {int, float}:
             raise ValueError(target)
     for method, names in groups:
-        if not _readable(method) or any(n not in members for n in names):
+        if not _readable(method) or any(n not in components for n in names):
             raise ValueError(method)
 
 

@@ -19,7 +19,7 @@ from build_fmus.units import DisplayUnit
 from cosim.component import Array
 from cosim.description import Variable
 from cosim.errors import NotFinite
-from cosim.system.members import Connection, Member
+from cosim.system.components import Connection, SystemComponent
 from cosim.system.schedule import Schedule
 
 Index = npt.NDArray[np.intp]
@@ -72,12 +72,14 @@ class Layout:
 
     def __init__(self) -> None:
         self.values: Array = np.empty(0)
-        self.places: dict[Member, PortLayout] = {}
-        self.visible: dict[tuple[Member, Variable], int] = {}
-        self.latest: dict[tuple[Member, Variable], int] = {}
-        self.previous: dict[tuple[Member, Variable], int] = {}
-        self.reached: dict[Member, int] = {}  # slot of the time at which the visible outputs were reached
-        self.constants: dict[tuple[Member, Variable], int] = {}  # unconnected inputs that are recorded or watched
+        self.places: dict[SystemComponent, PortLayout] = {}
+        self.visible: dict[tuple[SystemComponent, Variable], int] = {}
+        self.latest: dict[tuple[SystemComponent, Variable], int] = {}
+        self.previous: dict[tuple[SystemComponent, Variable], int] = {}
+        self.reached: dict[SystemComponent, int] = {}  # slot of the time at which the visible outputs were reached
+        self.constants: dict[
+            tuple[SystemComponent, Variable], int
+        ] = {}  # unconnected inputs that are recorded or watched
         self.wide: dict[str, int] = {}  # full name -> slot, of integers that doubles may not hold
         self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
         self.record_names: list[str] = []
@@ -88,9 +90,9 @@ class Layout:
         self.record_index: list[int] = []
         self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
-    def gather(self, member: Member) -> Timed:
+    def gather(self, component: SystemComponent) -> Timed:
         """Copies a component's inputs from the values to its buffer, converted and extrapolated."""
-        place, take = self.places[member], self.values.take
+        place, take = self.places[component], self.values.take
         index, u, scale, offset = place.index, place.u, place.scale, place.offset
         # A few scalars per step: plain floats through memoryviews are several times faster than arrays.
         values: Any = self.values.data
@@ -109,10 +111,10 @@ class Layout:
 
         return gather
 
-    def finite_checks(self, members: Sequence[Member]) -> list[Timed]:
+    def finite_checks(self, components: Sequence[SystemComponent]) -> list[Timed]:
         """What raises NotFinite when an output that these components have just computed is NaN or infinite."""
-        pieces: list[tuple[int, int, list[Member]]] = []  # begin and end in the values, whose
-        for m in members:
+        pieces: list[tuple[int, int, list[SystemComponent]]] = []  # begin and end in the values, whose
+        for m in components:
             outputs = self.places[m].outputs
             if outputs:
                 begin = (self.visible if m.discrete else self.latest)[m, outputs[0]]
@@ -123,7 +125,7 @@ class Layout:
                 pieces.append((begin, begin + sum(len(self.places[o].outputs) for o in owners), owners))
         return [self._finite_check(*piece) for piece in pieces]
 
-    def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
+    def _finite_check(self, begin: int, end: int, owners: Sequence[SystemComponent]) -> Timed:
         """Return a function that checks that the outputs of these components are finite.
 
         For a few values it adds them up (the sum may overflow, so a second check decides); for many, it compares the
@@ -149,9 +151,9 @@ class Layout:
 
         return check_few if end - begin <= _FEW else check_many
 
-    def not_finite(self, members: Sequence[Member], t: float | None = None) -> NotFinite | None:
+    def not_finite(self, components: Sequence[SystemComponent], t: float | None = None) -> NotFinite | None:
         """The first output of the components that is NaN or infinite, after a step from `t` or after initialization."""
-        for m in members:
+        for m in components:
             place = self.places[m]
             for variable, value in zip(place.outputs, place.y.tolist(), strict=True):
                 if not math.isfinite(value):
@@ -159,24 +161,24 @@ class Layout:
                     return NotFinite(m.name, variable.name, value, reached)
         return None
 
-    def arrival(self, due: Sequence[Member]) -> list[Timed]:
+    def arrival(self, due: Sequence[SystemComponent]) -> list[Timed]:
         """Copies that publish the outputs of the continuous components whose step has ended, and save previous values.
 
         All copies read before any writes.
         """
         pairs = [pair for m in due for part in self.copies(m) for pair in part]
-        actions: list[Timed] = [self._stamp(slot) for member, slot in self.reached.items() if member in due]
+        actions: list[Timed] = [self._stamp(slot) for component, slot in self.reached.items() if component in due]
         if pairs:
             actions.append(self._copy(sorted(pairs)))
         return actions
 
-    def copies(self, member: Member) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    def copies(self, component: SystemComponent) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Copies at a component's arrival, as slots (to, from).
 
         Published values become previous values, and reached values become published ones.
         """
-        remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is member]
-        show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is member]
+        remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is component]
+        show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is component]
         return remember, show
 
     def show_everything(self) -> None:
@@ -192,15 +194,15 @@ class Layout:
         found: list[Key] = [("", "", "")] * len(self.values)
         parts = {"visible": self.visible, "latest": self.latest, "previous": self.previous, "constant": self.constants}
         for part, slots in parts.items():
-            for (member, variable), slot in slots.items():
-                found[slot] = (part, member.name, variable.name)
-        for member, slot in self.reached.items():
-            found[slot] = ("reached", member.name, "")
+            for (component, variable), slot in slots.items():
+                found[slot] = (part, component.name, variable.name)
+        for component, slot in self.reached.items():
+            found[slot] = ("reached", component.name, "")
         return tuple(found)
 
     def owners(self) -> list[str]:
         """Name of the component each value belongs to."""
-        return [member for _, member, _ in self.keys]
+        return [component for _, component, _ in self.keys]
 
     def _stamp(self, slot: int) -> Timed:
         values = self.values
@@ -234,28 +236,30 @@ class Layout:
 
 def make_layout(
     schedule: Schedule,
-    record: Sequence[tuple[Member, Variable]],
-    watch: Sequence[tuple[Member, Variable]],
+    record: Sequence[tuple[SystemComponent, Variable]],
+    watch: Sequence[tuple[SystemComponent, Variable]],
 ) -> Layout:
     """Slots for every output that is connected, recorded or watched; no other output is ever read."""
     layout = Layout()
     by_input = {(c.target, c.input): c for c in schedule.connections}
-    needed: dict[Member, set[Variable]] = {m: set() for m in schedule.members}
+    needed: dict[SystemComponent, set[Variable]] = {m: set() for m in schedule.components}
     for c in schedule.connections:
         needed[c.source].add(c.output)
-    constants: dict[tuple[Member, Variable], None] = {}  # each once, also where it is both recorded and watched
-    for member, variable in [*record, *watch]:
-        if (member, variable) in by_input:
-            c = by_input[member, variable]
+    constants: dict[
+        tuple[SystemComponent, Variable], None
+    ] = {}  # each once, also where it is both recorded and watched
+    for component, variable in [*record, *watch]:
+        if (component, variable) in by_input:
+            c = by_input[component, variable]
             needed[c.source].add(c.output)
         elif variable.causality in ("input", "parameter", "structuralParameter"):
-            constants[member, variable] = None
+            constants[component, variable] = None
         else:
-            needed[member].add(variable)
+            needed[component].add(variable)
     outputs = {m: sorted(vs, key=_storage_order) for m, vs in needed.items()}
     count = 0
-    for slots, members in ((layout.visible, schedule.members), (layout.latest, schedule.continuous)):
-        for m in members:
+    for slots, components in ((layout.visible, schedule.components), (layout.latest, schedule.continuous)):
+        for m in components:
             for v in outputs[m]:
                 slots[m, v] = count
                 count += 1
@@ -276,7 +280,7 @@ def make_layout(
         for (m, v), i in slots.items()
         if v.fmi_type in WIDE
     }
-    for m in schedule.members:
+    for m in schedule.components:
         layout.places[m] = _place(layout, schedule, m, outputs[m])
     _recorded(layout, by_input, record, watch)
     return layout
@@ -287,11 +291,11 @@ def _storage_order(variable: Variable) -> tuple[str, int, int]:
     return variable.fmi_type, variable.reference, variable.index
 
 
-def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Variable]) -> PortLayout:
-    incoming = sorted((c for c in schedule.connections if c.target is member), key=lambda c: _storage_order(c.input))
-    ahead = _ahead(schedule, member)
-    slots = layout.visible if member.discrete else layout.latest
-    first = slots[member, outputs[0]] if outputs else 0
+def _place(layout: Layout, schedule: Schedule, component: SystemComponent, outputs: list[Variable]) -> PortLayout:
+    incoming = sorted((c for c in schedule.connections if c.target is component), key=lambda c: _storage_order(c.input))
+    ahead = _ahead(schedule, component)
+    slots = layout.visible if component.discrete else layout.latest
+    first = slots[component, outputs[0]] if outputs else 0
     lines: list[tuple[int, int, int, int]] = []
     periods: list[float] = []
     since: list[float] = []
@@ -320,21 +324,21 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
         lines=lines,
         periods=periods,
         since=since,
-        half=float(member.step) / 2,
+        half=float(component.step) / 2,
         in_place=in_place,
         first=first,
     )
 
 
-def _ahead(schedule: Schedule, member: Member) -> tuple[Member, ...]:
+def _ahead(schedule: Schedule, component: SystemComponent) -> tuple[SystemComponent, ...]:
     """Components of its Gauss-Seidel group that advance before it."""
     for group in schedule.groups:
-        if group.method == "gauss-seidel" and member in group.members:
-            return group.members[: group.members.index(member)]
+        if group.method == "gauss-seidel" and component in group.components:
+            return group.components[: group.components.index(component)]
     return ()
 
 
-def _source_slot(layout: Layout, connection: Connection, ahead: Iterable[Member]) -> int:
+def _source_slot(layout: Layout, connection: Connection, ahead: Iterable[SystemComponent]) -> int:
     key = (connection.source, connection.output)
     if connection.delay:
         return layout.previous[key]
@@ -343,21 +347,21 @@ def _source_slot(layout: Layout, connection: Connection, ahead: Iterable[Member]
 
 def _recorded(
     layout: Layout,
-    by_input: dict[tuple[Member, Variable], Connection],
-    record: Sequence[tuple[Member, Variable]],
-    watch: Sequence[tuple[Member, Variable]],
+    by_input: dict[tuple[SystemComponent, Variable], Connection],
+    record: Sequence[tuple[SystemComponent, Variable]],
+    watch: Sequence[tuple[SystemComponent, Variable]],
 ) -> None:
     """Fill in what is recorded and readable. A connected input is what its source shows, converted."""
-    for member, variable in [*record, *watch]:
-        name = f"{member.name}.{variable.name}"
-        c = by_input.get((member, variable))
+    for component, variable in [*record, *watch]:
+        name = f"{component.name}.{variable.name}"
+        c = by_input.get((component, variable))
         if c is not None:
             slots = layout.previous if c.delay else layout.visible
             layout.readable[name] = (slots[c.source, c.output], c.scale, c.offset)
-        elif (member, variable) in layout.constants:
-            layout.readable[name] = (layout.constants[member, variable], 1.0, 0.0)
+        elif (component, variable) in layout.constants:
+            layout.readable[name] = (layout.constants[component, variable], 1.0, 0.0)
         else:
-            layout.readable[name] = (layout.visible[member, variable], 1.0, 0.0)
+            layout.readable[name] = (layout.visible[component, variable], 1.0, 0.0)
     layout.record_names = [f"{m.name}.{v.name}" for m, v in record]
     layout.aliases = {f"{m.name}.{a}": f"{m.name}.{v.name}" for m, v in record for a in m.description.names(v)[1:]}
     layout.record_units = {f"{m.name}.{v.name}": v.unit_name for m, v in record}

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from cosim.system.members import Connection, Member
+from cosim.system.components import Connection, SystemComponent
 from cosim.system.schedule import Schedule
 
 WIDTH, HEIGHT = 190.0, 74.0  # of a box, at least
@@ -46,8 +46,8 @@ class Box:
 class Bundle:
     """All connections from one component to another."""
 
-    source: Member
-    target: Member
+    source: SystemComponent
+    target: SystemComponent
     connections: tuple[Connection, ...]
 
     @property
@@ -79,7 +79,7 @@ class Line:
 class Picture:
     """Boxes of the components, lines of the bundles, and the size of the whole."""
 
-    boxes: dict[Member, Box]
+    boxes: dict[SystemComponent, Box]
     lines: tuple[Line, ...]
     width: float
     height: float
@@ -87,10 +87,10 @@ class Picture:
 
 def bundles(schedule: Schedule) -> list[Bundle]:
     """Connections by source and target, in the order of the schedule."""
-    found: dict[tuple[Member, Member], list[Connection]] = {}
+    found: dict[tuple[SystemComponent, SystemComponent], list[Connection]] = {}
     for c in schedule.connections:
         found.setdefault((c.source, c.target), []).append(c)
-    place = {m: i for i, m in enumerate(schedule.members)}
+    place = {m: i for i, m in enumerate(schedule.components)}
     return [Bundle(*pair, tuple(found[pair])) for pair in sorted(found, key=lambda p: (place[p[0]], place[p[1]]))]
 
 
@@ -117,7 +117,7 @@ def arrange(schedule: Schedule) -> Picture:
     tallest = max(sum(height[m] + BETWEEN_ROWS for m in column) - BETWEEN_ROWS for column in columns)
     top = MARGIN + LANE * len(above) + (LANE if above else 0.0)
     channels = _channels(columns, column_of, all_bundles)
-    boxes: dict[Member, Box] = {}
+    boxes: dict[SystemComponent, Box] = {}
     x = MARGIN + channels[0]
     for i, column in enumerate(columns):
         wide = max(width[m] for m in column)
@@ -131,18 +131,18 @@ def arrange(schedule: Schedule) -> Picture:
     return Picture(boxes, tuple(lines), x + MARGIN, bottom + MARGIN + LANE * (len(below) + (1 if below else 0)))
 
 
-def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Member]]:
+def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[SystemComponent]]:
     """Components by column: behind all that they take values from, apart from what leads back."""
     order = {m: i for i, m in enumerate(_flow(schedule, all_bundles))}
     forward = [b for b in all_bundles if order[b.source] < order[b.target]]
-    column: dict[Member, int] = {}
+    column: dict[SystemComponent, int] = {}
     for m in order:
         column[m] = max((column[b.source] + 1 for b in forward if b.target is m), default=0)
     for m in reversed(list(order)):  # sources stand next to what they feed
         nearest = min((column[b.target] for b in forward if b.source is m), default=None)
         if nearest is not None:
             column[m] = max(column[m], nearest - 1)
-    found: list[list[Member]] = [[] for _ in range(max(column.values()) + 1)]
+    found: list[list[SystemComponent]] = [[] for _ in range(max(column.values()) + 1)]
     for m in order:
         found[column[m]].append(m)
     used = [c for c in found if c]
@@ -154,7 +154,7 @@ def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Mem
     return used
 
 
-def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[Member]:
+def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[SystemComponent]:
     """Components in the direction of the signals.
 
     A discrete one comes after those that are executed before it; a continuous one after the discrete ones that feed it,
@@ -173,11 +173,11 @@ def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[Member]:
     return [*(m for m in schedule.discrete if m not in last), *continuous, *last]
 
 
-def _feeds(m: Member, all_bundles: Sequence[Bundle]) -> bool:
+def _feeds(m: SystemComponent, all_bundles: Sequence[Bundle]) -> bool:
     return any(b.source is m for b in all_bundles)
 
 
-def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]) -> float:
+def _middle(m: SystemComponent, place: dict[SystemComponent, float], all_bundles: Sequence[Bundle]) -> float:
     """Mean place of a component's neighbors in the column beside it."""
     near = [
         place[o] for b in all_bundles for s, o in ((b.source, b.target), (b.target, b.source)) if s is m and o in place
@@ -186,7 +186,7 @@ def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]
 
 
 def _channels(
-    columns: Sequence[Sequence[Member]], column_of: dict[Member, int], all_bundles: Sequence[Bundle]
+    columns: Sequence[Sequence[SystemComponent]], column_of: dict[SystemComponent, int], all_bundles: Sequence[Bundle]
 ) -> list[float]:
     """Widths of the channels left of each column, and right of the last one.
 
@@ -205,10 +205,10 @@ def _channels(
 
 def _lines(
     all_bundles: Sequence[Bundle],
-    boxes: dict[Member, Box],
-    column_of: dict[Member, int],
-    leaving: dict[Member, list[Bundle]],
-    coming: dict[Member, list[Bundle]],
+    boxes: dict[SystemComponent, Box],
+    column_of: dict[SystemComponent, int],
+    leaving: dict[SystemComponent, list[Bundle]],
+    coming: dict[SystemComponent, list[Bundle]],
     way: object,
     top: float,
     bottom: float,

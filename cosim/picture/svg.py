@@ -12,7 +12,7 @@ from lxml import etree
 
 from build_fmus import escape
 from cosim.picture.layout import LANE, Box, Line, Picture, arrange
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 from cosim.time import seconds_text
 
@@ -55,8 +55,8 @@ def draw(schedule: Schedule, title: str) -> bytes:
         _text(root, width / 2, 24, title, bold=True, size=14)
     body = etree.SubElement(root, "g", transform=f"translate(0 {_n(head)})")
     _lines(body, picture)
-    for member, box in picture.boxes.items():
-        _box(body, member, box)
+    for component, box in picture.boxes.items():
+        _box(body, component, box)
     etree.indent(root)
     return bytes(etree.tostring(root, encoding="utf-8", xml_declaration=False)) + b"\n"
 
@@ -87,8 +87,8 @@ def _path(points: tuple[tuple[float, float], ...]) -> str:
     return " ".join(parts)
 
 
-def _box(body: etree._Element, member: Member, box: Box) -> None:
-    fill, stroke, ink = COLORS[member.kind]
+def _box(body: etree._Element, component: SystemComponent, box: Box) -> None:
+    fill, stroke, ink = COLORS[component.kind]
     rect = etree.SubElement(
         body,
         "rect",
@@ -102,10 +102,10 @@ def _box(body: etree._Element, member: Member, box: Box) -> None:
     )
     rect.set("stroke-width", "2")
     middle, y = box.x + box.width / 2, box.y + box.height / 2 - LANE
-    _text(body, middle, y + 2, member.name, bold=True, size=14)
-    _text(body, middle, y + 20, member.description.name)
-    offset = f", from {_duration(member.offset)}" if member.offset else ""
-    _text(body, middle, y + 38, f"{member.kind}, {_duration(member.step)}{offset}", color=ink)
+    _text(body, middle, y + 2, component.name, bold=True, size=14)
+    _text(body, middle, y + 20, component.description.name)
+    offset = f", from {_duration(component.offset)}" if component.offset else ""
+    _text(body, middle, y + 38, f"{component.kind}, {_duration(component.step)}{offset}", color=ink)
 
 
 def _duration(value: Fraction) -> str:

@@ -35,7 +35,7 @@ from cosim.export.web.scene import (
 )
 from cosim.scenes import shapes
 from cosim.scenes.shapes import Axle, Outline
-from cosim.system.members import Connection, Member, indices
+from cosim.system.components import Connection, SystemComponent, indices
 from cosim.system.wiring import Wiring
 
 _CORNER = re.compile(r"wheel\.(?P<corner>[a-z][a-z0-9]*[lr])\.z")
@@ -96,9 +96,9 @@ def infer_scene(system: Wiring, plant: str | None = None) -> Scene | None:
     where inputs do not say otherwise; parameters count as they are set now, except trenches, which follow their
     parameters. Raises WiringError for a component that there is not.
     """
-    members = [system[plant]] if plant is not None else list(system.members.values())
-    for member in members:
-        found = _Found(system, member)
+    components = [system[plant]] if plant is not None else list(system.components.values())
+    for component in components:
+        found = _Found(system, component)
         if found.is_quarter:
             return _quarter(found)
         if found.is_vehicle:
@@ -111,31 +111,31 @@ class _Found:
     """A component that may be a plant, and what is around it."""
 
     system: Wiring
-    member: Member
+    component: SystemComponent
     lengths: set[str] = field(default_factory=set, compare=False)
     """Names of the parameters in meters that were read: the picture has their values as they are now."""
 
     @property
     def is_quarter(self) -> bool:
-        return {"body.z", "wheel.z"} <= self.member.description.outputs.keys()
+        return {"body.z", "wheel.z"} <= self.component.description.outputs.keys()
 
     @property
     def is_vehicle(self) -> bool:
-        return {"body.z", "body.roll", "body.pitch"} <= self.member.description.outputs.keys() and len(
+        return {"body.z", "body.roll", "body.pitch"} <= self.component.description.outputs.keys() and len(
             self.corners
         ) >= 4
 
     @cached_property
     def corners(self) -> list[str]:
         """Names of the corners, left ahead of right, front to rear as the plant has them."""
-        matches = map(_CORNER.fullmatch, self.member.description.outputs)
+        matches = map(_CORNER.fullmatch, self.component.description.outputs)
         return [m["corner"] for m in matches if m]
 
     def name(self, variable: str) -> str:
-        return f"{self.member.name}.{variable}"
+        return f"{self.component.name}.{variable}"
 
     def has(self, output: str) -> bool:
-        return output in self.member.description.outputs
+        return output in self.component.description.outputs
 
     def output(self, variable: str, factor: float = 1.0, offset: float = 0.0, rest: float | None = None) -> Value:
         return Value({self.name(variable): factor}, offset, rest)
@@ -143,17 +143,17 @@ class _Found:
     def parameter(self, *names: str, default: float | None = None) -> float:
         """The first parameter that there is, as it is set, else the default."""
         for name in names:
-            if name in self.member.description.parameters:
-                known = self.member.description.parameters[name]
+            if name in self.component.description.parameters:
+                known = self.component.description.parameters[name]
                 if known.unit is not None and known.unit.name == "m":
                     self.lengths.add(self.name(name))
-                return float(self.member.values.get(name, known.start))
+                return float(self.component.values.get(name, known.start))
         if default is None:
             raise KeyError(names[0])
         return default
 
     def knows(self, parameter: str) -> bool:
-        return parameter in self.member.description.parameters
+        return parameter in self.component.description.parameters
 
     def driven(self, input_: str) -> Connection | None:
         return self.system.connections.get(self.name(input_))
@@ -256,7 +256,7 @@ class _Found:
     # ---------------------------------------------------------------------------------------------------- the road
 
     @cached_property
-    def road(self) -> Member | None:
+    def road(self) -> SystemComponent | None:
         """The component whose heights are under the wheels, if these follow from a place along it."""
         for corner in [f".{c}" for c in self.corners] or [""]:
             connection = self.driven(f"road{corner}.height")
@@ -313,7 +313,7 @@ class _Found:
 
 
 def _vehicle(found: _Found) -> Scene:
-    looks, name = found.looks, found.member.name
+    looks, name = found.looks, found.component.name
     distance = found.distance or Value()
     yaw = found.output("body.yaw") if found.has("body.yaw") else Value()
     y = found.output("y") if found.has("y") else Value()
@@ -488,36 +488,36 @@ def _points(found: _Found, distance: Value) -> Iterator[Points]:
     """What is known of the road ahead of the front wheels, by who reads it."""
     if found.speed is None:
         return
-    for member in found.system.members.values():
+    for component in found.system.components.values():
         for corner in found.front:
-            heights, source = _preview(found.system, member, corner)
-            step = None if source is None else _preview_step(found.system, member, source)
+            heights, source = _preview(found.system, component, corner)
+            step = None if source is None else _preview_step(found.system, component, source)
             if source is None or step is None:
                 continue
             yield Points(
-                f"{member.name} {found.place(corner)}",
+                f"{component.name} {found.place(corner)}",
                 "preview" if source is found.road else "sensed",
                 distance + Value(offset=found.x[corner]),
                 found.side(corner) * found.half_track(corner),
                 found.speed * step,
                 heights,
-                Value({f"{member.name}.{_USED}": 1.0}, 1.0) if _USED in member.description.parameters else None,
+                Value({f"{component.name}.{_USED}": 1.0}, 1.0) if _USED in component.description.parameters else None,
             )
 
 
-def _preview(system: Wiring, member: Member, corner: str) -> tuple[list[Value], Member | None]:
+def _preview(system: Wiring, component: SystemComponent, corner: str) -> tuple[list[Value], SystemComponent | None]:
     """What drives `preview.{corner}[1...]` of a component, as far as each is another variable than the one before."""
     heights: list[Value] = []
-    source: Member | None = None
+    source: SystemComponent | None = None
     while True:
-        connection = system.connections.get(f"{member.name}.preview.{corner}[{len(heights) + 1}]")
+        connection = system.connections.get(f"{component.name}.preview.{corner}[{len(heights) + 1}]")
         if connection is None or (heights and _source(connection) == heights[-1]):
             return (heights, source) if len(heights) > 1 else ([], None)
         heights.append(_source(connection))
         source = connection.source
 
 
-def _preview_step(system: Wiring, reader: Member, source: Member) -> float | None:
+def _preview_step(system: Wiring, reader: SystemComponent, source: SystemComponent) -> float | None:
     """Seconds between heights, a constant of both ends."""
     connection = system.connections.get(f"{reader.name}.preview.step")
     variables = [None if connection is None else connection.output, source.description.outputs.get("preview.step")]
@@ -535,33 +535,33 @@ def _predictions(found: _Found, distance: Value) -> Iterator[Points]:
     """
     if found.speed is None:
         return
-    for member in found.system.members.values():
+    for component in found.system.components.values():
         for corner in found.front:
             deflection = f"suspension.{corner}.deflection"
-            own = member.description.arrays.get(f"predicted.{deflection}", [])
+            own = component.description.arrays.get(f"predicted.{deflection}", [])
             if not own or not found.has(deflection):
                 continue
             level = _mount(found, corner) + found.cg_height
-            later = [Value({f"{member.name}.{name}": 1.0}, level) for name in sorted(own, key=indices)]
+            later = [Value({f"{component.name}.{name}": 1.0}, level) for name in sorted(own, key=indices)]
             yield Points(
-                f"{member.name} predicts {found.place(corner)}",
+                f"{component.name} predicts {found.place(corner)}",
                 "predicted",
                 distance + Value(offset=found.x[corner]),
                 found.side(corner) * found.half_track(corner),
-                found.speed * float(member.step),
+                found.speed * float(component.step),
                 [found.output(deflection, offset=level), *later],
             )
 
 
 def _limits(found: _Found) -> Iterator[Limit]:
     """What components say of themselves."""
-    for member in found.system.members.values():
-        outputs = member.description.outputs
+    for component in found.system.components.values():
+        outputs = component.description.outputs
         for output, words in _SAYS.items():
             if output in outputs:
-                yield Limit(words.format(member.name), f"{member.name}.{output}")
+                yield Limit(words.format(component.name), f"{component.name}.{output}")
         if "preview.valid" in outputs:
-            yield Limit(f"{member.name}: preview lost", Value({f"{member.name}.preview.valid": -1.0}, 0.5))
+            yield Limit(f"{component.name}: preview lost", Value({f"{component.name}.preview.valid": -1.0}, 0.5))
     for part, words in _TOUCHES.items():
         if found.has(f"{part}.force"):
             yield Limit(f"{words} on the ground", found.output(f"{part}.force"))
@@ -604,9 +604,9 @@ def _readings(found: _Found) -> list[Reading]:
         readings.append(Reading("body", "mm", found.output("body.z"), 1, 1e3))
     if found.has("body.az"):
         readings.append(Reading("vertical acceleration", "m/s2", found.output("body.az"), 2))
-    for member in found.system.members.values():
-        if "absorbed_power.window" in member.description.outputs:
-            readings.append(Reading("absorbed power", "W", f"{member.name}.absorbed_power.window", 1))
+    for component in found.system.components.values():
+        if "absorbed_power.window" in component.description.outputs:
+            readings.append(Reading("absorbed power", "W", f"{component.name}.absorbed_power.window", 1))
     unique = {r.label: r for r in reversed(readings)}
     return [r for r in readings if unique[r.label] is r]
 
@@ -661,7 +661,7 @@ def _quarter(found: _Found) -> Scene:
             Trace("road", "ground", -2.1 * size, 0.0, road, speed),
         ]
     return Scene(
-        title=f"quarter car '{found.member.name}'",
+        title=f"quarter car '{found.component.name}'",
         what="quarter car",
         bodies=[body, *standing],
         wheels=[wheel],

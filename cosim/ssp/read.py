@@ -18,7 +18,7 @@ from cosim.ssp.parameters import BoundValue, values_of
 from cosim.ssp.signals import Change, Place, Signals, change, trace
 from cosim.ssp.structure import Component, Structure, System, read
 from cosim.ssp.table import IntegerTable
-from cosim.system.members import Member, indices
+from cosim.system.components import SystemComponent, indices
 from cosim.system.names import elements
 from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive
@@ -46,11 +46,11 @@ class _Reader:
             raise SspError(f"{self.title}: there is no component in it")
         self.named = self.names()
         used: set[str] = set()
-        for member_path, component in self.components.items():
-            used |= self.add(member_path, component)
+        for component_path, component in self.components.items():
+            used |= self.add(component_path, component)
         missing = sorted(self.steps.keys() - used)
         if missing:
-            raise SspError(f"{self.title}: {unknown('component', missing[0], self.wiring.members)}")
+            raise SspError(f"{self.title}: {unknown('component', missing[0], self.wiring.components)}")
         signals = trace(structure.system, self.title)
         self.set_values(signals)
         self.connect(signals)
@@ -121,10 +121,10 @@ class _Reader:
 
     def group(self, system: System, path: tuple[str, ...]) -> None:
         """Groups, of all systems in it too."""
-        for name, method, members in system.groups:
+        for name, method, components in system.groups:
             with self.named_in(f"group '{name}'"):
                 prefix = ".".join("_".join(p.split()) for p in path)
-                full = [f"{prefix}.{m}" if prefix else m for m in members]
+                full = [f"{prefix}.{m}" if prefix else m for m in components]
                 self.wiring.group(f"{prefix}.{name}" if prefix else name, full, method)  # type: ignore[arg-type]
         for e in system.elements.values():
             if isinstance(e, System):
@@ -134,20 +134,20 @@ class _Reader:
 
     def variables(self, path: tuple[str, ...], connector: str) -> list[Variable] | None:
         """What a connector of a component stands for, in its FMU: a variable, or all elements of an array."""
-        about = self.member(path).description
+        about = self.component(path).description
         name = about.canonical(connector)
         if name not in about.variables and name not in about.arrays:
             return None
-        return elements(self.member(path), name)
+        return elements(self.component(path), name)
 
-    def member(self, path: tuple[str, ...]) -> Member:
-        return self.wiring.members[self.named[path]]
+    def component(self, path: tuple[str, ...]) -> SystemComponent:
+        return self.wiring.components[self.named[path]]
 
     def variable(self, place: Place) -> Variable:
         """The variable at a place of a component. Raises SspError when its FMU has none like it."""
         found = self.variables(place.path, place.connector)
         if found is None:
-            about = self.member(place.path).description
+            about = self.component(place.path).description
             near = did_you_mean(place.connector, about.variables)
             raise SspError(
                 f"{self.title}: component '{'.'.join(place.path)}': its FMU {about.name} has no variable"
@@ -188,14 +188,16 @@ class _Reader:
     def table(self, start: str, source: Place, how: Change, tables: dict[tuple[str, Change], str]) -> str:
         """The output of a component that maps the integers of another one's."""
         if (start, how) not in tables:
-            member = self.member(source.path)
+            component = self.component(source.path)
             stem = "".join(ch if ch.isalnum() else "_" for ch in start)
             name = next(
                 n
                 for n in (f"{stem}_mapped", *(f"{stem}_mapped{k}" for k in range(2, 10_000)))
-                if n not in self.wiring.members
+                if n not in self.wiring.components
             )
-            self.wiring.add(name, IntegerTable(dict(how.table), member.step), step=member.step, offset=member.offset)
+            self.wiring.add(
+                name, IntegerTable(dict(how.table), component.step), step=component.step, offset=component.offset
+            )
             self.wiring.connect(start, f"{name}.u")
             tables[start, how] = f"{name}.y"
         return tables[start, how]
@@ -206,11 +208,11 @@ class _Reader:
         """What parameter sets of all levels say, the outermost last."""
         given = values_of(self.structure.system)
         for path, c in self.components.items():
-            member = self.member(path)
+            component = self.component(path)
             for name, value in self.applied(path, signals, given).items():
                 with self.named_in(f"component '{'.'.join(path)}', parameter '{one_line(name, 80)}'"):
-                    each = member.expand(name, value)
-                    member.set(
+                    each = component.expand(name, value)
+                    component.set(
                         {n: v for n, v in each.items() if n not in c.initial}
                     )  # those are for tools that step first
 
@@ -219,8 +221,8 @@ class _Reader:
 
         They are given for the FMU itself, or for the source of the values of its connectors.
         """
-        member = self.member(path)
-        fmu = member.component.fmu if isinstance(member.component, FmuComponent) else None
+        component = self.component(path)
+        fmu = component.implementation.fmu if isinstance(component.implementation, FmuComponent) else None
         found: dict[str, tuple[int, Any]] = {}
         for place, g in given.items():
             if place.path == path and (variables := self.variables(path, place.connector)):

@@ -273,8 +273,8 @@ class _File:
                 raise self.error(child, f"there is already an element '{found.name}' in '{made.name}'")
             made.elements[found.name] = found
         for group in own.iterfind(f"{OWN}Group") if own is not None else ():
-            members = tuple(self.text(m, "name") for m in group.iterfind(f"{OWN}Member"))
-            made.groups.append((self.text(group, "name"), group.get("method", "jacobi"), members))
+            components = tuple(self.text(m, "name") for m in group.iterfind(f"{OWN}Member"))
+            made.groups.append((self.text(group, "name"), group.get("method", "jacobi"), components))
         self.above, self.own = above, around
         return made
 

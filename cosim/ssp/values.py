@@ -14,7 +14,7 @@ from cosim.fmu.file import FmuFile
 from cosim.ssp import names
 from cosim.ssp.names import SSV
 from cosim.ssp.schema import deviation
-from cosim.system.members import indices
+from cosim.system.components import indices
 
 SET = "initialValues"
 """Name of every parameter set: some readers apply those of one name in all components."""

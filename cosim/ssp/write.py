@@ -29,8 +29,8 @@ from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSC, SSD, version_of
 from cosim.ssp.schema import deviation
 from cosim.ssp.values import items_of, parameter_set
-from cosim.system.members import Connection, Member, indices
-from cosim.system.names import Members
+from cosim.system.components import Connection, SystemComponent, indices
+from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 from cosim.time import gcd
 
@@ -39,11 +39,11 @@ _MILLIMETRE = 0.1  # of the drawing, for a point of the picture
 _TOLERANCE = "1e-4"  # that OMSimulator wants to read and a fixed step does not use
 _TYPES1 = {"Real", "Integer", "Boolean", "String", "Enumeration"}
 
-Name = tuple[Member, str]
+Name = tuple[SystemComponent, str]
 
 
 def export_ssp(
-    members: Iterable[Member],
+    components: Iterable[SystemComponent],
     schedule: Schedule,
     path: Path,
     *,
@@ -62,32 +62,32 @@ def export_ssp(
     version = version_of(version)
     if path.suffix != ".ssp" or not path.stem:
         raise SspError(f"{path}: name the file NAME.ssp")
-    exporter = _Exporter(path.stem, list(members), schedule, version, stop_time, sorted(inputs), initial, text)
+    exporter = _Exporter(path.stem, list(components), schedule, version, stop_time, sorted(inputs), initial, text)
     with safe_files.named(path):
         return safe_files.write(path, exporter.archive())
 
 
-def files_of(schedule: Schedule, version: str) -> dict[Member, FmuFile]:
+def files_of(schedule: Schedule, version: str) -> dict[SystemComponent, FmuFile]:
     """The file of every component, in the version of FMI that the SSP takes.
 
     Raises SspError naming a component without such a file.
     """
     found = {}
-    for m in schedule.members:
-        if not isinstance(m.component, FmuComponent):
+    for m in schedule.components:
+        if not isinstance(m.implementation, FmuComponent):
             raise SspError(
                 f"'{m.name}' is written in Python, and an SSP holds FMUs only: leave it out, or declare it as a"
                 " component that build-fmus makes an FMU of"
             )
-        if m.component.isolation is not None:
+        if m.implementation.isolation is not None:
             raise SspError(
                 f"'{m.name}' is isolated, which no file can say: add it without isolation, and isolate it where it runs"
             )
-        found[m] = _file_of(m, m.component.fmu, schedule, names.FMI_OF[version_of(version)])
+        found[m] = _file_of(m, m.implementation.fmu, schedule, names.FMI_OF[version_of(version)])
     return found
 
 
-def _file_of(m: Member, fmu: FmuFile, schedule: Schedule, major: str) -> FmuFile:
+def _file_of(m: SystemComponent, fmu: FmuFile, schedule: Schedule, major: str) -> FmuFile:
     if fmu.major == major:
         return fmu
     sibling = _sibling(fmu, major)
@@ -102,7 +102,7 @@ def _file_of(m: Member, fmu: FmuFile, schedule: Schedule, major: str) -> FmuFile
     return fmu  # SSP 2.0 knows FMI 2.0 too
 
 
-def _require_same(m: Member, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
+def _require_same(m: SystemComponent, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
     """The other version of a component's FMU has what the system uses."""
     used = {c.output for c in schedule.connections if c.source is m} | {
         c.input for c in schedule.connections if c.target is m
@@ -116,12 +116,14 @@ def _require_same(m: Member, fmu: FmuFile, sibling: FmuFile, schedule: Schedule)
 
 def open_inputs(schedule: Schedule, patterns: Iterable[str]) -> list[str]:
     """Full names of inputs that nothing drives, by names and patterns. Raises WiringError for one that fits none."""
-    members = Members((m.name, m) for m in schedule.members)
+    components = SystemComponents((m.name, m) for m in schedule.components)
     driven = {c.target_name for c in schedule.connections}
     found: dict[str, None] = {}
     for pattern in patterns:
         fitting = [
-            f"{m.name}.{v.name}" for m, v in members.fitting(pattern, "input") if v.causality == "input" and v.size == 1
+            f"{m.name}.{v.name}"
+            for m, v in components.fitting(pattern, "input")
+            if v.causality == "input" and v.size == 1
         ]
         free = [n for n in fitting if n not in driven]
         if not free:
@@ -158,19 +160,19 @@ class _Wire:
 @dataclass
 class _Exporter:
     name: str
-    members: list[Member]
+    components: list[SystemComponent]
     schedule: Schedule
     version: str
     stop_time: Fraction | None
     open: list[str]
     initial: Mapping[str, float]
     text: str
-    fmus: dict[Member, FmuFile] = field(init=False)
+    fmus: dict[SystemComponent, FmuFile] = field(init=False)
     units: dict[str, Unit] = field(default_factory=dict)
     enumerations: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.ids = identifiers(m.name for m in self.members)
+        self.ids = identifiers(m.name for m in self.components)
         self.fmus = files_of(self.schedule, self.version)
         files = {f.path: f for f in self.fmus.values()}
         stems = identifiers(str(p) for p in files)
@@ -181,13 +183,13 @@ class _Exporter:
         self.open_ids = identifiers(self.open)
 
     def _variable(self, full: str) -> Variable:
-        member, name = next((m, full[len(m.name) + 1 :]) for m in self.members if full.startswith(f"{m.name}."))
-        return member.description.variables[name]
+        component, name = next((m, full[len(m.name) + 1 :]) for m in self.components if full.startswith(f"{m.name}."))
+        return component.description.variables[name]
 
     def archive(self) -> bytes:
         """The bytes of the package."""
         files = {names.ENTRY: self._structure()}
-        for m in self.members:
+        for m in self.components:
             if values := self._values(m):
                 made = parameter_set(m.name, values, self.fmus[m], self.version)
                 files[self._values_file(m)] = serialize(made)
@@ -197,10 +199,10 @@ class _Exporter:
 
     # Its values.
 
-    def _values_file(self, m: Member) -> str:
+    def _values_file(self, m: SystemComponent) -> str:
         return f"resources/{self.ids[m.name]}.ssv"
 
-    def _values(self, m: Member) -> dict[str, Any]:
+    def _values(self, m: SystemComponent) -> dict[str, Any]:
         """What is set before initialization: what the system sets, and what its connected inputs then show."""
         shown = {
             v.name: self.initial[f"{m.name}.{v.name}"]
@@ -209,11 +211,11 @@ class _Exporter:
         }
         return {n: self._typed(m, n, v) for n, v in sorted({**m.values, **shown}.items())}
 
-    def _typed(self, m: Member, name: str, value: Any) -> Any:
+    def _typed(self, m: SystemComponent, name: str, value: Any) -> Any:
         kind = m.description.variables[name].type
         return {"real": float, "integer": int, "boolean": bool}.get(kind, str)(value)
 
-    def _only_initial(self, m: Member) -> list[str]:
+    def _only_initial(self, m: SystemComponent) -> list[str]:
         """Values of connected inputs for tools that step before they exchange, and values that complete arrays."""
         about, written = m.description, set(self._values(m))
         if self.fmus[m].major == "3":
@@ -238,7 +240,7 @@ class _Exporter:
             for n in self.open:
                 self._connector(connectors, self.open_ids[n], "input", self._variable(n), None)
         elements = etree.SubElement(system, f"{SSD}Elements")
-        for m in self.members:
+        for m in self.components:
             self._component(elements, m, picture)
         wires = self._wires()
         if wires or self.open:
@@ -270,7 +272,7 @@ class _Exporter:
             raise SspError(f"the system cannot be described in SSP {self.version}: {wrong}")
         return serialize(root)
 
-    def _component(self, elements: etree._Element, m: Member, picture: Picture) -> None:
+    def _component(self, elements: etree._Element, m: SystemComponent, picture: Picture) -> None:
         fmu, box = self.fmus[m], picture.boxes[m]
         element = etree.SubElement(
             elements,
@@ -310,7 +312,7 @@ class _Exporter:
             hint = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OSP)
             etree.SubElement(hint, f"{OSP}StepSizeHint", value=repr(float(m.step)))
 
-    def _connectors(self, m: Member) -> list[tuple[str, str, Variable]]:
+    def _connectors(self, m: SystemComponent) -> list[tuple[str, str, Variable]]:
         """Name, kind and (first) variable of each connector: all outputs, connected inputs, parameters that are set.
 
         Inputs that keep their start values get no connector: several readers drive every connector, by 0 or by another
@@ -336,7 +338,7 @@ class _Exporter:
                 found.setdefault(self._declared(m, v)[0], (self._declared(m, v)[0], kind, v))
         return list(found.values())
 
-    def _declared(self, m: Member, v: Variable) -> tuple[str, tuple[int, ...]]:
+    def _declared(self, m: SystemComponent, v: Variable) -> tuple[str, tuple[int, ...]]:
         """Name of the connector that a variable belongs to, and its indices in it."""
         if v.size == 1 or self.fmus[m].major == "2":
             return v.name, ()
@@ -367,8 +369,8 @@ class _Exporter:
             return v.fmi_type
         return {"real": "Real", "integer": "Integer", "boolean": "Boolean"}.get(v.type, "String")
 
-    def _owner(self, v: Variable) -> Member:
-        return next(m for m in self.members if m.description.variables.get(v.name) is v)
+    def _owner(self, v: Variable) -> SystemComponent:
+        return next(m for m in self.components if m.description.variables.get(v.name) is v)
 
     def _shape(self, v: Variable) -> tuple[int, ...]:
         all_names = self._owner(v).description.arrays[v.declared]
@@ -445,7 +447,7 @@ class _Exporter:
     @property
     def _step(self) -> Fraction:
         """The longest step that divides all."""
-        return gcd([m.step for m in self.members])
+        return gcd([m.step for m in self.components])
 
     def _system_annotations(self, system: etree._Element) -> None:
         """OMSimulator's annotations first, since it reads only the first one; then ours.
@@ -464,7 +466,7 @@ class _Exporter:
             relativeTolerance=_TOLERANCE,
         )
         own = etree.SubElement(etree.SubElement(annotations, f"{SSC}Annotation", type=names.OURS), f"{OWN}System")
-        for m in self.members:
+        for m in self.components:
             about = {
                 "component": self.ids[m.name],
                 "name": m.name,
@@ -479,11 +481,11 @@ class _Exporter:
             if not group.name:
                 continue
             element = etree.SubElement(own, f"{OWN}Group", name=group.name, method=group.method)
-            for m in group.members:
+            for m in group.components:
                 etree.SubElement(element, f"{OWN}Member", name=m.name)
 
     def _experiment(self, root: etree._Element) -> None:
-        ends = [m.description.default_stop for m in self.members if m.description.default_stop]
+        ends = [m.description.default_stop for m in self.components if m.description.default_stop]
         stop = self.stop_time if self.stop_time is not None else max(ends, default=None)
         element = etree.SubElement(root, f"{SSD}DefaultExperiment", startTime="0.0")
         if stop is not None:

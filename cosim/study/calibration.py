@@ -71,8 +71,8 @@ class SystemResponse:
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Outputs (samples, outputs) of a run with these parameters, by full name."""
         for name, value in values.items():
-            member, variable = self._system.members.split(name)
-            member.set({variable: value})
+            component, variable = self._system.components.split(name)
+            component.set({variable: value})
         recording = self._system.run(
             self._stop, record=self.outputs, record_interval=self._interval, allow_unconnected=self._open
         )

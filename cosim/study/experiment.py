@@ -38,10 +38,10 @@ class Run:
 
     def start(self, name: str) -> Any:
         """Start value `component.variable` of this run: as set for it, else the FMU's own."""
-        component, variable = self.system.members.parts(name)
-        member = self.system[component]
-        found = member.description.find(variable, component)
-        return member.values.get(found.name, found.start)
+        owner, variable = self.system.components.parts(name)
+        component = self.system[owner]
+        found = component.description.find(variable, owner)
+        return component.values.get(found.name, found.start)
 
 
 class Search(Protocol):

@@ -64,7 +64,7 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
 def _wire(_: FmuSet, case: Any) -> System:
     steps = _pairs(case.step, "--step") if "=" in case.step else case.step.strip() or None
     system = System.from_ssp(case.file, variant=case.variant or None, step=steps)
-    _own[system] = {n: dict(m.values) for n, m in system.members.items()}
+    _own[system] = {n: dict(m.values) for n, m in system.components.items()}
     return system
 
 
@@ -80,11 +80,13 @@ def _configure(system: System, case: Any) -> None:
     for name, values in _own[system].items():
         system[name].values = dict(values)
     for full, text in _pairs(case.parameters, "--set").items():
-        member, variable = system.members.split(full)
+        component, variable = system.components.split(full)
         kind = (
-            member.description.find(variable, member.name).type if variable not in member.description.arrays else "real"
+            component.description.find(variable, component.name).type
+            if variable not in component.description.arrays
+            else "real"
         )
-        member.set({variable: _value(text, kind, full)})
+        component.set({variable: _value(text, kind, full)})
 
 
 def _value(text: str, kind: str, name: str) -> Any:
@@ -126,7 +128,7 @@ def _stop_time(system: System, case: Any) -> float:
         return float(case.stop_time)
     if system.experiment[1] is not None:
         return float(system.experiment[1])
-    ends = [m.description.default_stop for m in system.members.values() if m.description.default_stop]
+    ends = [m.description.default_stop for m in system.components.values() if m.description.default_stop]
     if not ends:
         raise SspError(f"neither {case.file} nor its FMUs say how long it runs: give --stop-time")
     return float(max(ends))

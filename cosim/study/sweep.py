@@ -158,14 +158,14 @@ def _fitting(f: Field, value: Any) -> Any:
 
 
 def _variable(system: Any, name: str, own: Mapping[str, Field]) -> Any:
-    member, dot, variable = name.partition(".")
-    if not dot or member not in system.members:
+    component, dot, variable = name.partition(".")
+    if not dot or component not in system.components:
         options = sorted({f.name for f in own.values()})
-        what = unknown("component", member, system.members) if dot else unknown("option", name, options)
+        what = unknown("component", component, system.components) if dot else unknown("option", name, options)
         raise DesignError(
             f"{name}: {what}; vary an option of the cases, or a parameter of a component as COMPONENT.NAME"
         )
-    found = system[member].description.find(variable, member)
+    found = system[component].description.find(variable, component)
     if found.type not in KINDS:
         raise WiringError(f"{name} is of type {found.fmi_type}; numbers, truth values and texts can vary")
     return found

@@ -87,9 +87,9 @@ def set_parameters(system: Any, given: Mapping[str, Any]) -> None:
         WiringError: there is no such component or variable, or the value cannot be.
     """
     for name, value in given.items():
-        member, _, variable = name.partition(".")
+        component, _, variable = name.partition(".")
         if value is not None:
-            system[member].set({variable: value})
+            system[component].set({variable: value})
 
 
 @lru_cache(8)

@@ -14,23 +14,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from cosim.errors import LoopError
-from cosim.system.members import Connection, Member
+from cosim.system.components import Connection, SystemComponent
 
 Loop = tuple[Connection, ...]
 Depends = Callable[
-    [Member, str], "frozenset[str] | None"
+    [SystemComponent, str], "frozenset[str] | None"
 ]  # the inputs that an output depends on directly; None: on all of them
-_Output = tuple[Member, "frozenset[str] | None"]  # outputs of a component that depend on the same inputs are one node
+_Output = tuple[
+    SystemComponent, "frozenset[str] | None"
+]  # outputs of a component that depend on the same inputs are one node
 
 
-def declared(member: Member, output: str) -> frozenset[str] | None:
+def declared(component: SystemComponent, output: str) -> frozenset[str] | None:
     """The inputs that an output depends on directly as far as the component declares them; None: it does not."""
-    return member.description.dependencies.get(output)
+    return component.description.dependencies.get(output)
 
 
-def certain(member: Member, output: str) -> frozenset[str]:
+def certain(component: SystemComponent, output: str) -> frozenset[str]:
     """As `declared`, without inputs of which nothing is declared."""
-    return declared(member, output) or frozenset()
+    return declared(component, output) or frozenset()
 
 
 def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop]:
@@ -39,7 +41,7 @@ def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop
     There is at least one of every set of loops that have a component in common, and none that shares an output with
     another one in the list.
     """
-    into: dict[Member, list[Connection]] = {}
+    into: dict[SystemComponent, list[Connection]] = {}
     for c in connections:
         if not (c.delay or c.source.discrete or c.target.discrete):
             into.setdefault(c.target, []).append(c)
@@ -48,8 +50,8 @@ def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop
         return c.source, depends(c.source, c.output.name)
 
     def before(output: _Output) -> Iterator[Connection]:
-        member, inputs = output
-        return (c for c in into.get(member, ()) if inputs is None or c.input.name in inputs)
+        component, inputs = output
+        return (c for c in into.get(component, ()) if inputs is None or c.input.name in inputs)
 
     found: list[Loop] = []
     done: set[_Output] = set()

@@ -12,16 +12,16 @@ from typing import Any, NoReturn
 from build_fmus.checks import did_you_mean, glob
 from cosim.description import RECORDABLE, Variable, split_index
 from cosim.errors import WiringError
-from cosim.system.members import Member, article, indices
+from cosim.system.components import SystemComponent, article, indices
 
 
-class Members(dict[str, Member]):
+class SystemComponents(dict[str, SystemComponent]):
     """Components by name. Looking up one that is not there raises WiringError with the nearest name."""
 
     def __missing__(self, name: str) -> NoReturn:
         raise WiringError(f"no component '{name}'{did_you_mean(name, self)}")
 
-    def split(self, full: str) -> tuple[Member, str]:
+    def split(self, full: str) -> tuple[SystemComponent, str]:
         """Split `component.variable` into the component and the variable's own name.
 
         Raises WiringError for an unknown component.
@@ -43,11 +43,11 @@ class Members(dict[str, Member]):
 
     def canonical(self, full: str) -> str:
         """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
-        component, variable = self.parts(full)
-        member = self.get(component)
-        return full if member is None else f"{component}.{member.description.canonical(variable)}"
+        name, variable = self.parts(full)
+        component = self.get(name)
+        return full if component is None else f"{name}.{component.description.canonical(variable)}"
 
-    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
+    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[SystemComponent, Variable]]:
         """Variables by full name or pattern (`*`, `?`).
 
         A pattern selects outputs; if it matches none, it selects inputs, then local variables. None: every output that
@@ -60,26 +60,26 @@ class Members(dict[str, Member]):
                 for v in m.description.outputs.values()
                 if not split_index(v.name)[1] and v.type in RECORDABLE
             ]
-        chosen: dict[str, tuple[Member, Variable]] = {}
+        chosen: dict[str, tuple[SystemComponent, Variable]] = {}
         for pattern in [patterns] if isinstance(patterns, str) else patterns:
             chosen.update((f"{m.name}.{v.name}", (m, v)) for m, v in self._fitting(pattern))
         return list(chosen.values())
 
-    def fitting(self, pattern: str, causality: str) -> list[tuple[Member, Variable]]:
+    def fitting(self, pattern: str, causality: str) -> list[tuple[SystemComponent, Variable]]:
         """Variables of a full name (all elements of an array), or those of one causality that fit a pattern."""
         if not set("*?") & set(pattern):
-            member, name = self.split(pattern)
-            return [(member, v) for v in elements(member, name)]
+            component, name = self.split(pattern)
+            return [(component, v) for v in elements(component, name)]
         fits = glob(pattern)
         variables = (
             (m, v) for m in self.values() for v in m.description.variables.values() if v.causality == causality
         )
         return [(m, v) for m, v in variables if fits_any(fits, m, v)]
 
-    def _fitting(self, pattern: str) -> list[tuple[Member, Variable]]:
+    def _fitting(self, pattern: str) -> list[tuple[SystemComponent, Variable]]:
         if not set("*?") & set(pattern):
-            member, name = self.split(pattern)
-            found = [(member, v) for v in elements(member, name)]
+            component, name = self.split(pattern)
+            found = [(component, v) for v in elements(component, name)]
             for _, variable in found:
                 if variable.type not in RECORDABLE:
                     raise WiringError(f"'{pattern}' is {article(variable.fmi_type)} and cannot be recorded")
@@ -98,14 +98,14 @@ class Members(dict[str, Member]):
         raise WiringError(f"'{pattern}' fits no variable{did_you_mean(pattern.replace('*', ''), names)}")
 
 
-def elements(member: Member, name: str) -> list[Variable]:
+def elements(component: SystemComponent, name: str) -> list[Variable]:
     """A variable, or all elements of an array."""
-    about = member.description
+    about = component.description
     if name in about.variables or name not in about.arrays:
-        return [about.find(name, member.name)]
+        return [about.find(name, component.name)]
     return [about.variables[n] for n in sorted(about.arrays[name], key=indices)]
 
 
-def fits_any(fits: Callable[[str], Any], member: Member, variable: Variable) -> bool:
+def fits_any(fits: Callable[[str], Any], component: SystemComponent, variable: Variable) -> bool:
     """Whether the full name, or one with an alias, fits."""
-    return any(fits(f"{member.name}.{n}") for n in member.description.names(variable))
+    return any(fits(f"{component.name}.{n}") for n in component.description.names(variable))

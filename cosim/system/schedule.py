@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cosim.errors import LoopError, WiringError
+from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.loops import Loop, certain, declared, find_loops, path_of, refuse_loops
-from cosim.system.members import Connection, Group, Member
 from cosim.time import TimeBase, gcd, seconds_text
 
 
@@ -22,7 +22,7 @@ class Schedule:
     """
 
     tick: Fraction
-    discrete: tuple[Member, ...]
+    discrete: tuple[SystemComponent, ...]
     groups: tuple[Group, ...]
     lagging: tuple[Connection, ...]
     connections: tuple[Connection, ...]
@@ -31,12 +31,12 @@ class Schedule:
     executed_by: str = ""  # what executes it, and why that
 
     @property
-    def continuous(self) -> tuple[Member, ...]:
+    def continuous(self) -> tuple[SystemComponent, ...]:
         """Continuous components in the order of their groups."""
-        return tuple(m for group in self.groups for m in group.members)
+        return tuple(m for group in self.groups for m in group.components)
 
     @property
-    def members(self) -> tuple[Member, ...]:
+    def components(self) -> tuple[SystemComponent, ...]:
         """All components in the order of execution, the discrete ones first."""
         return self.discrete + self.continuous
 
@@ -52,7 +52,7 @@ class Schedule:
             lines += [f"     {_rate(m)}" for m in self.discrete]
         if self.continuous:
             lines.append(f"{2 if self.discrete else 1}. continuous, from t to t + step with inputs as of t:")
-            single = [m for g in self.groups if g.method == "jacobi" for m in g.members]
+            single = [m for g in self.groups if g.method == "jacobi" for m in g.components]
             if single:
                 lines.append("   Jacobi, side by side:")
                 lines += [f"     {_rate(m)}" for m in single]
@@ -61,7 +61,7 @@ class Schedule:
                     lines.append(
                         f"   Gauss-Seidel '{group.name}', in this order, each sees those before it at t + step:"
                     )
-                    lines += [f"     {_rate(m)}" for m in group.members]
+                    lines += [f"     {_rate(m)}" for m in group.components]
         lines += ["", f"{len(self.connections)} connections:", *(f"     {c}" for c in self.connections)]
         if self.lagging:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
@@ -77,14 +77,14 @@ class Schedule:
         return "\n".join(lines)
 
 
-def _rate(member: Member) -> str:
-    offset = f" from {seconds_text(member.offset)}" if member.offset else ""
-    apart = ", in a process of its own" if getattr(member.component, "isolation", None) else ""
-    return f"{member.name} ({member.description.name}) every {seconds_text(member.step)}{offset}{apart}"
+def _rate(component: SystemComponent) -> str:
+    offset = f" from {seconds_text(component.offset)}" if component.offset else ""
+    apart = ", in a process of its own" if getattr(component.implementation, "isolation", None) else ""
+    return f"{component.name} ({component.description.name}) every {seconds_text(component.step)}{offset}{apart}"
 
 
 def make_schedule(
-    members: Iterable[Member],
+    components: Iterable[SystemComponent],
     connections: Iterable[Connection] = (),
     groups: Iterable[Group] = (),
     extra: Iterable[Fraction] = (),
@@ -97,42 +97,44 @@ def make_schedule(
     which components were added. Raises WiringError when there are no components, and LoopError for a loop among
     discrete ones, or among continuous ones (`cosim.system.loops`) unless `loops_are_solved` by the caller.
     """
-    members = sorted(members, key=lambda m: m.name)
-    if not members:
+    components = sorted(components, key=lambda m: m.name)
+    if not components:
         raise WiringError("the system has no components")
     connections = tuple(sorted(connections, key=lambda c: c.target_name))
-    discrete, lagging = _order([m for m in members if m.discrete], connections)
+    discrete, lagging = _order([m for m in components if m.discrete], connections)
     if not loops_are_solved:
         refuse_loops(find_loops(connections, certain))
     return Schedule(
-        tick=gcd([*(m.step for m in members), *(m.offset for m in members), *extra]),
+        tick=gcd([*(m.step for m in components), *(m.offset for m in components), *extra]),
         discrete=tuple(discrete),
-        groups=tuple(_groups(groups, [m for m in members if not m.discrete])),
+        groups=tuple(_groups(groups, [m for m in components if not m.discrete])),
         lagging=tuple(lagging),
         connections=connections,
-        unconnected=tuple(sorted(unconnected(members, {c.target_name for c in connections}))),
+        unconnected=tuple(sorted(unconnected(components, {c.target_name for c in connections}))),
         possible_loops=() if loops_are_solved else tuple(find_loops(connections, declared)),
     )
 
 
-def unconnected(members: Iterable[Member], targets: Container[str]) -> list[str]:
+def unconnected(components: Iterable[SystemComponent], targets: Container[str]) -> list[str]:
     """Inputs that are not among the `targets` of connections and were given no start value."""
     return [
         f"{m.name}.{i}"
-        for m in members
+        for m in components
         for i in m.description.inputs
         if f"{m.name}.{i}" not in targets and i not in m.values
     ]
 
 
-def _groups(declared: Iterable[Group], continuous: list[Member]) -> Iterable[Group]:
+def _groups(declared: Iterable[Group], continuous: list[SystemComponent]) -> Iterable[Group]:
     ordered = sorted(declared, key=lambda g: g.name)
-    grouped = {m for g in ordered for m in g.members}
+    grouped = {m for g in ordered for m in g.components}
     yield from (Group("", (m,)) for m in continuous if m not in grouped)
     yield from ordered
 
 
-def _order(discrete: list[Member], connections: Sequence[Connection]) -> tuple[list[Member], list[Connection]]:
+def _order(
+    discrete: list[SystemComponent], connections: Sequence[Connection]
+) -> tuple[list[SystemComponent], list[Connection]]:
     """Topological order of the discrete components, and the connections that had to be left behind.
 
     A connection is firm when its input feeds through to some output of the target: the source must run first. Others
@@ -156,19 +158,19 @@ def _feeds_through(connection: Connection) -> bool:
     return any(about.feeds(connection.input.name, output) for output in about.outputs)
 
 
-def _without_source(waiting: list[Member], connections: Sequence[Connection]) -> Member | None:
+def _without_source(waiting: list[SystemComponent], connections: Sequence[Connection]) -> SystemComponent | None:
     blocked = {c.target for c in connections if c.source in waiting}
     return next((m for m in waiting if m not in blocked), None)
 
 
-def _loop(waiting: list[Member], firm: Sequence[Connection]) -> str:
+def _loop(waiting: list[SystemComponent], firm: Sequence[Connection]) -> str:
     """Name one loop, variable by variable, starting at its first component by name."""
     into = {m: next(c for c in firm if c.target is m and c.source in waiting) for m in waiting}
-    member, seen = waiting[0], []
-    while member not in seen:
-        seen.append(member)
-        member = into[member].source
-    loop = [into[m] for m in seen[seen.index(member) :]][::-1]
+    component, seen = waiting[0], []
+    while component not in seen:
+        seen.append(component)
+        component = into[component].source
+    loop = [into[m] for m in seen[seen.index(component) :]][::-1]
     first = min(range(len(loop)), key=lambda i: loop[i].source.name)
     loop = loop[first:] + loop[:first]
     path = "\n".join(f"    {c.source_name} -> {c.target_name}" for c in loop)

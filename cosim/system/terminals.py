@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from build_fmus.checks import did_you_mean
 from cosim.errors import FmuError, FmuWarning, WiringError
 from cosim.fmu.component import FmuComponent
-from cosim.system.members import Member, article
-from cosim.system.names import Members
+from cosim.system.components import SystemComponent, article
+from cosim.system.names import SystemComponents
 from cosim.terminals import (
     BUS,
     FLOWS,
@@ -40,11 +40,11 @@ from cosim.terminals import (
 class Place:
     """A terminal of a component."""
 
-    member: Member
+    component: SystemComponent
     terminal: Terminal
 
     def __str__(self) -> str:
-        return f"{self.member.name}.{self.terminal.path}"
+        return f"{self.component.name}.{self.terminal.path}"
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class Wire:
     `negated`: both sides count what flows toward them, or both what flows away.
     """
 
-    source: Member
+    source: SystemComponent
     output: str
-    target: Member
+    target: SystemComponent
     input: str
     at: str
     labels: tuple[str, ...]
@@ -65,35 +65,35 @@ class Wire:
     negated: bool = False
 
 
-def of(member: Member, *, tolerant: bool = False) -> dict[str, Terminal]:
+def of(component: SystemComponent, *, tolerant: bool = False) -> dict[str, Terminal]:
     """The terminals of a component by path: those that it declares, else those by the structure of its names.
 
     Raises FmuError for a malformed terminals file; if `tolerant` that is a warning, and names count.
     """
     declared: tuple[Terminal, ...] = ()
-    if isinstance(member.component, FmuComponent):
+    if isinstance(component.implementation, FmuComponent):
         try:
-            declared = member.component.fmu.terminals
+            declared = component.implementation.fmu.terminals
         except FmuError as error:
             if not tolerant:
                 raise
             warnings.warn(f"{error}; terminals follow from the names of variables instead", FmuWarning, stacklevel=4)
-    return by_path(declared or by_names(member.description))
+    return by_path(declared or by_names(component.description))
 
 
-def find(members: Members, full: str) -> Place:
+def find(components: SystemComponents, full: str) -> Place:
     """`component.terminal`, with the names of the terminals around it. Raises WiringError with the nearest name."""
-    name, path = members.parts(full)
+    name, path = components.parts(full)
     if name == full:
         raise WiringError(f"'{full}': write component.terminal")
-    member = members[name]
-    there = of(member)
+    component = components[name]
+    there = of(component)
     if path not in there:
         listed = (
             f"; it has {', '.join(list(there)[:12])}{', ...' if len(there) > 12 else ''}" if there else "; it has none"
         )
         raise WiringError(f"component '{name}' has no terminal '{path}'{did_you_mean(path, there) or listed}")
-    return Place(member, there[path])
+    return Place(component, there[path])
 
 
 def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]:
@@ -102,8 +102,8 @@ def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]
     If `nested`, terminals in them are included. Raises WiringError naming variables that do not fit.
     """
     at = f"terminals {first} and {second}"
-    if first.member is second.member:
-        raise WiringError(f"{at}: both are of component '{first.member.name}'")
+    if first.component is second.component:
+        raise WiringError(f"{at}: both are of component '{first.component.name}'")
     a, b = first.terminal, second.terminal
     if a.kind and b.kind and a.kind != b.kind:
         raise WiringError(f"{at}: their kinds differ, {a.kind!r} and {b.kind!r}")
@@ -113,10 +113,10 @@ def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]
     there = {t.path.rsplit(".", 1)[-1]: t for t in b.nested}
     for inner in a.nested if nested else ():
         if (name := inner.path.rsplit(".", 1)[-1]) in there:
-            yield from wires(Place(first.member, inner), Place(second.member, there[name]))
+            yield from wires(Place(first.component, inner), Place(second.component, there[name]))
 
 
-def common(source: Member, target: Member) -> list[tuple[Place, Place]]:
+def common(source: SystemComponent, target: SystemComponent) -> list[tuple[Place, Place]]:
     """Terminals that two components both have by name, and whose kinds and rules are compatible, those in others too.
 
     None if neither component declares any: the names of their variables give the same result.
@@ -170,7 +170,7 @@ def _wire(
 ) -> Iterator[Wire]:
     """The connection of two variables, from the output to the input. Parameters are not wired."""
     (name,), (opposite,) = one.variables, other.variables
-    kinds = [p.member.description.variables[v].causality for p, v in ((first, name), (second, opposite))]
+    kinds = [p.component.description.variables[v].causality for p, v in ((first, name), (second, opposite))]
     if any("arameter" in kind for kind in kinds):
         return
     what = f"{at}: variable {one.name or other.name or name!r}"
@@ -190,7 +190,7 @@ def _wire(
     ends = [(first, name, one), (second, opposite, other)]
     (source, output, _), (target, input_, _) = ends if kinds[0] == "output" else ends[::-1]
     labels = tuple(f"{p.terminal.path}.{m.name}" for p, _, m in ends if m.name)
-    yield Wire(source.member, output, target.member, input_, at, labels, flow, flow and one.kind == other.kind)
+    yield Wire(source.component, output, target.component, input_, at, labels, flow, flow and one.kind == other.kind)
 
 
 def _streams(first: Place, second: Place, at: str) -> Iterator[Wire]:
@@ -209,7 +209,7 @@ def _streams(first: Place, second: Place, at: str) -> Iterator[Wire]:
                 raise WiringError(f"{at}: the two sides of stream {leaving.name!r} have {sizes}")
             labels = (f"{source.terminal.path}.{leaving.name}", f"{target.terminal.path}.{entering.name}")
             for o, i in zip(leaving.variables, entering.variables, strict=True):
-                yield Wire(source.member, o, target.member, i, at, labels)
+                yield Wire(source.component, o, target.component, i, at, labels)
 
 
 def names(terminal: Terminal) -> Iterator[str]:

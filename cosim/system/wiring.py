@@ -22,8 +22,8 @@ from cosim.fmu.find import find
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
 from cosim.system import terminals
-from cosim.system.members import Connection, Group, Member, article
-from cosim.system.names import Members, elements, fits_any
+from cosim.system.components import Connection, Group, SystemComponent, article
+from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
 from cosim.time import TimeLike, positive, rational, seconds_text
@@ -35,13 +35,13 @@ class Wiring:
     """Components by name, connections by the name of their target, and groups by name."""
 
     def __init__(self) -> None:
-        self.members = Members()
+        self.components = SystemComponents()
         self.connections: dict[str, Connection] = {}
         self.groups: dict[str, Group] = {}
         self._fmus: dict[Path, FmuFile] = {}
 
-    def __getitem__(self, name: str) -> Member:
-        return self.members[name]
+    def __getitem__(self, name: str) -> SystemComponent:
+        return self.components[name]
 
     # Putting it together.
 
@@ -59,14 +59,14 @@ class Wiring:
         isolated: bool = False,
         step_timeout: float | None = None,
         memory_limit: int | None = None,
-    ) -> Member:
+    ) -> SystemComponent:
         """Add a component.
 
         It is the path of an FMU, the name of a built FMU of the catalog (`FullCarHmmwv`), a loaded `Fmu`, any
         `Component`, or a class or function without arguments that makes a `PythonComponent`.
 
         Each run executes a copy of a `PythonComponent` as it was added, or what the class or function makes for it. The
-        object that ran last is `system["name"].component`.
+        object that ran last is `system["name"].implementation`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
@@ -79,14 +79,14 @@ class Wiring:
                 "a component's name may hold no blanks or control characters, and dots only between its parts:"
                 f" {name!a}"
             )
-        if name in self.members:
+        if name in self.components:
             raise WiringError(f"there is already a component '{name}'")
-        other = next((n for n in self.members if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
+        other = next((n for n in self.components if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
         if other is not None:
             raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
         source = PythonSource.of(fmu)
-        component = self._component(fmu if source is None else source.added, strict)
-        about = component.description
+        implementation = self._component(fmu if source is None else source.added, strict)
+        about = implementation.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
             raise WiringError(f"component '{name}': kind is 'discrete' or 'continuous', not {kind!r}")
@@ -100,17 +100,17 @@ class Wiring:
         if begin < 0:
             raise WiringError(f"component '{name}': the offset must not be negative, it is {offset}")
         _check_internal_step(name, about, period)
-        member = Member(name, component, period, begin, kind, source=source)
-        member.set(parameters)
-        member.set(start)
-        if isolated and _can_be_isolated(member, required=True):
-            _isolate(member, _limits(step_timeout, memory_limit))
+        component = SystemComponent(name, implementation, period, begin, kind, source=source)
+        component.set(parameters)
+        component.set(start)
+        if isolated and _can_be_isolated(component, required=True):
+            _isolate(component, _limits(step_timeout, memory_limit))
         elif step_timeout is not None or memory_limit is not None:
             raise WiringError(
                 f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)"
             )
-        self.members[name] = member
-        return member
+        self.components[name] = component
+        return component
 
     def isolate(
         self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None, missing_ok: bool = False
@@ -125,14 +125,14 @@ class Wiring:
         are no FMUs.
         """
         limits = _limits(step_timeout, memory_limit)
-        chosen: list[Member] = []
+        chosen: list[SystemComponent] = []
         for pattern in names:
-            found = [m for m in self.members.values() if glob(pattern)(m.name)]
+            found = [m for m in self.components.values() if glob(pattern)(m.name)]
             if not found and not missing_ok:
-                raise WiringError(unknown("component", pattern, self.members))
+                raise WiringError(unknown("component", pattern, self.components))
             chosen += [m for m in found if _can_be_isolated(m, required=m.name == pattern)]
-        for member in chosen:
-            _isolate(member, limits)
+        for component in chosen:
+            _isolate(component, limits)
 
     def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
@@ -150,7 +150,7 @@ class Wiring:
             raise WiringError(
                 f"cannot use {fmu!r}: give the path of an .fmu file, the name of a built FMU, an Fmu or a Component"
             )
-        if any(fmu is m.component or (m.source and fmu is m.source.added) for m in self.members.values()):
+        if any(fmu is m.implementation or (m.source and fmu is m.source.added) for m in self.components.values()):
             raise WiringError("this component object is already in the system; make a second one")
         return fmu  # type: ignore[no-any-return]
 
@@ -172,13 +172,15 @@ class Wiring:
         communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
         source's, instead of the conversion of units. Raises WiringError naming what does not fit.
         """
-        from_member, output = self.members.split(source)
-        to_member, input_ = self.members.split(target)
-        outputs, inputs = elements(from_member, output), elements(to_member, input_)
+        from_component, output = self.components.split(source)
+        to_component, input_ = self.components.split(target)
+        outputs, inputs = elements(from_component, output), elements(to_component, input_)
         if len(outputs) != len(inputs):
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
         made = [
-            self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate, linear=linear)
+            self._connection(
+                (from_component, o), (to_component, i), delay=delay, extrapolate=extrapolate, linear=linear
+            )
             for o, i in zip(outputs, inputs, strict=True)
         ]
         return self._connected(made)
@@ -198,8 +200,8 @@ class Wiring:
         Where an FMU declares terminals, names are also those that its variables have there (`terminal.name`), and two
         terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
         """
-        from_member, to_member, fits = self[source], self[target], glob(pattern)
-        offered, needed = from_member.description, to_member.description
+        from_component, to_component, fits = self[source], self[target], glob(pattern)
+        offered, needed = from_component.description, to_component.description
         named = [(o.name, n) for o in offered.outputs.values() for n in offered.names(o) if fits(n)]
         pairs: dict[str, str] = {}  # output by input
         for output, name in sorted(
@@ -210,10 +212,10 @@ class Wiring:
                 pairs.setdefault(input_, output)
         further = [
             wire
-            for first, second in terminals.common(from_member, to_member)
+            for first, second in terminals.common(from_component, to_component)
             if any(fits(n) for place in (first, second) for n in terminals.names(place.terminal))
             for wire in terminals.wires(first, second, nested=False)
-            if wire.source is from_member
+            if wire.source is from_component
             and wire.input not in pairs
             and f"{target}.{wire.input}" not in self.connections
             if any(fits(n) for n in (*wire.labels, wire.output))
@@ -221,12 +223,13 @@ class Wiring:
         if not pairs and not further:
             raise WiringError(
                 f"no output of '{source}' that fits '{pattern}' has a free input of the same name in '{target}'; "
-                f"outputs: {_some(from_member.description.outputs)}; inputs: {_some(to_member.description.inputs)}"
+                f"outputs: {_some(from_component.description.outputs)};"
+                f" inputs: {_some(to_component.description.inputs)}"
             )
         made = [
             self._connection(
-                (from_member, offered.variables[o]),
-                (to_member, needed.variables[i]),
+                (from_component, offered.variables[o]),
+                (to_component, needed.variables[i]),
                 delay=delay,
                 extrapolate=extrapolate,
             )
@@ -248,7 +251,7 @@ class Wiring:
         `road.fl.height` is the variable `height` of `road.fl`, a bus. Parameters are not wired. Raises WiringError
         naming terminal and variable that do not fit, FmuError for an FMU whose terminals cannot be understood.
         """
-        found = list(terminals.wires(terminals.find(self.members, first), terminals.find(self.members, second)))
+        found = list(terminals.wires(terminals.find(self.components, first), terminals.find(self.components, second)))
         if not found:
             raise WiringError(f"terminals {first} and {second}: no output of one is an input of the other")
         return self._connected(self._wired(found, delay=delay, extrapolate=extrapolate))
@@ -292,7 +295,7 @@ class Wiring:
     def group(
         self,
         name: str,
-        members: Sequence[str],
+        components: Sequence[str],
         method: Literal["gauss-seidel", "jacobi"] = "gauss-seidel",
         *,
         extrapolate: bool = False,
@@ -306,14 +309,16 @@ class Wiring:
             raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
         if NO_XML.search(name):
             raise WiringError(f"a group's name may hold no control characters: {name!a}")
-        chosen = tuple(self[m] for m in members)
-        for member in chosen:
-            if member.discrete:
-                raise WiringError(f"group '{name}': '{member.name}' is discrete; groups are for continuous components")
-            other = next((g.name for g in self.groups.values() if member in g.members and g.name != name), None)
+        chosen = tuple(self[m] for m in components)
+        for component in chosen:
+            if component.discrete:
+                raise WiringError(
+                    f"group '{name}': '{component.name}' is discrete; groups are for continuous components"
+                )
+            other = next((g.name for g in self.groups.values() if component in g.components and g.name != name), None)
             if other is not None:
-                raise WiringError(f"group '{name}': '{member.name}' is already in group '{other}'")
-        if len(set(members)) != len(members):
+                raise WiringError(f"group '{name}': '{component.name}' is already in group '{other}'")
+        if len(set(components)) != len(components):
             raise WiringError(f"group '{name}' names a component twice")
         self.groups[name] = Group(name, chosen, method)
         if extrapolate:
@@ -324,8 +329,8 @@ class Wiring:
 
     def _connection(
         self,
-        origin: tuple[Member, Variable],
-        end: tuple[Member, Variable],
+        origin: tuple[SystemComponent, Variable],
+        end: tuple[SystemComponent, Variable],
         *,
         delay: bool,
         extrapolate: bool,
@@ -347,7 +352,7 @@ class Wiring:
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
-        for member, variable in ((source, output), (target, input_)):
+        for component, variable in ((source, output), (target, input_)):
             if variable.type not in RECORDABLE:
                 remedy = (
                     f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})"
@@ -355,7 +360,7 @@ class Wiring:
                     else ""
                 )
                 raise WiringError(
-                    f"{names}: {member.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and"
+                    f"{names}: {component.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and"
                     f" Booleans are exchanged{remedy}"
                 )
         if (output.type, input_.type) not in allowed:
@@ -374,9 +379,9 @@ class Wiring:
                 )
             )
         except UnitMismatchError as error:
-            for member, variable in ((source, output), (target, input_)):
-                if isinstance(member.component, PythonComponent):
-                    _check_unit_known(f"{member.name}.{variable.name}", variable)
+            for component, variable in ((source, output), (target, input_)):
+                if isinstance(component.implementation, PythonComponent):
+                    _check_unit_known(f"{component.name}.{variable.name}", variable)
             raise WiringError(
                 f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "
                 f"{target.name}.{input_.name} [{input_.unit_name}]: {error}"
@@ -394,19 +399,19 @@ class Wiring:
 
     def canonical(self, full: str) -> str:
         """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
-        return self.members.canonical(full)
+        return self.components.canonical(full)
 
-    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
+    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[SystemComponent, Variable]]:
         """Variables by full name or pattern (`*`, `?`).
 
         A pattern selects outputs; if it matches none, it selects inputs, then local variables. None: every output that
         is no array element. Text variables are left out.
         """
-        return self.members.select(patterns)
+        return self.components.select(patterns)
 
     def unconnected(self) -> list[str]:
         """Inputs that nothing drives and that were given no start value: they keep the FMU's own."""
-        return unconnected(self.members.values(), self.connections)
+        return unconnected(self.components.values(), self.connections)
 
     def schedule(self, *extra: Fraction) -> Schedule:
         """The order of execution; print it.
@@ -418,7 +423,7 @@ class Wiring:
 
     def _make_schedule(self, *extra: Fraction, loops_are_solved: bool = False) -> Schedule:
         return make_schedule(
-            self.members.values(),
+            self.components.values(),
             self.connections.values(),
             self.groups.values(),
             extra,
@@ -462,19 +467,19 @@ def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
         )
 
 
-def _can_be_isolated(member: Member, *, required: bool) -> bool:
+def _can_be_isolated(component: SystemComponent, *, required: bool) -> bool:
     """Whether it is an FMU.
 
     Raises WiringError if it must be one and is not, and if this machine cannot isolate any.
     """
-    if not isinstance(member.component, FmuComponent):
+    if not isinstance(component.implementation, FmuComponent):
         if required:
-            raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")
+            raise WiringError(f"component '{component.name}' is no FMU, so it cannot be isolated")
         return False
-    require_isolation(f"component '{member.name}'")
+    require_isolation(f"component '{component.name}'")
     return True
 
 
-def _isolate(member: Member, limits: Isolation) -> None:
-    if isinstance(member.component, FmuComponent):
-        member.component.isolation = limits
+def _isolate(component: SystemComponent, limits: Isolation) -> None:
+    if isinstance(component.implementation, FmuComponent):
+        component.implementation.isolation = limits

@@ -21,7 +21,7 @@ def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error
     """
     path = Path(path)
     names = [s.name for s in read(path).columns]
-    inputs = {f"{m.name}.{n}": v for m in system.members.values() for n, v in m.description.inputs.items()}
+    inputs = {f"{m.name}.{n}": v for m in system.components.values() for n, v in m.description.inputs.items()}
     targets = {name: system.canonical(name) for name in names}
     for name, target in targets.items():
         if target not in inputs:
@@ -30,7 +30,7 @@ def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error
     interpolation = {n: "linear" if inputs[t].type == "real" else "held" for n, t in targets.items()}
     stem = re.sub(r"[.\s]+", "_", path.stem) or "table"
     own = next(
-        n for n in (stem, *(f"{stem}_{k}" for k in range(2, len(system.members) + 3))) if n not in system.members
+        n for n in (stem, *(f"{stem}_{k}" for k in range(2, len(system.components) + 3))) if n not in system.components
     )
     system.add(own, Table(path, interpolation=interpolation, after=after))  # type: ignore[arg-type]
     for name, target in targets.items():

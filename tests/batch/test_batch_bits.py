@@ -35,11 +35,11 @@ def apart(
     system: System, start: Mapping[str, Sequence[float]], copy: int, stop: float, record: Sequence[str], interval: str
 ) -> Any:
     """The recording of one copy alone."""
-    kept = {m: dict(m.values) for m in system.members.values()}
+    kept = {m: dict(m.values) for m in system.components.values()}
     try:
         for name, each in start.items():
-            member, variable = system.members.split(name)
-            member.set({variable: each[copy]})
+            component, variable = system.components.split(name)
+            component.set({variable: each[copy]})
         with system.initialize(record=record, record_interval=interval) as simulation:
             simulation.advance(stop)
             return simulation.recording

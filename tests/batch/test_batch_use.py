@@ -192,7 +192,7 @@ def test_a_copy_that_fails_costs_itself_only(bench: System) -> None:
         with pytest.warns(CopyFailedWarning, match=r"copy 4 ended at t = 0 s: component 'plant'"):
             got = batch.step("50 ms", force)
         (failure,) = batch.failures
-        assert (failure.copy, failure.member, failure.time) == (4, "plant", 0.0)
+        assert (failure.copy, failure.component, failure.time) == (4, "plant", 0.0)
         assert batch.running.tolist() == [True, True, True, True, False, True]
         assert "1 ended" in str(batch)
         assert np.isnan(got[4]).all()
@@ -240,7 +240,7 @@ def test_a_copy_of_a_foreign_fmu_that_fails(version: int, awkward_fmus: dict[int
         with Batch(system, 3, start=start, outputs=["m.y"], allow_unconnected=True) as batch:
             with pytest.warns(CopyFailedWarning):
                 batch.advance(0.3)
-            assert sorted((f.copy, f.member) for f in batch.failures)[:1] == [(1, "m")]
+            assert sorted((f.copy, f.component) for f in batch.failures)[:1] == [(1, "m")]
             said = {f.copy: f.message for f in batch.failures}
             assert "Error" in said[1]
             assert batch.running[0]

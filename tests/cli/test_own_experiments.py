@@ -250,5 +250,5 @@ def test_an_experiment_on_a_file_with_this_base(experiment: str, base: str, buil
             recording = system.run(RUN, allow_unconnected=True)  # as in the experiments themselves
         assert math.isclose(recording.time[-1], RUN)
         assert np.isfinite(recording.data).all()
-        used |= {m.component.description.name for m in system.members.values()}
+        used |= {m.implementation.description.name for m in system.components.values()}
     assert used >= set(own_names(experiment, base))

@@ -124,7 +124,7 @@ def test_elements_go_to_their_places_in_any_order(oscillator: System) -> None:
 
 
 def test_elements_set_one_after_the_other_add_up(oscillator: System) -> None:
-    component = oscillator["mass"].component
+    component = oscillator["mass"].implementation
     of = component.description.variables
     lag = [of[f"lag[{i}]"] for i in (1, 2, 3)]
     component.instantiate("mass")

@@ -183,11 +183,11 @@ def test_steps_without_a_practicable_common_divisor(awkward_fmus, raises):
 
 def test_values_that_do_not_fit_their_type(awkward_fmus, raises):
     with System() as system:
-        member = system.add("a", awkward_fmus[3])
+        component = system.add("a", awkward_fmus[3])
         with raises(WiringError):
-            member.set(trouble=2**31)
+            component.set(trouble=2**31)
         with raises(WiringError):
-            member.set(at=10**400)
+            component.set(at=10**400)
 
 
 # ------------------------------------------------------------------------------------------------- archives and sizes
@@ -223,9 +223,9 @@ def test_a_description_of_many_bytes_is_not_read(tmp_path):
 def test_an_archive_that_would_unpack_to_gigabytes(tmp_path, awkward_fmus):
     path = tmp_path / "bomb.fmu"
     with zipfile.ZipFile(awkward_fmus[2]) as old:
-        members = {n: old.read(n) for n in old.namelist()}
-    binary = members.pop(Fmu(awkward_fmus[2]).binary)
-    archive(path, members["modelDescription.xml"], binary=binary, **{"resources/zeros": b"0"})
+        components = {n: old.read(n) for n in old.namelist()}
+    binary = components.pop(Fmu(awkward_fmus[2]).binary)
+    archive(path, components["modelDescription.xml"], binary=binary, **{"resources/zeros": b"0"})
     system = System()
     system.add("a", sized(path, "resources/zeros", 2**32 - 2))
     with pytest.raises(FmuError, match=r"bomb\.fmu .* 4,29\d MB, .*Limits\(unpacked_bytes=4\d+\)"):

@@ -100,7 +100,7 @@ def test_a_source_with_the_same_constant_runs(fmus, version):
         system.add("reader", fmus[f"Reader{version}"])
         system.connect("road.height.step", "reader.height.step")
         system.run(0.05)
-        assert not system["reader"].component.problems
+        assert not system["reader"].implementation.problems
 
 
 @VERSIONS
@@ -111,7 +111,7 @@ def test_a_source_may_say_so_in_other_units_or_nothing(fmus, version, spacing):
         system.add("reader", fmus[f"Reader{version}"])
         system.connect("ruler.height.step", "reader.height.step")
         system.run(0.05)
-        assert not system["reader"].component.problems
+        assert not system["reader"].implementation.problems
 
 
 @VERSIONS
@@ -131,8 +131,8 @@ def test_start_values_that_differ_are_refused(fmus, version):
     with System() as system:
         with pytest.raises(WiringError, match=r"reader\.height\.step must equal 0\.03 s, not 0\.02 s"):
             system.add("reader", fmus[f"Reader{version}"], start={"height.step": 0.02})
-        member = system.add("reader", fmus[f"Reader{version}"], start={"height.step": 0.03})
-        member.set({"height.step": 0})
+        component = system.add("reader", fmus[f"Reader{version}"], start={"height.step": 0.03})
+        component.set({"height.step": 0})
         simulation = system.initialize()
         with pytest.raises(WiringError, match=r"reader\.height\.step must equal"):
             simulation.set("reader.height.step", 0.06)

@@ -50,7 +50,7 @@ def test_values_arrive_at_exact_instants(source_kind, target_kind, source_step, 
         expected = [
             (t, shown(source_kind, source_step, source_offset, t)) for t in range(target_offset, last, target_step)
         ]
-        assert system["target"].component.log == expected
+        assert system["target"].implementation.log == expected
 
 
 @pytest.mark.parametrize(("first_step", "second_step"), PAIRS)
@@ -64,11 +64,11 @@ def test_gauss_seidel_sees_members_before_it_ahead(first_step, second_step):
         system.connect("a.y", "b.u")
         system.group("pair", ["b", "a"], "gauss-seidel")
         system.run(ms(END))
-        assert system["a"].component.log == [
+        assert system["a"].implementation.log == [
             (t, shown("continuous", first_step, first_offset, t, ahead=True))
             for t in range(second_offset, END, second_step)
         ]
-        assert system["b"].component.log == [
+        assert system["b"].implementation.log == [
             (t, shown("continuous", second_step, second_offset, t)) for t in range(first_offset, END, first_step)
         ]
 
@@ -88,7 +88,7 @@ def test_delay_is_one_step_of_the_source(kind, source_step, target_step):
         first = 0 if kind == "discrete" else source_step
         return latest - source_step if latest - source_step >= first else INITIAL
 
-    assert system["target"].component.log == [(t, before(t)) for t in range(0, END + 1, target_step)]
+    assert system["target"].implementation.log == [(t, before(t)) for t in range(0, END + 1, target_step)]
 
 
 def test_discrete_chain_has_no_lag_and_does_not_depend_on_the_order_of_adding():
@@ -181,7 +181,7 @@ def test_extrapolation_aims_at_the_middle_of_the_step(source_step, target_step):
     system.add("target", target, step=f"{target_step} s")
     system.connect("ramp.y", "target.u", extrapolate=True)
     system.run(30)
-    for t, value in system["target"].component.log:
+    for t, value in system["target"].implementation.log:
         if t >= 1000 * 2 * source_step:  # two values of the source are there
             assert value == t + 500 * target_step
 
@@ -196,8 +196,8 @@ def test_a_source_ahead_in_the_group_is_interpolated(source_step, target_step):
     system.connect("ramp.y", "target.u", extrapolate=True)
     system.group("g", ["ramp", "target"])
     system.run(30)
-    assert system["target"].component.log
-    for t, value in system["target"].component.log:
+    assert system["target"].implementation.log
+    for t, value in system["target"].implementation.log:
         if source_step >= target_step or t > 0:  # a faster source has two values then
             assert value == t + 500 * target_step
 
@@ -263,8 +263,8 @@ def test_rates_without_a_short_common_period():
     system.add("slow", slow, step="1000001 us")
     system.connect("fast.y", "slow.u")
     system.run(5, record=[], record_interval=1)
-    assert [u for _, u in system["slow"].component.log] == [0, 1000, 2000, 3000, 4000]
-    assert len(system["fast"].component.log) == 5001
+    assert [u for _, u in system["slow"].implementation.log] == [0, 1000, 2000, 3000, 4000]
+    assert len(system["fast"].implementation.log) == 5001
 
 
 def test_schedule_can_be_read():

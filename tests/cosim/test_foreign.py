@@ -148,12 +148,12 @@ def test_truncated_and_foreign_files(foreign, tmp_path):
         Fmu(tmp_path)
 
 
-def rewritten(source, target, member, replacements):
+def rewritten(source, target, component, replacements):
     """A copy of an FMU with one member changed."""
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
             data = old.read(name)
-            if name == member:
+            if name == component:
                 for before, after in replacements:
                     assert before in data
                     data = data.replace(before, after)

@@ -73,10 +73,12 @@ def test_random_systems(plan, engine, tenths, follower):
             tick = system.schedule().tick
         except LoopError:
             return
-        every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
-        step = max(m.step for m in system.members.values())
+        every = [
+            f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
+        ]
+        step = max(m.step for m in system.components.values())
         stop = (2 * step + tenths * step / 10) // tick * tick
-        interval = min(m.step for m in system.members.values())
+        interval = min(m.step for m in system.components.values())
         one, other = (
             system.run(until, record=every, record_interval=interval, engine=engine) for until in (stop, stop + step)
         )
@@ -123,7 +125,7 @@ def test_final_advance_is_continued_with_the_bits_of_one_run(engine):
     for ms in (0, 3, 3, 4, 6, 12, 12):
         simulation.advance(f"{ms} ms", final=True)
         np.testing.assert_array_equal(bits(simulation.recording.data), bits(whole.data[: ms + 1]))
-    assert [t for t, _ in system["probe"].component.log] == [0, 3, 6, 9, 12]
+    assert [t for t, _ in system["probe"].implementation.log] == [0, 3, 6, 9, 12]
 
 
 @pytest.mark.parametrize("engine", ENGINES)

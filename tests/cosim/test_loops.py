@@ -148,7 +148,7 @@ def test_measuring_leaves_no_trace():
     system = ring(Counting(), Declared())
     with pytest.warns(AlgebraicLoopWarning):
         system.initialize(record=["a.y"])
-    assert set(system["a"].component.calls) == {0.0, 1.0}
+    assert set(system["a"].implementation.calls) == {0.0, 1.0}
 
 
 def test_loops_through_arrays_of_outputs_are_told_apart():

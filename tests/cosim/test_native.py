@@ -80,7 +80,7 @@ def test_saved_states_continue_bit_for_bit(native, version, raises):
         saved = state.components["mass"]
         system.initialize().forget(state)
         with raises(CosimError):
-            system["mass"].component.restore(saved)
+            system["mass"].implementation.restore(saved)
         np.testing.assert_allclose(first["mass.x"], 0.1 * np.cos(np.sqrt(50) * first.time), atol=1e-6)
 
 
@@ -95,10 +95,10 @@ def test_both_versions_give_the_same_bits(native):
 @pytest.mark.parametrize("version", [2, 3])
 def test_linear_model_of_an_fmu(native, version):
     with System() as system:
-        member = system.add("mass", native[f"mass{version}"])
+        component = system.add("mass", native[f"mass{version}"])
         system.initialize()
-        about = member.description
-        a, b, c, d = member.component.linearize([about.variables["force"]], [about.variables["a"]])
+        about = component.description
+        a, b, c, d = component.implementation.linearize([about.variables["force"]], [about.variables["a"]])
         np.testing.assert_allclose(a, [[0, 1], [-25, 0]])
         np.testing.assert_allclose(b, [[0], [0.5]])
         np.testing.assert_allclose(c, [[-25, 0]])
@@ -108,10 +108,10 @@ def test_linear_model_of_an_fmu(native, version):
 
 def test_linear_model_with_arrays(native):
     with System() as system:
-        member = system.add("chain", native["chain3a"])
+        component = system.add("chain", native["chain3a"])
         system.initialize()
-        about = member.description
-        a, b, c, _ = member.component.linearize([about.variables["force[2]"]], [about.variables["x[2]"]])
+        about = component.description
+        a, b, c, _ = component.implementation.linearize([about.variables["force[2]"]], [about.variables["x[2]"]])
         np.testing.assert_allclose(a, [[0, 1], [-25, 0]])
         np.testing.assert_allclose(b, [[0], [2]])
         np.testing.assert_allclose(c, [[0, 1]])

@@ -85,13 +85,13 @@ def test_the_object_that_ran_is_there_and_the_one_that_was_added_is_as_it_was() 
     pid = Pid()
     with loop(pid) as system:
         system.run(0.1)
-        ran = system["pid"].component
+        ran = system["pid"].implementation
         assert len(ran.seen[0]) == 11
         assert ran.act.__self__ is ran
         assert (pid.integral, pid.seen) == (0.0, [[0.0]])
         pid.integral = 1.0  # what is changed there counts in the next run
         system.run(0.01)
-        assert system["pid"].component.integral > 1.0
+        assert system["pid"].implementation.integral > 1.0
 
 
 def test_saved_states_continue_in_a_new_copy() -> None:
@@ -113,7 +113,7 @@ def test_saved_states_continue_in_a_new_copy() -> None:
             simulation.advance(0.2)
             whole = simulation.recording["pid.force"].copy()
             simulation.restore(begun)  # attributes that came later are gone again
-            assert not hasattr(system["pid"].component, "late")
+            assert not hasattr(system["pid"].implementation, "late")
             simulation.advance(0.2)
             np.testing.assert_array_equal(simulation.recording["pid.force"], whole)
         for saved in (state, SystemState.from_bytes(state.to_bytes())):
@@ -177,7 +177,7 @@ def test_what_cannot_be_copied_needs_begin_or_a_factory(raises) -> None:
             assert [system.run(0.5, record=["link.y"])["link.y"][-1] for _ in range(2)] == [5.0, 5.0]
             with system.initialize() as simulation, raises(CosimError):
                 simulation.save()
-        assert system["link"].component.link.fileno() == -1
+        assert system["link"].implementation.link.fileno() == -1
 
 
 def test_threads_are_named_too() -> None:

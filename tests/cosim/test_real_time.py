@@ -65,7 +65,7 @@ def working(clock, busy=(), step="10 ms"):
 def test_every_instant_begins_when_it_is_due(fake):
     system = working(fake)
     recording = system.run(0.1, real_time=1.0)
-    np.testing.assert_allclose(system["worker"].component.began, np.arange(11) * 0.01, atol=1e-6)
+    np.testing.assert_allclose(system["worker"].implementation.began, np.arange(11) * 0.01, atol=1e-6)
     assert fake.now - 1000.0 == pytest.approx(0.1, abs=1e-6)
     kept = recording.real_time
     assert (kept.factor, kept.instants, kept.overruns) == (1.0, 10, 0)
@@ -77,7 +77,7 @@ def test_every_instant_begins_when_it_is_due(fake):
 def test_faster_and_slower_than_the_clock(fake, factor):
     system = working(fake)
     system.run(0.1, real_time=factor)
-    np.testing.assert_allclose(system["worker"].component.began, np.arange(11) * 0.01 / factor, atol=1e-5)
+    np.testing.assert_allclose(system["worker"].implementation.began, np.arange(11) * 0.01 / factor, atol=1e-5)
 
 
 def test_what_comes_late_is_caught_up_with_and_nothing_is_left_out(fake):
@@ -85,7 +85,7 @@ def test_what_comes_late_is_caught_up_with_and_nothing_is_left_out(fake):
     system = working(fake, {2: 0.035})
     recording = system.run(0.1, real_time=1.0)
     expected = [0, 0.01, 0.02, 0.055, 0.055, 0.055, 0.06, 0.07, 0.08, 0.09, 0.1]
-    np.testing.assert_allclose(system["worker"].component.began, expected, atol=1e-6)
+    np.testing.assert_allclose(system["worker"].implementation.began, expected, atol=1e-6)
     np.testing.assert_array_equal(recording.time, np.arange(11) / 100)
     kept = recording.real_time
     assert (kept.instants, kept.overruns) == (10, 3)
@@ -101,7 +101,7 @@ def test_sleeps_that_end_late_are_no_overruns_and_do_not_add_up(fake):
     kept = system.run(1.0, real_time=1.0).real_time
     assert kept.overruns == 0
     assert kept.worst == pytest.approx(0.0005, abs=2e-5)  # less what is spun through
-    np.testing.assert_allclose(system["worker"].component.began, np.arange(101) * 0.01, atol=6e-4)
+    np.testing.assert_allclose(system["worker"].implementation.began, np.arange(101) * 0.01, atol=6e-4)
 
 
 def test_naps_are_short_and_the_last_stretch_is_spun_through(fake):

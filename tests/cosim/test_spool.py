@@ -112,7 +112,7 @@ def test_the_rows_are_the_recording_whatever_is_rolled_back(tmp_path, monkeypatc
             state = simulation.save()
             simulation.advance(0.05)
             simulation.restore(state)
-            system["a"].component.x += 1.0
+            system["a"].implementation.x += 1.0
             simulation.advance(0.04)
             recording = simulation.recording
     written = read_spool(spool.path)

@@ -15,7 +15,7 @@ from cosim import FmuError, FmuWarning, PythonComponent, System, WiringError
 from cosim.fmu.describe import describe
 from cosim.fmu.file import FmuFile
 from cosim.fmu.terminals import FILE
-from cosim.system.members import Connection
+from cosim.system.components import Connection
 
 Terminals = Callable[[str, str], Path]
 
@@ -41,11 +41,11 @@ def with_terminals(follower: Path, tmp_path: Path) -> Terminals:
     return made
 
 
-def terminal(name: str, rule: str, *members: str, kind: str = "", inner: str = "") -> str:
+def terminal(name: str, rule: str, *components: str, kind: str = "", inner: str = "") -> str:
     """A terminal; a member is written as `variable`, `variable name` or `variable name kind`."""
     listed = ""
-    for member in members:
-        given = member.split()
+    for component in components:
+        given = component.split()
         variable, own, of = [*given, *["", "signal"][len(given) - 1 :]]
         listed += f'<TerminalMemberVariable variableName="{variable}" variableKind="{of}"' + (
             f' memberName="{own}"/>' if own else "/>"

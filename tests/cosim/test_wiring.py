@@ -62,7 +62,7 @@ def test_matching_names_are_connected_and_units_converted():
     np.testing.assert_allclose(result.data[-1], [1.0, 2.0, 3.0, 4.0, 10.0])
     assert result.units["car.speed"] == "m/s"
     assert "km/h to m/s" in str(s.schedule())
-    np.testing.assert_allclose(s["car"].component._u, [1.0, 2.0, 3.0, 4.0, 10.0])
+    np.testing.assert_allclose(s["car"].implementation._u, [1.0, 2.0, 3.0, 4.0, 10.0])
 
 
 @pytest.mark.parametrize(

@@ -159,8 +159,8 @@ def test_rounded_times_of_a_file_count_as_what_they_mean() -> None:
 )
 def test_the_step_is_a_millisecond_or_that_of_finer_rows(interval: float, expected: str) -> None:
     with System() as system:
-        member = system.add("road", Table({"t": 5 + np.arange(50) * interval, "z": np.zeros(50)}))
-        assert member.step == Fraction(expected)
+        component = system.add("road", Table({"t": 5 + np.arange(50) * interval, "z": np.zeros(50)}))
+        assert component.step == Fraction(expected)
     uneven = Table({"t": np.geomspace(1e-6, 1e-4, 50), "z": np.zeros(50)})
     assert uneven.description.default_step == Fraction(1, 1000)
 

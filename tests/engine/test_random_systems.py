@@ -26,7 +26,9 @@ def run(plan: dict[str, Any], follower: dict[int, Path], engine: str) -> Recordi
     """In pieces, with a state saved at one cut and gone back to at the next."""
     stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
     with wired(plan, follower) as system:
-        every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
+        every = [
+            f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
+        ]
         options = {"record_interval": plan["interval"], "engine": engine}
         with system.initialize(record=[*every, *(["m0.u"])], watch=["m0.y"], **options) as simulation:
             state = None

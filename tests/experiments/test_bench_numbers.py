@@ -162,7 +162,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
         finer = runner.system(Case("mpc", "random", offset=30.0, exchange_parts=2))
         assert finer["road"].values == {"offset": 30.0}
         assert 2 * finer["plant"].step == free["plant"].step
-        assert "controller" not in runner.system(Case("passive")).members
+        assert "controller" not in runner.system(Case("passive")).components
 
 
 def test_wires(fmus: FmuSet) -> None:

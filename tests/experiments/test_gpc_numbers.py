@@ -214,7 +214,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet, monkeypatch: pytest.MonkeyPatch) -
             runs.EXCHANGE / 2,
         )
         assert float(runs.EXCHANGE) == 1e-3
-        assert "controller" not in runner.system(Case(controller="passive")).members
+        assert "controller" not in runner.system(Case(controller="passive")).components
         (stop,) = runs.stop_when(held, Case())
         assert (stop.name, stop.relation, stop.value) == ("car.x", ">=", 5.0 + 150.0)
     names = ("FullCarHmmwvModified", "RoadPerryman3", "SpeedProfile")

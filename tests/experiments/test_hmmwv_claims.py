@@ -137,8 +137,8 @@ def test_a_pump_and_finer_steps_reach_the_fmus(bench):
     assert {bench.metrics(c)["flow_limit"] for c in (case, limited)} == {45.0}
     assert bench.metrics(shared)["flow_limit"] == 45.0 / 4
     fine = bench.system(finer(case))
-    assert {m.step for m in fine.groups["vehicle"].members} == {Fraction("0.25e-3")}
-    for m in fine.groups["vehicle"].members:
+    assert {m.step for m in fine.groups["vehicle"].components} == {Fraction("0.25e-3")}
+    for m in fine.groups["vehicle"].components:
         published = m.description.parameters["solver.step"].start
         assert m.values["solver.step"] == published / 2
 

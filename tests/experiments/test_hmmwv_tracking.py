@@ -109,8 +109,8 @@ def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, ra
             system.add(f"actuator_{k}", fmus.path("HydraulicActuator"), step=exchange)
             system.connect(f"actuator_{k}.force", f"car.force.{k}")
             system.connect(f"car.suspension.{k}.velocity", f"actuator_{k}.piston.velocity")
-        members = ["car", *(f"actuator_{k}" for k in corners)]
-        system.group("vehicle", members, "jacobi")
+        components = ["car", *(f"actuator_{k}" for k in corners)]
+        system.group("vehicle", components, "jacobi")
         stability = system.coupled_spectral_radius()
         assert stability.radius == pytest.approx(radius, abs=0.01)
         assert not stability.stable
@@ -122,7 +122,7 @@ def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, ra
         diverged = np.abs(simulation.recording["actuator_fl.force"])
         assert diverged.max() > 1e4
         if exchange == "0.5 ms":
-            system.group("vehicle", members)
+            system.group("vehicle", components)
             with warnings.catch_warnings():
                 warnings.simplefilter("error", StabilityWarning)
                 calm = system.run(1.0, check_stability=True, record=["actuator_fl.force"])["actuator_fl.force"]

@@ -27,7 +27,7 @@ def test_every_signal_goes_to_the_wheel_it_belongs_to(fmus):
         assert made[f"tracking_{k}.piston.velocity"] == f"car.suspension.{k}.velocity"
         assert made[f"controller.suspension.{k}.deflection"] == f"car.suspension.{k}.deflection"
     assert system.check() == []  # no input is left open
-    assert [m.name for m in system.groups["vehicle"].members] == ["car", *(f"actuator_{k}" for k in CORNERS)]
+    assert [m.name for m in system.groups["vehicle"].components] == ["car", *(f"actuator_{k}" for k in CORNERS)]
     system.close()
 
 
@@ -254,7 +254,7 @@ def test_a_corner_is_changed_as_its_case_says(systems):
     assert noisy["cell"].values == {"noise": 50.0}
     made = {c.target_name: c.source_name for c in noisy.connections.values()}
     assert (made["tracking.force.measured"], made["cell.force"]) == ("cell.measured", "actuator.force")
-    assert list(systems(case("filter")).members) == ["tracking"]
+    assert list(systems(case("filter")).components) == ["tracking"]
     assert given(systems(case("filter")), "tracking", "force.desired") == [1.0]
 
 
@@ -288,7 +288,7 @@ def test_a_chain_is_set_as_its_case_says(systems):
 @pytest.mark.parametrize("order", ["gauss-seidel", "jacobi"])
 def test_car_and_actuator_advance_as_the_case_says(fmus, order):
     with tracking.runs.wire(fmus, tracking.runs.Case("square", order=order)) as system:
-        assert [m.name for m in system.groups["strut"].members] == ["car", "actuator"]
+        assert [m.name for m in system.groups["strut"].components] == ["car", "actuator"]
         assert system.groups["strut"].method == order
 
 

@@ -141,7 +141,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
             set_[c] = {n: dict(system[n].values) for n in ("speed", "road", "car", "controller")}
         assert runner.system(as_published) is system
         assert runner.system(Case(exchange_parts=2)) is not system
-        assert "controller" not in runner.system(passive(case)).members
+        assert "controller" not in runner.system(passive(case)).components
         steps = [runner.system(c)["car"].step for c in (as_published, Case(exchange_parts=2))]
     plateau, left, plain = set_.values()
     assert float(steps[0]) == 2 * float(steps[1]) == 0.001
@@ -235,12 +235,12 @@ def test_eigenvalues_of_road_holding_are_those_of_its_riccati_equation(poles: di
 # ---------------------------------------------------------------------------------------- FMUs other than the published
 
 
-def with_other_parts(fmu: Path, out: Path, member: str, change: Callable[[bytes], bytes]) -> None:
+def with_other_parts(fmu: Path, out: Path, component: str, change: Callable[[bytes], bytes]) -> None:
     """A copy of an FMU with one file of it changed."""
     out.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(out, "w") as new:
         for name in old.namelist():
-            new.writestr(name, change(old.read(name)) if name == member else old.read(name))
+            new.writestr(name, change(old.read(name)) if name == component else old.read(name))
 
 
 def test_poles_are_those_of_the_car_that_runs(fmus: FmuSet, tmp_path: Path, poles: dict[str, list[complex]]) -> None:

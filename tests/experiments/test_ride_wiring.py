@@ -40,7 +40,7 @@ def test_every_car_under_every_law_is_on_the_courses(fmus: FmuSet, car: str, law
         assert bool(previews) == (
             law in ("mpc-preview", "preview") or (car, law) == ("6x6", "mpc") or (car == "sedan" and law != "passive")
         )
-        if "reference" in system.members:
+        if "reference" in system.components:
             assert system["reference"].values["pitch"] == 0.0
 
 

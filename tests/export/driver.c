@@ -133,7 +133,7 @@ int main(int argc, char **argv) {
     resources = argv[2];
 #ifdef THREADS
     fmi3Instance keeps =
-        instantiate(); /* libraries of members open: the loader's own memory is none of ours, and its lock is hidden */
+        instantiate(); /* libraries of components open: the loader's own memory is none of ours, and its lock is hidden */
     pthread_t threads[3];
     for (int i = 0; i < 3; i++) pthread_create(&threads[i], NULL, live, NULL);
     for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);

@@ -99,8 +99,8 @@ def test_its_numbers_are_those_of_the_native_run(shown) -> None:
         with Runner(experiment, FmuSet(FMUS)) as runner:
             system = runner.system(case.case)
             for name, value in case.values.items():
-                member, variable = system.members.parts(name)
-                system[member].set({variable: value})
+                component, variable = system.components.parts(name)
+                system[component].set({variable: value})
             names = page["names"]
             with system.initialize(record=names, allow_unconnected=True) as simulation:
                 simulation.advance(page["steps"] * (live.page.interval or SHOWN_EVERY))

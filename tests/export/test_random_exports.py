@@ -71,7 +71,7 @@ def test_one_fmu_shows_what_the_system_shows(plan: dict[str, Any], fmi: int, eve
     try:
         with wired(plan, follower) as system:
             tick = system.schedule().tick
-            names = [f"{m}.{v}" for m in system.members for v in ("y", "count", "off")]
+            names = [f"{m}.{v}" for m in system.components for v in ("y", "count", "off")]
             fmu = system.export_fmu(tmp_path_factory.mktemp("one") / "One.fmu", fmi=fmi, outputs=names)
             step = every * max(tick, Fraction(int(END / 60 / tick) * tick) or tick)
             times = [k * step for k in range(int(END / step) + 1)]

@@ -146,14 +146,14 @@ def test_states_continue_with_the_same_bits(ride, fmi):
         system.add("ride", ride[fmi], step="10 ms")
         with system.initialize(record=[f"ride.{n}" for n in RECORD]) as simulation:
             simulation.advance("1/2")
-            state, data = simulation.save(), system["ride"].component.serialize()
+            state, data = simulation.save(), system["ride"].implementation.serialize()
             simulation.advance(1)
             first = simulation.recording
             simulation.restore(state)
             simulation.advance(1)
             np.testing.assert_array_equal(bits(simulation.recording.data), bits(first.data))
             simulation.restore(state)
-            system["ride"].component.deserialize(data)
+            system["ride"].implementation.deserialize(data)
             simulation.advance(1)
             np.testing.assert_array_equal(bits(simulation.recording.data), bits(first.data))
 
@@ -163,7 +163,7 @@ def test_damaged_states_are_refused(ride):
         system.add("ride", ride[3], step="10 ms")
         with system.initialize() as simulation:
             simulation.advance("1/10")
-            component = system["ride"].component
+            component = system["ride"].implementation
             data = component.serialize()
             for place in (0, 4, 8, 16, 24, 32, 60, 200, len(data) // 2, len(data) - 1):
                 damaged = bytearray(data)
@@ -219,12 +219,14 @@ def test_inputs_and_parameters_act_as_in_the_system(built_fmus, tmp_path):
         system["car"].set({"body.mass": 2500.0} if "body.mass" in system["car"].description.variables else {})
         fmu = system.export_fmu(tmp_path / "Open.fmu", without=["road", "speed"], outputs=["car.*"])
     with System() as outer:
-        member = outer.add("open", fmu)
-        assert member.step == 1 / 1000 or float(member.step) == 1e-3
-        assert member.kind == "continuous"
-        assert {"car.road.fl.height", "controller.road.rr.height", "car.target.speed"} <= set(member.description.inputs)
-        assert member.description.inputs["car.road.fl.height"].unit_name == "m"
-        parameter = member.description.parameters["controller.gain.y[1,1]"]
+        component = outer.add("open", fmu)
+        assert component.step == 1 / 1000 or float(component.step) == 1e-3
+        assert component.kind == "continuous"
+        assert {"car.road.fl.height", "controller.road.rr.height", "car.target.speed"} <= set(
+            component.description.inputs
+        )
+        assert component.description.inputs["car.road.fl.height"].unit_name == "m"
+        parameter = component.description.parameters["controller.gain.y[1,1]"]
         assert (parameter.variability, parameter.source is not None) == ("tunable", True)
         with outer.initialize(record=["open.car.body.az"]) as simulation:
             simulation.advance("1/100")
@@ -233,7 +235,7 @@ def test_inputs_and_parameters_act_as_in_the_system(built_fmus, tmp_path):
             simulation.advance("2/100")
             assert simulation["open.car.body.az"] != still
             simulation.set("open.controller.gain.y[1,1]", 0.0)
-            assert member.component.get([parameter]) == [0.0]
+            assert component.implementation.get([parameter]) == [0.0]
 
 
 def test_the_same_system_gives_the_same_bytes(follower, tmp_path):

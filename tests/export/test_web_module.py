@@ -123,10 +123,10 @@ def test_the_road_alone_shows_what_lies_ahead(built_fmus: BuiltFmus) -> None:
         system.connect("speed.x", "road.x")
         system.connect("speed.speed", "road.speed")
         code = code_of("s", system, known)
-        member = system["road"]
-        part = code.parts[member]
+        component = system["road"]
+        part = code.parts[component]
         module = compile_module([code], [part])
-        variables = member.description.variables
+        variables = component.description.variables
         road = WebHost(module.content, [(variables["road.fl.height"].reference, "Float64")], module.model(part))
         assert road.start(1e-3) == 0
         recording = system.run(1.5, record=["speed.x", "road.road.fl.height"], record_interval="10 ms")

@@ -146,8 +146,8 @@ def test_the_module_shows_what_the_variables_say(page: Path, data: dict[str, Any
         assert host.start(data["interval"]) == 0
         row = host.run(400)[-1]
         for name, value in about["values"].items():
-            member, variable = name.split(".", 1)
-            system[member].set({variable: value})
+            component, variable = name.split(".", 1)
+            system[component].set({variable: value})
         with system.initialize(record=names, allow_unconnected=True) as simulation:
             simulation.advance(2)
             assert row.tolist() == [float(simulation[n]) for n in names]

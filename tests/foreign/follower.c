@@ -182,13 +182,13 @@ Status fmi3SetBoolean(Instance c, const fmi3ValueReference vr[], size_t n, const
     for (size_t i = 0; i < n; i++) ((Model *)c)->on = value[i];
     return fmi3OK;
 }
-#define ALIKE(NAME, TYPE, MEMBER)                                                                                   \
+#define ALIKE(NAME, TYPE, COMPONENT)                                                                                   \
     Status fmi3Get##NAME(Instance c, const fmi3ValueReference vr[], size_t n, TYPE value[], size_t k) {             \
-        for (size_t i = 0; i < n; i++) value[i] = ((const Model *)c)->MEMBER;                                       \
+        for (size_t i = 0; i < n; i++) value[i] = ((const Model *)c)->COMPONENT;                                       \
         return fmi3OK;                                                                                              \
     }                                                                                                               \
     Status fmi3Set##NAME(Instance c, const fmi3ValueReference vr[], size_t n, const TYPE value[], size_t k) {       \
-        for (size_t i = 0; i < n; i++) ((Model *)c)->MEMBER = value[i];                                             \
+        for (size_t i = 0; i < n; i++) ((Model *)c)->COMPONENT = value[i];                                             \
         return fmi3OK;                                                                                              \
     }
 ALIKE(Float32, float, f32)

@@ -175,26 +175,26 @@ def _follower(folder: Path, name: str) -> Path:
     return at
 
 
-def _system(folder: Path, member: str, model: str, group: str) -> System:
+def _system(folder: Path, component: str, model: str, group: str) -> System:
     system = System()
     fmu = _follower(folder, model)
-    for name in (member, "other"):
+    for name in (component, "other"):
         system.add(name, fmu, step="1 ms")
-    system.connect(f"{member}.y", "other.u")
-    system.group(group, [member, "other"])
+    system.connect(f"{component}.y", "other.u")
+    system.group(group, [component, "other"])
     return system
 
 
-def _plan(folder: Path, member: str, model: str, group: str) -> None:
-    member = "".join(member.replace(".", "").split()) or "m"
+def _plan(folder: Path, component: str, model: str, group: str) -> None:
+    component = "".join(component.replace(".", "").split()) or "m"
 
-    def write(member: str, model: str, group: str) -> str:
-        with _system(folder, member, model, group) as system:
+    def write(component: str, model: str, group: str) -> str:
+        with _system(folder, component, model, group) as system:
             schedule = exported_schedule(system, ())
             return SystemCode("System", schedule, choose(schedule, None, None, "*"), 3).plan_c("{token}")
 
-    strings = _same_but_for_strings(write, member, model, group)
-    assert f"{member}.y" in strings
+    strings = _same_but_for_strings(write, component, model, group)
+    assert f"{component}.y" in strings
 
 
 def _component(_folder: Path, about: str, note: str, message: str) -> None:
@@ -239,22 +239,22 @@ def _tags(root: etree._Element) -> list[str]:
     return [e.tag for e in root.iter()]
 
 
-def _picture(folder: Path, member: str, model: str, title: str) -> None:
-    member = "".join(member.replace(".", "").split()) or "m"
-    with _system(folder, member, model, "group") as system:
+def _picture(folder: Path, component: str, model: str, title: str) -> None:
+    component = "".join(component.replace(".", "").split()) or "m"
+    with _system(folder, component, model, "group") as system:
         root = etree.fromstring(system.draw(title))
     with _system(folder, PLAIN, PLAIN, "group") as system:
         assert _tags(etree.fromstring(system.draw(PLAIN))) == _tags(root)
     texts = [e.text for e in root.iter("{*}text")]
-    assert held(member) in texts
+    assert held(component) in texts
     assert {held(title), title.replace("\r", "\n")} & {*texts, ""}
 
 
-def _ssp(folder: Path, member: str, group: str, about: str) -> None:
-    member = "".join(member.replace(".", "").split()) or "m"
-    with _system(folder, member, "Model", group) as system:
+def _ssp(folder: Path, component: str, group: str, about: str) -> None:
+    component = "".join(component.replace(".", "").split()) or "m"
+    with _system(folder, component, "Model", group) as system:
         path = export_ssp(
-            system.members.values(),
+            system.components.values(),
             system.schedule(),
             folder / "Case.ssp",
             version="2.0",
@@ -264,7 +264,7 @@ def _ssp(folder: Path, member: str, group: str, about: str) -> None:
             text=about,
         )
     with System.from_ssp(path) as again:
-        assert list(again.members) == [member, "other"]
+        assert list(again.components) == [component, "other"]
         assert group in again.groups
 
 

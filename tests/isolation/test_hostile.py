@@ -127,7 +127,7 @@ def test_a_loss_while_a_state_is_handled_is_an_error(
     wired(system, build(version, folder, phase, deed))
     simulation = system.initialize(record=["bad.y"], allow_unconnected=True)
     simulation.advance(0.005)
-    component = system["bad"].component
+    component = system["bad"].implementation
 
     def there_and_back() -> None:
         simulation.restore(simulation.save())
@@ -160,7 +160,7 @@ def test_detached_processes_end_with_their_fmu(
         pid = int(proof.read_text())
         os.kill(pid, 0)  # it is there
         if end == "lost":
-            launcher = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
+            launcher = system["bad"].implementation._library._process.pid  # type: ignore[attr-defined]
             (worker,) = (child for child in children(launcher) if child != pid)
             os.kill(worker, signal.SIGKILL)
             assert gone(pid)
@@ -173,7 +173,7 @@ def test_the_others_can_be_used_again(system: System, folder: Path, version: int
     for _ in range(3):
         with pytest.raises(ComponentError):
             run(system)
-    system["bad"].component.fmu = type(system["bad"].component.fmu)(build(version, folder, "step", "nothing"))  # type: ignore[attr-defined]
+    system["bad"].implementation.fmu = type(system["bad"].implementation.fmu)(build(version, folder, "step", "nothing"))  # type: ignore[attr-defined]
     run(system)
 
 
@@ -196,7 +196,7 @@ def test_every_deed_in_every_phase(system: System, folder: Path, version: int, p
 def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(
     system: System, folder: Path, version: int, isolated: bool
 ) -> None:
-    component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).component
+    component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).implementation
     system.initialize(record=[], allow_unconnected=True)
     with pytest.raises(CosimError, match="1,152,921,504,606,846,976 bytes"):
         component.serialize()
@@ -218,7 +218,7 @@ def test_after_a_loss_nothing_of_it_is_called(system: System, folder: Path, rais
     wired(system, build(3, folder, "step", "segfault"))
     with pytest.raises(ComponentError):
         run(system)
-    component: Any = system["bad"].component
+    component: Any = system["bad"].implementation
     outputs = list(component.description.outputs.values())
     for call in (lambda: component.get(outputs), component.serialize, component.save):
         with raises(CosimError):
@@ -245,7 +245,7 @@ with System() as system:
 
 def test_what_it_has_started_ends_with_it(system: System, folder: Path) -> None:
     run(wired(system, build(2, folder, "step", "child")))
-    launcher = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
+    launcher = system["bad"].implementation._library._process.pid  # type: ignore[attr-defined]
     (worker,) = children(launcher)
     (child,) = children(worker)
     system.close()

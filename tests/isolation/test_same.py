@@ -40,10 +40,10 @@ def children() -> set[int]:
 
 def isolate(system: System, names: tuple[str, ...] = ("*",), *, shared_memory: bool = True) -> None:
     system.isolate(*names)
-    for member in system.members.values():
-        component: Any = member.component
-        if getattr(component, "isolation", None):
-            component.isolation = replace(component.isolation, shared_memory=shared_memory)
+    for component in system.components.values():
+        implementation: Any = component.implementation
+        if getattr(implementation, "isolation", None):
+            implementation.isolation = replace(implementation.isolation, shared_memory=shared_memory)
 
 
 def run(plan: dict[str, Any], follower: dict[int, Path], engine: str, how: bool | None) -> Recording:
@@ -54,7 +54,9 @@ def run(plan: dict[str, Any], follower: dict[int, Path], engine: str, how: bool 
     with wired(plan, follower) as system:
         if how is not None:
             isolate(system, shared_memory=how)
-        every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
+        every = [
+            f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
+        ]
         with system.initialize(record=every, record_interval=plan["interval"], engine=engine) as simulation:  # type: ignore[arg-type]
             state = None
             for i, until in enumerate([*plan["cuts"], 0.05]):
@@ -120,7 +122,7 @@ def test_states_and_derivatives_travel(built_fmus, fmi):
         with System() as system:
             component: Any = system.add(
                 "car", path, step="1 ms", start={"road.fl.height": 0.02}, isolated=isolated
-            ).component
+            ).implementation
             with system.initialize(record=["car.body.z"]) as simulation:
                 simulation.advance(0.1)
                 data = component.serialize()
@@ -143,7 +145,7 @@ def test_only_what_is_asked_for_is_isolated(harmless, raises):
             system.add("wrong", harmless, step_timeout=5.0)
         with raises(WiringError):
             system.isolate("here", "ther")  # all or none
-        components: list[Any] = [m.component for m in system.members.values()]
+        components: list[Any] = [m.implementation for m in system.components.values()]
         assert [c.isolation for c in components[:2]] == [None, Isolation(5.0, 10**8)]
         before = children()
         system.run(0.01)
@@ -165,7 +167,7 @@ from cosim import System
 system = System()
 system.add("there", sys.argv[1], isolated=True)
 system.run(0.01, allow_unconnected=True)
-print(system["there"].component._library._process.pid, flush=True)
+print(system["there"].implementation._library._process.pid, flush=True)
 time.sleep(60)
 """
 

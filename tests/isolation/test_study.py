@@ -79,7 +79,7 @@ def test_names_of_what_not_every_case_has_are_passed_over(harmless):
         system.add("plant", harmless)
         execution = Execution(isolate=("plant", "controller*"))
         execution.prepare(system)
-        component: Any = system["plant"].component
+        component: Any = system["plant"].implementation
         assert component.isolation is not None
         with pytest.raises(WiringError, match="no component 'controller"):
             execution.prepare(system, every=True)

@@ -73,10 +73,10 @@ def test_every_experiment_is_drawn(name: str) -> None:
     with experiment_system(name) as system:
         scene = scene_of(system)
         assert len(scene.wheels) == WHEELS.get(name, 4)
-        assert {v for _, v in (system.members.split(n) for n in scene.variables)}  # all of them exist
+        assert {v for _, v in (system.components.split(n) for n in scene.variables)}  # all of them exist
         for variable in scene.variables:
-            member, own = system.members.split(variable)
-            assert own in member.description.variables
+            component, own = system.components.split(variable)
+            assert own in component.description.variables
         data = scene_data(scene)
         assert json.loads(json.dumps(data)) == data
         assert data["names"] == list(scene.variables)
@@ -88,11 +88,11 @@ def test_at_rest_wheels_stand_on_the_road(name: str) -> None:
         scene = scene_of(system)
         plant = scene.bodies[0].z.terms  # type: ignore[union-attr]
         (body_z,) = plant
-        member = system[body_z.partition(".")[0]]
+        component = system[body_z.partition(".")[0]]
         heights = {}
         for wheel in scene.wheels:
             input_ = "road.height" if wheel.name == "wheel" else f"road.{wheel.name}.height"
-            heights[wheel.name] = f"{member.name}.{input_}" if input_ in member.description.inputs else None
+            heights[wheel.name] = f"{component.name}.{input_}" if input_ in component.description.inputs else None
         values = values_at(system, scene, 0.0, *filter(None, heights.values()))
         for wheel in scene.wheels:
             ground = values[heights[wheel.name]] if heights[wheel.name] else 0.0
@@ -141,8 +141,8 @@ def test_dimensions_that_the_picture_keeps_are_told(name: str) -> None:
         scene = scene_of(system)
         assert not set(scene.dimensions) & set(scene.variables)
         for dimension in scene.dimensions:
-            member, variable = dimension.split(".", 1)
-            declared = system[member].description.parameters[variable]
+            component, variable = dimension.split(".", 1)
+            declared = system[component].description.parameters[variable]
             assert declared.unit is not None
             assert declared.unit.name == "m"
     with wired("hmmwv") as system:
@@ -223,7 +223,12 @@ def test_what_a_vehicle_is() -> None:
     with System() as system:
         for name in ("RideCarSedan", "RideCarHmmwv", "ThreeAxleRide", "QuarterCarHmmwv"):
             system.add(name, fmu(name))
-        assert [scene_of(system, n).what for n in system.members] == ["car", "off-road vehicle", "6x6", "quarter car"]
+        assert [scene_of(system, n).what for n in system.components] == [
+            "car",
+            "off-road vehicle",
+            "6x6",
+            "quarter car",
+        ]
 
 
 def test_previews_are_where_they_are_true() -> None:
@@ -347,7 +352,7 @@ def test_grounds_say_how_to_ask_the_road() -> None:
     with wired("gpc") as system:
         scene = scene_of(system)
         left = next(g for g in scene.grounds if g.side == "left")
-        assert (left.member, left.input, left.output) == ("road", "road.x", "road.road.fl.height")
+        assert (left.component, left.input, left.output) == ("road", "road.x", "road.road.fl.height")
         x = 38.0  # the CG; the road is a sine from 30 m on, and steep under the wheel
         with System() as alone:
             alone.add("road", fmu("RoadSine"), start={"x": x, "speed": 0.0})

@@ -15,10 +15,10 @@ def values_at(system: System, scene: Scene, time: float, *more: str) -> Values:
     found: Values = {}
     recorded = []
     for name in (*scene.variables, *more):
-        member, own = system.members.split(name)
-        variable = member.description.variables[own]
+        component, own = system.components.split(name)
+        variable = component.description.variables[own]
         if variable.causality == "parameter":
-            found[name] = float(member.values.get(own, variable.start))
+            found[name] = float(component.values.get(own, variable.start))
         else:
             recorded.append(name)
     recording: Any = system.run(max(time, 0.001), record=recorded, record_interval=0.001, allow_unconnected=True)

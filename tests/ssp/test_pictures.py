@@ -33,7 +33,7 @@ def test_every_system_can_be_read(built_fmus: BuiltFmus, name: str) -> None:  # 
     with experiment_system(name) as system:
         schedule = system.schedule()
         picture = arrange(schedule)
-        assert set(picture.boxes) == set(system.members.values())
+        assert set(picture.boxes) == set(system.components.values())
         pairs = {(c.source, c.target) for c in schedule.connections}
         assert {(line.bundle.source, line.bundle.target) for line in picture.lines} == pairs
         assert len(picture.lines) == len(pairs)

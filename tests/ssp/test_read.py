@@ -37,7 +37,9 @@ def test_ours_come_back_with_the_same_bits(built_fmus: BuiltFmus, tmp_path: Path
         expected = system.run("1/2", allow_unconnected=True)
         with System.from_ssp(path) as again:
             assert str(again.schedule()) == str(system.schedule())
-            assert {n: m.values for n, m in again.members.items()} == {n: m.values for n, m in system.members.items()}
+            assert {n: m.values for n, m in again.components.items()} == {
+                n: m.values for n, m in system.components.items()
+            }
             assert_same(again.run("1/2", allow_unconnected=True), expected)
             twice = again.export_ssp(tmp_path / "again" / "Case.ssp", version=version)
         assert twice.read_bytes() == path.read_bytes()
@@ -67,13 +69,13 @@ def test_what_only_our_annotations_say_comes_back(follower: dict[int, Path], tmp
         with System.from_ssp(path) as again:
             assert str(again.schedule()) == str(system.schedule())
             assert set(again.groups) == {"pair"}
-            assert [m.name for m in again.groups["pair"].members] == ["b-1", "a"]
+            assert [m.name for m in again.groups["pair"].components] == ["b-1", "a"]
             assert_same(again.run(1), system.run(1))
 
 
 def follow(path: Path, **options: Any) -> tuple[dict[str, Any], Recording]:
     with System.from_ssp(path, **options) as system:
-        return {n: (float(m.step), dict(m.values)) for n, m in system.members.items()}, system.run("1/10")
+        return {n: (float(m.step), dict(m.values)) for n, m in system.components.items()}, system.run("1/10")
 
 
 PAIR = ("u:input:Real", "y:output:Real")
@@ -185,7 +187,7 @@ def test_items_of_enumerations_are_mapped_by_their_values(follower, tmp_path, ra
         enumerations=kinds,
     )
     with System.from_ssp(path) as system:
-        assert system["one_count_mapped"].component.table == {0: 7, 1: 9}
+        assert system["one_count_mapped"].implementation.table == {0: 7, 1: 9}
     path = two(
         follower,
         tmp_path,
@@ -265,7 +267,7 @@ def nested(follower: dict[int, Path], tmp_path: Path) -> Path:
 
 def test_nested_systems_are_flat_and_their_signals_followed(follower, tmp_path):
     with System.from_ssp(nested(follower, tmp_path)) as system:
-        assert list(system.members) == ["sub.in_ner.f", "source", "sink"]
+        assert list(system.components) == ["sub.in_ner.f", "source", "sink"]
         found = {n: (c.source_name, c.scale, c.offset) for n, c in system.connections.items()}
         degrees = 180 / math.pi
         assert found["sub.in_ner.f.u"] == ("source.y", pytest.approx(3 * degrees), 0.0)
@@ -302,9 +304,9 @@ def test_parameters_of_all_levels_and_mapped(follower, tmp_path):
     )
     text = p.structure(p.system("top", elements, bindings=bindings))
     path = p.package(tmp_path / "P.ssp", {SSD: text, "f.fmu": follower[2], "two.ssv": p.values(rate="Real 1e-3")})
-    members, _ = follow(path)
-    assert members["one"][1] == {"rate": 7.0, "u": pytest.approx(2 * 180 / math.pi), "on": True}
-    assert members["two"][1] == {"rate": 1e-3, "count_in": 40}
+    components, _ = follow(path)
+    assert components["one"][1] == {"rate": 7.0, "u": pytest.approx(2 * 180 / math.pi), "on": True}
+    assert components["two"][1] == {"rate": 1e-3, "count_in": 40}
 
 
 def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path, raises):
@@ -323,8 +325,8 @@ def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path, rais
     plain = p.system("top", elements)
 
     def steps(text: str, **options: Any) -> list[float]:
-        members, _ = follow(p.package(tmp_path / "S.ssp", {SSD: text, "f.fmu": follower[2]}), **options)
-        return [step for step, _ in members.values()]
+        components, _ = follow(p.package(tmp_path / "S.ssp", {SSD: text, "f.fmu": follower[2]}), **options)
+        return [step for step, _ in components.values()]
 
     assert steps(p.structure(plain, osp)) == [0.002, 0.005]
     assert steps(p.structure(plain.replace("</ssd:System>", master), osp)) == [0.002, 0.004]
@@ -342,14 +344,14 @@ def test_variants_are_chosen_by_name(follower, tmp_path, raises):
         for n, c in (("SystemStructure", "first"), ("Other", "second"))
     }
     path = p.package(tmp_path / "V.ssp", {**files, "f.fmu": follower[2]})
-    for variant, member in (
+    for variant, component in (
         (None, "first"),
         ("Other", "second"),
         ("Other.ssd", "second"),
         ("The second", "second"),
         ("The first", "first"),
     ):
-        assert list(follow(path, variant=variant)[0]) == [member]
+        assert list(follow(path, variant=variant)[0]) == [component]
     with raises(SspError):
         System.from_ssp(path, variant="Othr")
 
@@ -376,7 +378,7 @@ def test_packages_and_descriptions_in_packages(follower, tmp_path):
         tmp_path / "Outer.ssp", {SSD: text, "f.fmu": follower[2], "resources/Inner.ssp": inner, "parts/part.ssd": part}
     )
     with System.from_ssp(path) as system:
-        assert list(system.members) == ["whole.f", "a.g", "b.g", "original.h", "copy.h"]
+        assert list(system.components) == ["whole.f", "a.g", "b.g", "original.h", "copy.h"]
         assert {n: c.source_name for n, c in system.connections.items()} == {"a.g.u": "whole.f.y", "b.g.u": "whole.f.y"}
         room = Path(system._room.name)  # type: ignore[union-attr]
         assert room.is_dir()

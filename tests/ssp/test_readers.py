@@ -29,7 +29,7 @@ from systems import EVERY, experiment_system
 from cosim import System
 from cosim.fmu.component import FmuComponent
 from cosim.ssp.names import ENTRY
-from cosim.system.members import Member
+from cosim.system.components import SystemComponent
 
 HERE = Path(__file__).parent
 
@@ -41,7 +41,7 @@ class Late:
     """
 
     def __init__(self, system: System, *, zero: bool, every: dict[str, int] | None = None):
-        self.members: list[Member] = list(system.members.values())
+        self.components: list[SystemComponent] = list(system.components.values())
         self.every = every or {}
         self.u: dict[str, np.ndarray] = {}
         self.y: dict[str, np.ndarray] = {}
@@ -50,13 +50,13 @@ class Late:
         initial: dict[str, float] = {}
         with system.initialize(record=[], watch=list(system.connections), allow_unconnected=True) as started:
             initial = {n: started[n] for n in system.connections}
-        for m in self.members:
+        for m in self.components:
             about = m.description
             driven = [v for v in about.inputs.values() if f"{m.name}.{v.name}" in system.connections]
             outputs = list(about.outputs.values())
             self.u[m.name] = np.array([0.0 if zero else initial[f"{m.name}.{v.name}"] for v in driven])
             self.y[m.name] = np.zeros(len(outputs))
-            component = m.component
+            component = m.implementation
             assert isinstance(component, FmuComponent)
             component.instantiate(m.name)
             component.set({about.variables[n]: v for n, v in m.values.items()})
@@ -73,11 +73,11 @@ class Late:
         """(samples, names) after each step."""
         places = []
         for full in names:
-            m = next(m for m in self.members if full.startswith(f"{m.name}."))
+            m = next(m for m in self.components if full.startswith(f"{m.name}."))
             places.append((m.name, [v.name for v in m.description.outputs.values()].index(full[len(m.name) + 1 :])))
         rows, t = [], 0.0
         for k in range(count):
-            for m in self.members:
+            for m in self.components:
                 n = self.every.get(m.name, 1)
                 if k % n == 0:
                     self.ports[m.name].run(t, n * step)
@@ -91,7 +91,7 @@ class Late:
 
 
 def base_step(system: System) -> float:
-    steps = [m.step for m in system.members.values()]
+    steps = [m.step for m in system.components.values()]
     common = steps[0]
     while any((s / common).denominator != 1 for s in steps):
         common = Fraction(common.numerator, common.denominator) / 2
@@ -115,7 +115,7 @@ def test_fmpy_shows_what_its_lag_gives(built_fmus: BuiltFmus, tmp_path: Path, na
         path = system.export_ssp(tmp_path / "Case.ssp")
         names = [
             f"{m.name}.{v.name}"
-            for m in system.members.values()
+            for m in system.components.values()
             for v in m.description.outputs.values()
             if v.type == "real"
         ]

@@ -29,9 +29,9 @@ def structure(path: Path) -> Any:
         return etree.fromstring(archive.read(ENTRY))
 
 
-def values(path: Path, member: str) -> dict[str, str]:
+def values(path: Path, component: str) -> dict[str, str]:
     with zipfile.ZipFile(path) as archive:
-        root = etree.fromstring(archive.read(f"resources/{member}.ssv"))
+        root = etree.fromstring(archive.read(f"resources/{component}.ssv"))
     return {p.get("name"): p[0].get("value") for p in root.iter(f"{V}Parameter")}
 
 
@@ -83,9 +83,9 @@ def test_every_experiment_is_a_file_that_judges_accept(
     """
     with experiment_system(name) as system:
         path = system.export_ssp(tmp_path / "Case.ssp", version=version)
-        members = set(system.members)
+        components = set(system.components)
         connections = len(system.connections)
-        held = {m for m in system.members if system[m].values}
+        held = {m for m in system.components if system[m].values}
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
     with SSD(tmp_path / ENTRY) as judged:
@@ -98,7 +98,7 @@ def test_every_experiment_is_a_file_that_judges_accept(
             judged.__check_compliance__()
     if version == "1.0":
         read = read_ssd(str(path))
-        assert {c.name for c in read.system.elements} == members
+        assert {c.name for c in read.system.elements} == components
         assert len(read.system.connections) == connections
     assert refused_by_omsimulator(path) == []
     with zipfile.ZipFile(path) as archive:
@@ -186,7 +186,7 @@ def test_what_cannot_travel_is_refused_by_name(pair: System, follower: dict[int,
         pair.export_ssp(tmp_path / "X.zip")
     pair.isolate("car")
     refused()
-    pair["car"].component.isolation = None  # type: ignore[attr-defined]
+    pair["car"].implementation.isolation = None  # type: ignore[attr-defined]
     pair.add("wave", Wave())
     refused()
     with System() as system:

@@ -50,7 +50,9 @@ def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewher
     stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
     for engine in ENGINES:
         with wired(plan, follower) as system:
-            every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
+            every = [
+                f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
+            ]
             options = {
                 "record": [*every, "m0.u"],
                 "watch": ["m0.y"],
@@ -80,7 +82,7 @@ STILL = ("Road", "PitchReference", "PreviewBuffer")  # outputs may not move here
 def test_every_fmu_continues_in_another_process(built_fmus: BuiltFmus, elsewhere, name, fmi):
     path = built_fmus.path(name, fmi)
     with played(path) as system:
-        period = max(system["fmu"].step, system.members["player"].step if "player" in system.members else 0)
+        period = max(system["fmu"].step, system.components["player"].step if "player" in system.components else 0)
         with system.initialize(record="fmu.*", allow_unconnected=True) as simulation:
             simulation.advance(14 * period)
             state = simulation.save()
@@ -238,7 +240,7 @@ def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, raises)
     component.given = None
     system.add("mind", component, step="1 ms")
     with system.initialize() as simulation:
-        system["mind"].component.what = value
+        system["mind"].implementation.what = value
         if not callable(value):
             state = simulation.save()
             with raises(CosimError):
@@ -251,7 +253,7 @@ def test_arrays_that_share_memory_are_refused(raises):
     component.given = None
     system.add("mind", component, step="1 ms")
     with system.initialize() as simulation:
-        component = system["mind"].component
+        component = system["mind"].implementation
         component.what = np.arange(4.0)
         component.part = component.what[1:]
         with raises(CosimError):
@@ -295,7 +297,7 @@ def test_arrays_that_share_memory_still_do_after_they_were_restored(raises):
             simulation.advance(0.03)
             assert_same(simulation.recording, whole)
             simulation.restore(state)
-        views = system["views"].component
+        views = system["views"].implementation
         assert views.received is views._u
         views.state[:] = 7.0
         assert (views.first == 7.0).all()
@@ -430,9 +432,9 @@ FORGED = [
     about_of("base", ["1/7", "0"]),
     about_of("wiring", {}),
     about_of("wiring", 1),
-    about_of("wiring", "members", "law", ["other", "1", "0"]),
-    about_of("wiring", "members", "law", ["discrete", "-1", "0"]),
-    about_of("wiring", "members", "law", ["discrete", "1e9", "0"]),
+    about_of("wiring", "components", "law", ["other", "1", "0"]),
+    about_of("wiring", "components", "law", ["discrete", "-1", "0"]),
+    about_of("wiring", "components", "law", ["discrete", "1e9", "0"]),
     about_of("wiring", "connections", 0, ["a"]),
     about_of("wiring", "connections", 0, ["a", "b", 1, 2, 3, 4]),
     about_of("wiring", "groups", [["jacobi", ["x"]]]),
@@ -514,7 +516,7 @@ def test_a_hundred_runs_from_one_settled_state(elsewhere, follower, tmp_path):
 
 def tells_no_roll_back(system: System) -> list[bool]:
     """Argument noSetFMUStatePriorToCurrentPoint of the next steps."""
-    return [bool(system[name].component._step_arguments[0]) for name in ("a", "b")]
+    return [bool(system[name].implementation._step_arguments[0]) for name in ("a", "b")]
 
 
 def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
@@ -530,14 +532,14 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, rais
         simulation.advance(0.5)
         travelled = SystemState.from_bytes(simulation.save().to_bytes())
         gc.collect()
-        assert not system["a"].component._states
+        assert not system["a"].implementation._states
         assert travelled.owner is None
-        assert not travelled.members
+        assert not travelled.components
         with raises(CosimError):
             simulation.restore(travelled)
         fork = system.initialize(record=["b.y"], state=travelled)  # in the system where it comes from
         fork.advance(0.6)
-        assert not system["a"].component._states
+        assert not system["a"].implementation._states
         assert all(tells_no_roll_back(system))
         kept = fork.save()
         assert not any(tells_no_roll_back(system))
@@ -634,7 +636,7 @@ def test_repeated_runs_keep_nothing_of_those_before(follower):
         kept = []
         for _ in range(3):
             system.run(0.4, state=state)
-            kept.append([len(system[name].component._keep) for name in ("a", "b")])
+            kept.append([len(system[name].implementation._keep) for name in ("a", "b")])
         assert kept[0] == kept[1] == kept[2]
 
 

@@ -20,10 +20,10 @@ INLINE int64_t copy_of(const Group *g, int lane) { return g->group * LANES + lan
 
 /* The copies in `failed` end here. */
 static void end_copies(
-    Group *g, unsigned failed, int32_t member, int64_t tick, int32_t result, int32_t call, uint32_t status) {
+    Group *g, unsigned failed, int32_t component, int64_t tick, int32_t result, int32_t call, uint32_t status) {
     for (int i = 0; i < LANES; i++)
         if (failed >> i & 1u) {
-            g->b->failures[copy_of(g, i)] = (BatchFailure){tick, member, result, call, status};
+            g->b->failures[copy_of(g, i)] = (BatchFailure){tick, component, result, call, status};
             g->b->alive[copy_of(g, i)] = 0;
         }
     g->alive &= ~failed;
@@ -41,7 +41,7 @@ static lanes as_type(lanes u, int type) {
 }
 
 static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
-    const BatchMember *m = &g->b->members[number];
+    const BatchComponent *m = &g->b->components[number];
     lanes *const memory = (lanes *)(m->memory + m->stride * (size_t)g->group);
     const lanes *values = g->values;
     for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = values[m->index[i]];
@@ -72,13 +72,13 @@ static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
 }
 
 static void run_alone(Group *g, int32_t number, double t, int64_t tick) {
-    const BatchMember *m = &g->b->members[number];
+    const BatchComponent *m = &g->b->components[number];
     for (int i = 0; i < LANES; i++) {
         if (!(g->alive >> i & 1u)) continue;
         Engine *const e = m->alone[copy_of(g, i)];
         for (size_t k = 0; k < m->n_reads; k++) e->values[m->reads[k]] = ((const double *)&g->values[m->reads[k]])[i];
         e->environment = environment_bits();
-        int result = engine_member(e, m->number, t);
+        int result = engine_component(e, m->number, t);
         for (uint32_t k = 0; k < m->n_outputs; k++) {
             const double y = e->values[m->first + k];
             ((double *)&g->values[m->first + k])[i] = y;
@@ -88,10 +88,10 @@ static void run_alone(Group *g, int32_t number, double t, int64_t tick) {
     }
 }
 
-static void run_members(Group *g, int32_t first, int32_t end, double t, int64_t tick) {
+static void run_components(Group *g, int32_t first, int32_t end, double t, int64_t tick) {
     for (int32_t k = first; k < end; k++) {
         const int32_t number = g->w->list[k];
-        if (g->b->members[number].run) run_lanes(g, number, t, tick);
+        if (g->b->components[number].run) run_lanes(g, number, t, tick);
         else run_alone(g, number, t, tick);
     }
 }
@@ -100,13 +100,13 @@ static void arrive(Group *g, double t) {
     const Batch *b = g->b;
     lanes *const values = g->values;
     for (int32_t k = 0; k < g->n_due; k++) { /* what was visible until now */
-        const BatchMember *m = &b->members[g->w->list[k]];
+        const BatchComponent *m = &b->components[g->w->list[k]];
         if (m->stamp >= 0) values[m->stamp] = lanes_all(t);
         for (int32_t c = 0; c < m->n_copies_before; c++)
             memcpy(values + m->copies[c].to, values + m->copies[c].from, m->copies[c].n * sizeof(lanes));
     }
     for (int32_t k = 0; k < g->n_due; k++) {
-        const BatchMember *m = &b->members[g->w->list[k]];
+        const BatchComponent *m = &b->components[g->w->list[k]];
         for (int32_t c = m->n_copies_before; c < m->n_copies; c++)
             for (uint32_t i = 0; i < m->copies[c].n; i++) values[m->copies[c].to + i] = values[m->copies[c].from + i];
     }
@@ -142,8 +142,8 @@ static void look_up_due(Group *g, int64_t tick) {
 
 static void list_due(Group *g) {
     g->n_due = g->n_due_discrete = 0;
-    for (int32_t i = 0; i < g->b->n_members; i++)
-        if (g->w->due[g->b->members[i].clock]) {
+    for (int32_t i = 0; i < g->b->n_components; i++)
+        if (g->w->due[g->b->components[i].clock]) {
             g->w->list[g->n_due++] = i;
             if (i < g->b->n_discrete) g->n_due_discrete = g->n_due;
         }
@@ -151,9 +151,9 @@ static void list_due(Group *g) {
 
 /* Discrete components and the sample, then continuous components. */
 static void rest_of_instant(Group *g, double t, int64_t tick) {
-    run_members(g, 0, g->n_due_discrete, t, tick);
+    run_components(g, 0, g->n_due_discrete, t, tick);
     if (g->w->due[g->b->n_clocks - 1]) record(g, tick);
-    run_members(g, g->n_due_discrete, g->n_due, t, tick);
+    run_components(g, g->n_due_discrete, g->n_due, t, tick);
 }
 
 /* One group from `tick`, whose values have arrived, to the arrival at `end`. */

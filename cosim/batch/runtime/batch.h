@@ -7,7 +7,7 @@
 
 typedef unsigned (*BatchStep)(void *memory, double t, double h, unsigned of);
 
-/* A component; what is not said here is as in EngineMember. */
+/* A component; what is not said here is as in EngineComponent. */
 typedef struct {
     int32_t clock, check_before;
     double step;
@@ -31,20 +31,20 @@ typedef struct {
     int32_t number;          /* of the component in there */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
-} BatchMember;
+} BatchComponent;
 
 /* Why a copy has ended; result 0: it has not. */
 typedef struct {
     int64_t tick;
-    int32_t member, result, call; /* result: that of the engine, or BATCH_* */
+    int32_t component, result, call; /* result: that of the engine, or BATCH_* */
     uint32_t status;
 } BatchFailure;
 
 enum { BATCH_LANE_FAILED = 100, BATCH_INPUT_REFUSED = 101 };
 
 typedef struct {
-    BatchMember *members;
-    int32_t n_members, n_discrete;
+    BatchComponent *components;
+    int32_t n_components, n_discrete;
     const EngineClock *clocks; /* the last one is the recorder's */
     int32_t n_clocks;
     int64_t a, b, d;
@@ -66,7 +66,7 @@ typedef struct {
 typedef struct {
     int64_t *next;            /* of n_clocks */
     bool *due;
-    int32_t *list;            /* of n_members */
+    int32_t *list;            /* of n_components */
 } BatchWorker;
 
 #endif

@@ -381,9 +381,9 @@ def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
     begin, late = start(system, case), case.preview_error_ms / 1000 * case.speed
     system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": begin})
-    if "map_speed" in system.members:
+    if "map_speed" in system.components:
         system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
-    for name in {"road", "map"} & set(system.members):
+    for name in {"road", "map"} & set(system.components):
         if case.road == "off-road":
             system[name].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
         else:
@@ -391,7 +391,7 @@ def configure(system: System, case: Case) -> None:
             system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
     if case.controller == "mpc-preview":
         system["controller"].set({"preview.used": case.preview_steps})
-    if "sensors" in system.members:
+    if "sensors" in system.components:
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
     configure_vehicle(system, case)
 

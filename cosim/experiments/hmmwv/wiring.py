@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 
-from cosim import Member, System
+from cosim import System, SystemComponent
 from cosim.study.fmus import FmuSet
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.hmmwv_states import SAMPLE_TIME
@@ -20,9 +20,9 @@ FIRST_BUMP = START  # m along the road
 BUMPS = {"track": {i + 1: h for i, h in TRACK.items()}, "bump": {1: 0.076}}  # m by place, places 1 m apart
 
 
-def published(member: Member, parameter: str) -> float:
+def published(component: SystemComponent, parameter: str) -> float:
     """A number that an FMU has by itself, whatever a run sets."""
-    return float(member.description.parameters[parameter].start)  # type: ignore[arg-type]
+    return float(component.description.parameters[parameter].start)  # type: ignore[arg-type]
 
 
 def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> dict[str, float]:
@@ -82,7 +82,7 @@ def add_sensors(system: System, fmus: FmuSet) -> None:
     for source in ("car", "road", "speed"):
         system.connect_matching(source, "sensors")
     for k in CORNERS:
-        if f"actuator_{k}" in system.members:
+        if f"actuator_{k}" in system.components:
             system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
         else:
             system["sensors"].set({f"actuator.{k}.force": 0.0})

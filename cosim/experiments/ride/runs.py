@@ -342,7 +342,7 @@ def configure(system: System, case: Case) -> None:
             "half_round.height": case.height,
         }
         system["road"].set(own)
-    if "reference" in system.members:
+    if "reference" in system.components:
         system["reference"].set({"pitch": 0.0})  # level, all the way
     CARS[case.car].configure(system, case.other)
 

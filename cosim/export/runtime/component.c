@@ -10,7 +10,7 @@
 
 static void message2(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
     fmi2String format, ...) {
-    const Member *m = environment;
+    const Component *m = environment;
     char text[1024];
     (void)name;
     (void)category;
@@ -22,21 +22,21 @@ static void message2(fmi2ComponentEnvironment environment, fmi2String name, fmi2
 }
 
 static void message3(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
-    const Member *m = environment;
+    const Component *m = environment;
     (void)category;
     m->log(m->context, (int)status, message ? message : "");
 }
 
 /* ------------------------------------------------------------------ life */
 
-static uint32_t seen(Member *m, uint32_t status) {
+static uint32_t seen(Component *m, uint32_t status) {
     if (status == fmi3Fatal) m->dead = true; /* as fmi2Fatal */
     return status;
 }
 
 #define CALL(two, three) seen(m, (uint32_t)(m->version == 2 ? m->f2->two : m->f3->three))
 
-bool member_instantiate(Member *m, const char *name, const char *token, const char *resources) {
+bool component_instantiate(Component *m, const char *name, const char *token, const char *resources) {
     if (m->version == 2) {
         char uri[4096];
         (void)snprintf(uri, sizeof uri, "file://%s%s", *resources == '/' ? "" : "/", resources);
@@ -49,7 +49,7 @@ bool member_instantiate(Member *m, const char *name, const char *token, const ch
     return m->instance != NULL;
 }
 
-void member_free(Member *m) {
+void component_free(Component *m) {
     if (m->instance && !m->dead) {
         if (m->version == 2) m->f2->FreeInstance(m->instance);
         else m->f3->FreeInstance(m->instance);
@@ -59,7 +59,7 @@ void member_free(Member *m) {
     m->library = NULL;
 }
 
-uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
+uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     if (m->version == 3)
         return seen(
             m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
@@ -68,30 +68,30 @@ uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double st
     return status > fmi2Warning ? status : seen(m, (uint32_t)m->f2->EnterInitializationMode(m->instance));
 }
 
-uint32_t member_exit(Member *m) {
+uint32_t component_exit(Component *m) {
     return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
 }
-uint32_t member_reset(Member *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
-uint32_t member_terminate(Member *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
-uint32_t member_save(Member *m, void **state) {
+uint32_t component_reset(Component *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
+uint32_t component_terminate(Component *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
+uint32_t component_save(Component *m, void **state) {
     return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state));
 }
-uint32_t member_restore(Member *m, void *state) {
+uint32_t component_restore(Component *m, void *state) {
     return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state));
 }
-uint32_t member_forget(Member *m, void **state) {
+uint32_t component_forget(Component *m, void **state) {
     return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state));
 }
 
-uint32_t member_size(Member *m, void *state, size_t *size) {
+uint32_t component_size(Component *m, void *state, size_t *size) {
     return CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
 }
 
-uint32_t member_serialize(Member *m, void *state, void *bytes, size_t size) {
+uint32_t component_serialize(Component *m, void *state, void *bytes, size_t size) {
     return CALL(SerializeFMUstate(m->instance, state, bytes, size), SerializeFMUState(m->instance, state, bytes, size));
 }
 
-uint32_t member_deserialize(Member *m, const void *bytes, size_t size, void **state) {
+uint32_t component_deserialize(Component *m, const void *bytes, size_t size, void **state) {
     return CALL(
         DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
 }
@@ -109,7 +109,7 @@ static EngineType type_of(int version, Kind kind) {
 #define CASE3(KIND, NAME)                                                                                              \
     case KIND_##KIND: t->call3 = set ? (EngineValues3)m->f3->Set##NAME : (EngineValues3)m->f3->Get##NAME; break
 
-void member_values(const Member *m, Kind kind, bool set, EngineTransfer *t) {
+void component_values(const Component *m, Kind kind, bool set, EngineTransfer *t) {
     t->type = type_of(m->version, kind);
     if (m->version == 2) switch (kind) {
         CASE2(FLOAT64, Real);
@@ -134,16 +134,16 @@ void member_values(const Member *m, Kind kind, bool set, EngineTransfer *t) {
 }
 
 /* One variable through a buffer of its own; the engine's conversions are those of the connections. */
-static uint32_t move_values(Member *m, Kind kind, uint32_t reference, double *values, size_t n, bool set) {
-    double buffer[MEMBER_LARGEST];
-    uint32_t numbers[MEMBER_LARGEST];
-    if (n > MEMBER_LARGEST) return fmi3Error;
+static uint32_t move_values(Component *m, Kind kind, uint32_t reference, double *values, size_t n, bool set) {
+    double buffer[COMPONENT_LARGEST];
+    uint32_t numbers[COMPONENT_LARGEST];
+    if (n > COMPONENT_LARGEST) return fmi3Error;
     for (size_t i = 0; i < n; i++) numbers[i] = (uint32_t)i;
     EngineTransfer t = {.references = &reference, .n_references = 1, .data = buffer, .n_data = n, .n = n,
                         .element = numbers, .place = numbers};
-    member_values(m, kind, set, &t);
+    component_values(m, kind, set, &t);
     Engine none = {0};
-    const EngineMember e = {.fmi = m->version,
+    const EngineComponent e = {.fmi = m->version,
         .instance = m->instance,
         .u = values,
         .y = values,
@@ -155,19 +155,19 @@ static uint32_t move_values(Member *m, Kind kind, uint32_t reference, double *va
     return seen(m, failed ? none.status : fmi3OK);
 }
 
-uint32_t member_set(Member *m, Kind kind, uint32_t reference, const double *values, size_t n) {
+uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n) {
     return move_values(m, kind, reference, (double *)(uintptr_t)values, n, true);
 }
 
-uint32_t member_get(Member *m, Kind kind, uint32_t reference, double *values, size_t n) {
+uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n) {
     return move_values(m, kind, reference, values, n, false);
 }
 
-uint32_t member_set_text(Member *m, uint32_t reference, const char *text) {
+uint32_t component_set_text(Component *m, uint32_t reference, const char *text) {
     return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
 }
 
-bool member_asked_to_end(Member *m) {
+bool component_asked_to_end(Component *m) {
     fmi2Boolean ended = fmi2False;
     return m->version == 2 && m->f2->GetBooleanStatus &&
            m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning && ended;

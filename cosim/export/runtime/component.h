@@ -64,7 +64,7 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
     char *reason, size_t n_reason);
 void foreign_close(void *library);
 
-typedef void (*MemberLog)(void *context, int status, const char *message);
+typedef void (*ComponentLog)(void *context, int status, const char *message);
 
 typedef struct {
     int version;
@@ -74,34 +74,34 @@ typedef struct {
     void *library;  /* of others, and what closes it */
     void (*close)(void *library);
     bool dead;      /* it has returned Fatal, and nothing of it may be called any more */
-    MemberLog log;
+    ComponentLog log;
     void *context;
     fmi2CallbackFunctions callbacks;
-} Member;
+} Component;
 
-bool member_instantiate(Member *m, const char *name, const char *token, const char *resources);
-void member_free(Member *m);
+bool component_instantiate(Component *m, const char *name, const char *token, const char *resources);
+void component_free(Component *m);
 
 /* Each returns the status that the FMU has returned; a larger one than 1 (Warning) is a failure. */
-uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop);
-uint32_t member_exit(Member *m);
-uint32_t member_reset(Member *m);
-uint32_t member_terminate(Member *m);
-uint32_t member_save(Member *m, void **state);
-uint32_t member_restore(Member *m, void *state);
-uint32_t member_forget(Member *m, void **state);
-uint32_t member_size(Member *m, void *state, size_t *size);
-uint32_t member_serialize(Member *m, void *state, void *bytes, size_t size);
-uint32_t member_deserialize(Member *m, const void *bytes, size_t size, void **state);
+uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop);
+uint32_t component_exit(Component *m);
+uint32_t component_reset(Component *m);
+uint32_t component_terminate(Component *m);
+uint32_t component_save(Component *m, void **state);
+uint32_t component_restore(Component *m, void *state);
+uint32_t component_forget(Component *m, void **state);
+uint32_t component_size(Component *m, void *state, size_t *size);
+uint32_t component_serialize(Component *m, void *state, void *bytes, size_t size);
+uint32_t component_deserialize(Component *m, const void *bytes, size_t size, void **state);
 
-/* All elements of a variable, from or to doubles; at most MEMBER_LARGEST of them. */
-enum { MEMBER_LARGEST = 1024 };
-uint32_t member_set(Member *m, Kind kind, uint32_t reference, const double *values, size_t n);
-uint32_t member_get(Member *m, Kind kind, uint32_t reference, double *values, size_t n);
-uint32_t member_set_text(Member *m, uint32_t reference, const char *text);
+/* All elements of a variable, from or to doubles; at most COMPONENT_LARGEST of them. */
+enum { COMPONENT_LARGEST = 1024 };
+uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n);
+uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
+uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
-void member_values(const Member *m, Kind kind, bool set, EngineTransfer *transfer);
-bool member_asked_to_end(Member *m);
+void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);
+bool component_asked_to_end(Component *m);
 
 #endif

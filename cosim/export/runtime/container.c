@@ -36,14 +36,14 @@ typedef struct {
 
 typedef struct {
     uint32_t magic, version;
-    uint64_t model, length, members; /* of the system, the state block and all components' states, in bytes */
+    uint64_t model, length, components; /* of the system, the state block and all components' states, in bytes */
     uint64_t checksum; /* once serialized; until then the address of this header, so that no bytes pass for a state */
 } Header;
 
 /* A saved state: header, state block, the components' states. */
 typedef struct {
     Header header;
-    void *members[];
+    void *components[];
 } Saved;
 
 struct FmuInstance {
@@ -51,8 +51,8 @@ struct FmuInstance {
     State *state;
     double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
     Engine engine;
-    EngineMember *bound;
-    Member *members;
+    EngineComponent *bound;
+    Component *components;
     EngineTransfer *transfers;
     bool *flags;
     double *last;
@@ -65,36 +65,36 @@ static size_t state_size(void) { return sizeof(State) + n_numbers() * sizeof(dou
 
 /* ------------------------------------------------------------------ life cycle */
 
-static void from_member(void *context, int status, const char *message);
+static void from_component(void *context, int status, const char *message);
 
 typedef struct {
     FmuInstance *self;
-    int32_t member;
+    int32_t component;
 } Source;
 
 static size_t n_transfers(void) {
     size_t n = 0;
-    for (int32_t i = 0; i < P->n_members; i++) n += (size_t)(P->members[i].n_sets + P->members[i].n_gets);
+    for (int32_t i = 0; i < P->n_components; i++) n += (size_t)(P->components[i].n_sets + P->components[i].n_gets);
     return n;
 }
 
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
-    const size_t n = (size_t)P->n_members, c = (size_t)P->n_clocks;
+    const size_t n = (size_t)P->n_components, c = (size_t)P->n_clocks;
     const size_t sizes[] = {
         aligned(sizeof(FmuInstance)),
         aligned(adapter_size),
         aligned(state_size()),
         aligned(P->n_values * sizeof(double)),
         aligned((size_t)P->n_variables * sizeof(double)),
-        aligned(n * sizeof(EngineMember)),
-        aligned(n * sizeof(Member)),
+        aligned(n * sizeof(EngineComponent)),
+        aligned(n * sizeof(Component)),
         aligned(n_transfers() * sizeof(EngineTransfer)),
         aligned(n * 4 * sizeof(bool)),
         aligned(n * sizeof(double)),
         aligned(n * sizeof(Source)),
         aligned(c * sizeof(int64_t)),
         aligned(c * sizeof(bool)),
-        aligned(n * sizeof(EngineMember *)),
+        aligned(n * sizeof(EngineComponent *)),
         aligned(P->n_shown * sizeof(EngineCopy)),
         aligned(n * sizeof(EnginePiece)),
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
@@ -113,24 +113,24 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->before = part[3];
     self->old = part[4];
     self->bound = part[5];
-    self->members = part[6];
+    self->components = part[6];
     self->transfers = part[7];
     self->flags = part[8];
     self->last = part[9];
     Source *sources = part[10];
     char *functions = part[16];
-    for (int32_t i = 0; i < P->n_members; i++) {
-        const PlanMember *p = &P->members[i];
-        Member *m = &self->members[i];
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        Component *m = &self->components[i];
         sources[i] = (Source){self, i};
         m->version = p->version;
         m->f2 = p->version != 2 ? NULL : p->functions ? p->functions : (Functions2 *)(void *)functions;
         m->f3 = p->version != 3 ? NULL : p->functions ? p->functions : (Functions3 *)(void *)functions;
         functions += sizeof(Functions2) + sizeof(Functions3);
-        m->log = from_member;
+        m->log = from_component;
         m->context = &sources[i];
     }
-    self->engine = (Engine){.values = self->values, .members = self->bound, .n_members = P->n_members,
+    self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
                             .due = part[12], .list = part[13], .shown = part[14], .reached = part[15], .look = true};
     self->state->mode = MODE_INSTANTIATED;
@@ -138,37 +138,37 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
 }
 
 /* Of what a component says, errors and warnings are passed on. */
-static void from_member(void *context, int status, const char *message) {
+static void from_component(void *context, int status, const char *message) {
     const Source *source = context;
     if (status == (int)fmi3OK) return;
     (void)fmu_fail(source->self, status <= (int)fmi3Fatal ? (FmuStatus)status : FMU_ERROR, "%s: %s",
-                   P->members[source->member].name, message);
+                   P->components[source->component].name, message);
 }
 
 /* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
  * system continues, unless the component is lost. */
-static FmuStatus member_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
-    if (self->members[i].dead) self->state->mode = MODE_ERROR;
+static FmuStatus component_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    if (self->components[i].dead) self->state->mode = MODE_ERROR;
     const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
-    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->members[i].name, what, name,
+    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->components[i].name, what, name,
         fmu_time(self));
 }
 
 /* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */
-static FmuStatus member_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+static FmuStatus component_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
     self->state->mode = MODE_ERROR;
-    return member_refused(self, i, what, status);
+    return component_refused(self, i, what, status);
 }
 
 /* The start values that the system gives. */
 static FmuStatus set_starts(FmuInstance *self, int32_t i) {
-    const PlanMember *p = &P->members[i];
+    const PlanComponent *p = &P->components[i];
     for (uint32_t k = 0; k < p->n_starts; k++) {
         const PlanStart *s = &p->starts[k];
-        const uint32_t status = s->text ? member_set_text(&self->members[i], s->reference, s->text)
-                                        : member_set(&self->members[i], s->kind, s->reference, s->values, s->n);
-        if (status > fmi3Warning) return member_failed(self, i, "setting a start value", status);
+        const uint32_t status = s->text ? component_set_text(&self->components[i], s->reference, s->text)
+                                        : component_set(&self->components[i], s->kind, s->reference, s->values, s->n);
+        if (status > fmi3Warning) return component_failed(self, i, "setting a start value", status);
     }
     return FMU_OK;
 }
@@ -202,9 +202,9 @@ static void resource_path(const char *given, char *path, size_t n) {
 FmuStatus fmu_open(FmuInstance *self, const char *resources) {
     char path[4096], own[4096 + 256], reason[512];
     resource_path(resources, path, sizeof path);
-    for (int32_t i = 0; i < P->n_members; i++) {
-        const PlanMember *p = &P->members[i];
-        Member *m = &self->members[i];
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
@@ -212,7 +212,7 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
             m->library = P->open(path, p->folder, p->identifier, p->version, functions, reason, sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
-        if (!member_instantiate(m, p->name, p->token, own))
+        if (!component_instantiate(m, p->name, p->token, own))
             return fmu_fail(self, FMU_ERROR, "component '%s' cannot be instantiated", p->name);
         const FmuStatus status = set_starts(self, i);
         if (status != FMU_OK) return status;
@@ -221,28 +221,28 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
 }
 
 void fmu_free(FmuInstance *self) {
-    for (int32_t i = P->n_members - 1; i >= 0; i--) member_free(&self->members[i]);
+    for (int32_t i = P->n_components - 1; i >= 0; i--) component_free(&self->components[i]);
     free(self);
 }
 
 void fmu_set_mode(FmuInstance *self, FmuMode mode) {
     if (mode == MODE_TERMINATED && self->state->mode == MODE_STEP)
-        for (int32_t i = 0; i < P->n_members; i++)
-            if (!self->members[i].dead) (void)member_terminate(&self->members[i]);
+        for (int32_t i = 0; i < P->n_components; i++)
+            if (!self->components[i].dead) (void)component_terminate(&self->components[i]);
     self->state->mode = (int32_t)mode;
 }
 
 FmuStatus fmu_reset(FmuInstance *self) {
     memset(self->state, 0, state_size());
     self->state->mode = MODE_INSTANTIATED;
-    for (int32_t i = 0; i < P->n_members; i++) {
-        if (self->members[i].dead) {
+    for (int32_t i = 0; i < P->n_components; i++) {
+        if (self->components[i].dead) {
             self->state->mode = MODE_ERROR;
             return fmu_fail(
-                self, FMU_ERROR, "component '%s' has failed permanently: free this instance", P->members[i].name);
+                self, FMU_ERROR, "component '%s' has failed permanently: free this instance", P->components[i].name);
         }
-        const uint32_t status = member_reset(&self->members[i]);
-        if (status > fmi3Warning) return member_failed(self, i, "Reset", status);
+        const uint32_t status = component_reset(&self->components[i]);
+        if (status > fmi3Warning) return component_failed(self, i, "Reset", status);
         if (set_starts(self, i) != FMU_OK) return FMU_ERROR;
     }
     return FMU_OK;
@@ -334,12 +334,12 @@ static void bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
     char *buffers = (char *)(u + P->n_u);
-    for (int32_t i = 0; i < P->n_members; i++) {
-        const PlanMember *p = &P->members[i];
-        const Member *m = &self->members[i];
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        const Component *m = &self->components[i];
         double *own = p->in_place ? self->values + p->u : u + p->u, *y = self->values + p->first;
-        EngineMember *e = &self->bound[i];
-        *e = (EngineMember){.fmi = p->version,
+        EngineComponent *e = &self->bound[i];
+        *e = (EngineComponent){.fmi = p->version,
             .clock = p->clock,
             .step = p->step,
             .check_before = p->check_before,
@@ -380,7 +380,7 @@ static void bind(FmuInstance *self) {
                     .n = from->n,
                     .element = from->element,
                     .place = from->place};
-                member_values(m, from->kind, set != 0, t);
+                component_values(m, from->kind, set != 0, t);
                 direct = direct && !from->element;
             }
         }
@@ -391,8 +391,8 @@ static void bind(FmuInstance *self) {
 /* A call of component i that the engine has made has failed. */
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     const int32_t call = self->engine.call;
-    if (self->engine.status == fmi3Fatal) self->members[i].dead = true;
-    return member_failed(self, i,
+    if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
+    return component_failed(self, i,
         call > 0   ? "setting its inputs"
         : call < 0 ? "getting its outputs"
                    : "DoStep",
@@ -401,8 +401,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
 
 static void show_everything(FmuInstance *self) {
     for (int pass = 0; pass < 2; pass++) /* what was reached is shown, then what is shown is remembered */
-        for (int32_t i = 0; i < P->n_members; i++) {
-            const PlanMember *p = &P->members[i];
+        for (int32_t i = 0; i < P->n_components; i++) {
+            const PlanComponent *p = &P->components[i];
             const int32_t first = pass ? 0 : p->n_copies_before, end = pass ? p->n_copies_before : p->n_copies;
             for (int32_t k = first; k < end; k++)
                 memcpy(
@@ -414,10 +414,10 @@ static void show_everything(FmuInstance *self) {
 static FmuStatus settle(FmuInstance *self) {
     State *s = self->state;
     if (s->settled) return FMU_OK;
-    for (int32_t round = 0; round < 20 + P->n_members; round++) {
+    for (int32_t round = 0; round < 20 + P->n_components; round++) {
         memcpy(self->before, self->values, P->n_values * sizeof(double));
-        for (int32_t i = 0; i < P->n_members; i++) {
-            EngineMember *e = &self->bound[i];
+        for (int32_t i = 0; i < P->n_components; i++) {
+            EngineComponent *e = &self->bound[i];
             if (e->n_inputs) engine_gather(&self->engine, e, 0.0);
             if (engine_set(&self->engine, e) || engine_get(&self->engine, e)) return call_failed(self, i);
             show_everything(self);
@@ -445,8 +445,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
     }
     s->mode = MODE_INITIALIZATION;
     s->settled = 0;
-    for (int32_t i = 0; i < P->n_members; i++) {
-        const PlanMember *p = &P->members[i];
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
         const EngineClock *clock = &P->clocks[p->clock];
         s->tick = clock->offset;
         const double begin = fmu_time(self);
@@ -455,17 +455,17 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
                          (s->stop_tick - clock->offset) % clock->period == 0;
         const double stop = met ? fmu_time(self) : 0.0;
         s->tick = 0;
-        const uint32_t status = member_enter(&self->members[i], p->has_tolerance, p->tolerance, begin, met, stop);
-        if (status > fmi3Warning) return member_failed(self, i, "EnterInitializationMode", status);
+        const uint32_t status = component_enter(&self->components[i], p->has_tolerance, p->tolerance, begin, met, stop);
+        if (status > fmi3Warning) return component_failed(self, i, "EnterInitializationMode", status);
     }
     bind(self);
-    for (int32_t i = 0; i < P->n_members; i++) /* elements that nobody drives */
-        for (int32_t k = 0; k < P->members[i].n_sets; k++)
-            if (P->members[i].sets[k].keeps) {
+    for (int32_t i = 0; i < P->n_components; i++) /* elements that nobody drives */
+        for (int32_t k = 0; k < P->components[i].n_sets; k++)
+            if (P->components[i].sets[k].keeps) {
                 EngineTransfer t = self->bound[i].sets[k];
-                member_values(&self->members[i], P->members[i].sets[k].kind, false, &t);
+                component_values(&self->components[i], P->components[i].sets[k].kind, false, &t);
                 t.element = NULL;
-                EngineMember e = self->bound[i];
+                EngineComponent e = self->bound[i];
                 e.gets = &t;
                 e.n_gets = 1;
                 if (engine_get(&self->engine, &e)) return call_failed(self, i);
@@ -474,8 +474,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
         const PlanVariable *v = &P->variables[i];
         if (v->slot >= 0 && (v->role == FMU_INPUT || v->role == FMU_PARAMETER)) {
             const uint32_t status =
-                member_get(&self->members[v->member], v->kind, v->reference, self->values + v->slot, 1);
-            if (status > fmi3Warning) return member_failed(self, v->member, "getting a value", status);
+                component_get(&self->components[v->component], v->kind, v->reference, self->values + v->slot, 1);
+            if (status > fmi3Warning) return component_failed(self, v->component, "getting a value", status);
         }
     }
     show_everything(self);
@@ -492,9 +492,9 @@ static FmuStatus check_finite(FmuInstance *self) {
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
     State *s = self->state;
     FmuStatus result = settle(self);
-    for (int32_t i = 0; i < P->n_members && result == FMU_OK; i++) {
-        const uint32_t status = member_exit(&self->members[i]);
-        if (status > fmi3Warning) result = member_failed(self, i, "ExitInitializationMode", status);
+    for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
+        const uint32_t status = component_exit(&self->components[i]);
+        if (status > fmi3Warning) result = component_failed(self, i, "ExitInitializationMode", status);
         else if (engine_get(&self->engine, &self->bound[i])) result = call_failed(self, i);
     }
     show_everything(self);
@@ -534,10 +534,10 @@ static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *valu
         if (v->scale != 1.0 || v->shift != 0.0) *value = v->scale * *value + v->shift;
         return FMU_OK;
     }
-    Member *m = &self->members[v->member];
-    if (m->dead) return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->members[v->member].name);
-    const uint32_t status = member_get(m, v->kind, v->reference, value, 1);
-    return status > fmi3Warning ? member_failed(self, v->member, "getting a value", status) : FMU_OK;
+    Component *m = &self->components[v->component];
+    if (m->dead) return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->components[v->component].name);
+    const uint32_t status = component_get(m, v->kind, v->reference, value, 1);
+    return status > fmi3Warning ? component_failed(self, v->component, "getting a value", status) : FMU_OK;
 }
 
 FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
@@ -579,7 +579,7 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const P
 }
 
 static uint32_t hand_over(FmuInstance *self, const PlanVariable *v, double value) {
-    const uint32_t status = member_set(&self->members[v->member], v->kind, v->reference, &value, 1);
+    const uint32_t status = component_set(&self->components[v->component], v->kind, v->reference, &value, 1);
     if (status <= fmi3Warning && v->slot >= 0) self->values[v->slot] = value;
     return status;
 }
@@ -600,10 +600,10 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     for (; done < n_refs; done++) {
         const PlanVariable *v = &P->variables[refs[done]];
         if (can_read && n_refs <= (size_t)P->n_variables)
-            (void)member_get(&self->members[v->member], v->kind, v->reference, &self->old[done], 1);
+            (void)component_get(&self->components[v->component], v->kind, v->reference, &self->old[done], 1);
         const uint32_t said = hand_over(self, v, read(values, done));
         if (said <= fmi3Warning) continue;
-        status = member_refused(self, v->member, v->name, said);
+        status = component_refused(self, v->component, v->name, said);
         break;
     }
     if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
@@ -623,11 +623,11 @@ FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const u
 
 /* What an instant of the engine has ended with. */
 static FmuStatus outcome(FmuInstance *self, int result) {
-    const int32_t i = self->engine.member;
+    const int32_t i = self->engine.component;
     if (result == ENGINE_AT_END) return FMU_OK;
     self->state->tick = self->engine.tick;
     if (result == ENGINE_NOT_FINITE) {
-        const PlanMember *p = &P->members[i];
+        const PlanComponent *p = &P->components[i];
         for (uint32_t k = p->first; k < p->first + p->n_outputs; k++)
             if (!isfinite(self->values[k]))
                 return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
@@ -635,11 +635,11 @@ static FmuStatus outcome(FmuInstance *self, int result) {
     }
     const bool asked =
         self->engine.call == 0 &&
-        (P->members[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-                                    : self->engine.status == fmi2Discard && member_asked_to_end(&self->members[i]));
+        (P->components[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
+                                    : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]));
     if (asked) {
         self->state->ended = 1;
-        (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->members[i].name,
+        (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->components[i].name,
             fmu_time(self));
         return FMU_DISCARD;
     }
@@ -731,9 +731,9 @@ FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nomi
 /* ------------------------------------------------------------------ saved states */
 
 static State *state_in(const void *saved) {
-    return (State *)((char *)(uintptr_t)saved + sizeof(Saved) + (size_t)P->n_members * sizeof(void *));
+    return (State *)((char *)(uintptr_t)saved + sizeof(Saved) + (size_t)P->n_components * sizeof(void *));
 }
-static size_t saved_size(void) { return sizeof(Saved) + (size_t)P->n_members * sizeof(void *) + state_size(); }
+static size_t saved_size(void) { return sizeof(Saved) + (size_t)P->n_components * sizeof(void *) + state_size(); }
 static uint64_t identity(void) { return fmu_hash(fmu_model.token, strlen(fmu_model.token)); }
 
 static FmuStatus check_can_save(FmuInstance *self, const char *function) {
@@ -785,15 +785,15 @@ static const char *wrong_in(const State *s) {
     return NULL;
 }
 
-static void forget_members(FmuInstance *self, Saved *saved) {
-    for (int32_t i = 0; i < P->n_members; i++)
-        if (saved->members[i] && !self->members[i].dead) (void)member_forget(&self->members[i], &saved->members[i]);
+static void forget_components(FmuInstance *self, Saved *saved) {
+    for (int32_t i = 0; i < P->n_components; i++)
+        if (saved->components[i] && !self->components[i].dead) (void)component_forget(&self->components[i], &saved->components[i]);
 }
 
 static FmuStatus check_alive(FmuInstance *self, const char *function) {
-    for (int32_t i = 0; i < P->n_members; i++)
-        if (self->members[i].dead)
-            return fmu_fail(self, FMU_ERROR, "%s: component '%s' has failed permanently", function, P->members[i].name);
+    for (int32_t i = 0; i < P->n_components; i++)
+        if (self->components[i].dead)
+            return fmu_fail(self, FMU_ERROR, "%s: component '%s' has failed permanently", function, P->components[i].name);
     return FMU_OK;
 }
 
@@ -805,14 +805,14 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
     if (status != FMU_OK) return status;
     Saved *saved = *snapshot ? *snapshot : calloc(1, saved_size());
     if (!saved) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
-    for (int32_t i = 0; i < P->n_members; i++) {
-        const uint32_t said = member_save(&self->members[i], &saved->members[i]);
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const uint32_t said = component_save(&self->components[i], &saved->components[i]);
         if (said <= fmi3Warning) continue;
         if (!*snapshot) {
-            forget_members(self, saved);
+            forget_components(self, saved);
             free(saved);
         }
-        return member_refused(self, i, "GetFMUState", said);
+        return component_refused(self, i, "GetFMUState", said);
     }
     saved->header = (Header){.magic = STATE_MAGIC,
         .version = STATE_VERSION,
@@ -831,10 +831,10 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     if (wrong)
         status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
     const Saved *saved = snapshot;
-    for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
-        const uint32_t said = member_restore(&self->members[i], saved->members[i]);
+    for (int32_t i = 0; i < P->n_components && status == FMU_OK; i++) {
+        const uint32_t said = component_restore(&self->components[i], saved->components[i]);
         if (said > fmi3Warning)
-            status = member_failed(self, i, "SetFMUState", said); /* components before it have been restored */
+            status = component_failed(self, i, "SetFMUState", said); /* components before it have been restored */
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
@@ -847,7 +847,7 @@ FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snap
     if (!*snapshot) return FMU_OK;
     const FmuStatus status = check_header(self, function, *snapshot);
     if (status != FMU_OK) return status;
-    forget_members(self, *snapshot);
+    forget_components(self, *snapshot);
     free(*snapshot);
     *snapshot = NULL;
     return FMU_OK;
@@ -861,10 +861,10 @@ FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const voi
     if (status != FMU_OK) return status;
     const Saved *saved = snapshot;
     size_t total = sizeof(Header) + state_size();
-    for (int32_t i = 0; i < P->n_members; i++) {
+    for (int32_t i = 0; i < P->n_components; i++) {
         size_t own = 0;
-        const uint32_t said = member_size(&self->members[i], saved->members[i], &own);
-        if (said > fmi3Warning) return member_refused(self, i, "SerializedFMUStateSize", said);
+        const uint32_t said = component_size(&self->components[i], saved->components[i], &own);
+        if (said > fmi3Warning) return component_refused(self, i, "SerializedFMUStateSize", said);
         total += sizeof(uint64_t) + own;
     }
     *size = total;
@@ -882,18 +882,18 @@ FmuStatus fmu_serialize(
     unsigned char *to = bytes + sizeof(Header);
     memcpy(to, state_in(snapshot), state_size());
     to += state_size();
-    for (int32_t i = 0; i < P->n_members; i++) {
+    for (int32_t i = 0; i < P->n_components; i++) {
         size_t own = 0;
-        uint32_t said = member_size(&self->members[i], saved->members[i], &own);
+        uint32_t said = component_size(&self->components[i], saved->components[i], &own);
         const uint64_t length = own;
         memcpy(to, &length, sizeof length);
         to += sizeof length;
-        if (said <= fmi3Warning) said = member_serialize(&self->members[i], saved->members[i], to, own);
-        if (said > fmi3Warning) return member_refused(self, i, "SerializeFMUState", said);
+        if (said <= fmi3Warning) said = component_serialize(&self->components[i], saved->components[i], to, own);
+        if (said > fmi3Warning) return component_refused(self, i, "SerializeFMUState", said);
         to += own;
     }
     Header h = saved->header;
-    h.members = need - sizeof(Header) - state_size();
+    h.components = need - sizeof(Header) - state_size();
     h.checksum = fmu_hash(bytes + sizeof(Header), need - sizeof(Header));
     memcpy(bytes, &h, sizeof h);
     return FMU_OK;
@@ -909,7 +909,7 @@ FmuStatus fmu_deserialize(
     if (status != FMU_OK) return status;
     Header h;
     memcpy(&h, bytes, sizeof h);
-    if (size - sizeof h < state_size() || h.members != size - sizeof h - state_size() ||
+    if (size - sizeof h < state_size() || h.components != size - sizeof h - state_size() ||
         h.checksum != fmu_hash(bytes + sizeof h, size - sizeof h))
         return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
     Saved *saved = calloc(1, saved_size());
@@ -921,22 +921,22 @@ FmuStatus fmu_deserialize(
     const char *wrong = wrong_in(state_in(saved));
     if (wrong)
         status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
-    for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
+    for (int32_t i = 0; i < P->n_components && status == FMU_OK; i++) {
         uint64_t own = 0;
         if ((size_t)(end - from) >= sizeof own) memcpy(&own, from, sizeof own);
         if ((size_t)(end - from) < sizeof own || own > (uint64_t)(end - from) - sizeof own) {
             status = fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
             break;
         }
-        const uint32_t said = member_deserialize(&self->members[i], from + sizeof own, (size_t)own, &saved->members[i]);
-        if (said > fmi3Warning) status = member_refused(self, i, "DeserializeFMUState", said);
+        const uint32_t said = component_deserialize(&self->components[i], from + sizeof own, (size_t)own, &saved->components[i]);
+        if (said > fmi3Warning) status = component_refused(self, i, "DeserializeFMUState", said);
         from += sizeof own + own;
     }
     if (status == FMU_OK) {
         *snapshot = saved;
         return FMU_OK;
     }
-    forget_members(self, saved);
+    forget_components(self, saved);
     free(saved);
     return status;
 }

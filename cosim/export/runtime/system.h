@@ -52,7 +52,7 @@ typedef struct {
     uint32_t n_starts;
     bool has_tolerance;
     double tolerance;
-} PlanMember;
+} PlanComponent;
 
 /* A variable of the system's FMU; its value reference is its index. */
 typedef struct {
@@ -61,7 +61,7 @@ typedef struct {
     FmuRole role;                    /* time, parameter, input, output */
     bool is_tunable;
     double min, max;
-    int32_t member;                  /* parameters and inputs: whose, and which */
+    int32_t component;                  /* parameters and inputs: whose, and which */
     Kind kind;
     uint32_t reference;
     int64_t slot;                    /* outputs; of others where their value is shown too, or -1 */
@@ -69,8 +69,8 @@ typedef struct {
 } PlanVariable;
 
 typedef struct {
-    const PlanMember *members;
-    int32_t n_members, n_discrete;
+    const PlanComponent *components;
+    int32_t n_components, n_discrete;
     const EngineClock *clocks;
     int32_t n_clocks;
     int64_t a, d;                    /* the tick is a / d seconds */

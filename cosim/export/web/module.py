@@ -59,11 +59,11 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
     """
     parts = tuple(dict.fromkeys(alone))
     for code in codes:
-        for member, part in code.parts.items():
+        for component, part in code.parts.items():
             if not part.linked:
                 raise CosimError(
-                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; use an FMU"
-                    " that build-fmus makes"
+                    f"'{component.name}' ({part.fmu.path}) has no sources that a page could be compiled from; use an"
+                    " FMU that build-fmus makes"
                 )
     for part in parts:
         if part.version != _FMI:

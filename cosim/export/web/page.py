@@ -27,7 +27,7 @@ from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
 from cosim.export.web.scene import Scene, Value, scene_data
-from cosim.system.members import indices
+from cosim.system.components import indices
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive, seconds_text
@@ -172,7 +172,7 @@ def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -
         module=_packed(module.content),
         data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
         size=len(module.content),
-        members=sorted({m.name for c in codes for m in c.schedule.members}),
+        components=sorted({m.name for c in codes for m in c.schedule.components}),
         schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)),
         licences=_licences(codes),
         version=metadata.version(base.TOOL),
@@ -255,7 +255,7 @@ def _code(name: str, shown: PageSystem, known: dict[tuple[str, str], Part]) -> S
     elements = dict.fromkeys(
         n for n in (*drawn, *(n for a in _ahead(schedule).values() for n in a["names"])) if n not in outputs
     )
-    there = {f"{m.name}.{v}" for m in schedule.members for v in m.description.outputs}
+    there = {f"{m.name}.{v}" for m in schedule.components for v in m.description.outputs}
     return SystemCode(
         name, schedule, choose(schedule, None, [*outputs, *(n for n in elements if n in there)], "*"), _FMI, known
     )
@@ -269,7 +269,7 @@ def _ahead(schedule: Schedule) -> dict[str, dict[str, Any]]:
     """
     sources = {c.target_name: c.source_name for c in schedule.connections}
     found: dict[str, dict[str, Any]] = {}
-    for m in schedule.members:
+    for m in schedule.components:
         for array, elements in m.description.arrays.items():
             kind, _, name = array.partition(".")
             own = f"{m.name}.{name}"
@@ -394,29 +394,29 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
 
 
 def _road_part(scene: Scene, code: SystemCode) -> Part:
-    return next(p for m, p in code.parts.items() if m.name == scene.grounds[0].member)
+    return next(p for m, p in code.parts.items() if m.name == scene.grounds[0].component)
 
 
 def _road(scene: Scene | None, code: SystemCode, module: Module) -> dict[str, Any] | None:
     """How the page asks the road alone what lies ahead."""
     if scene is None or not scene.grounds:
         return None
-    name = scene.grounds[0].member
-    member = next(m for m in code.schedule.members if m.name == name)
+    name = scene.grounds[0].component
+    component = next(m for m in code.schedule.components if m.name == name)
 
     def own_variable(full: str) -> Variable:
-        return member.description.find(full.removeprefix(f"{name}."), name)
+        return component.description.find(full.removeprefix(f"{name}."), name)
 
     own = {
-        f"{name}.{v.name}": v for v in member.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES
+        f"{name}.{v.name}": v for v in component.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES
     }
     return {
-        "model": module.model(code.parts[member]),
+        "model": module.model(code.parts[component]),
         "x": own_variable(scene.grounds[0].input).reference,
-        "step": float(member.step),
+        "step": float(component.step),
         "sides": {g.side: {"reference": own_variable(g.output).reference, "ahead": g.ahead} for g in scene.grounds},
         "starts": [
-            [_TYPES[v.fmi_type], v.reference, values] for v, values in start_values(member) if v.fmi_type in _TYPES
+            [_TYPES[v.fmi_type], v.reference, values] for v, values in start_values(component) if v.fmi_type in _TYPES
         ],
         "parameters": {n: {"type": _TYPES[v.fmi_type], "reference": v.reference} for n, v in own.items()},
     }

@@ -46,8 +46,8 @@ class Value:
         if given is None:
             raise ValueError(f"a value's terms are {self.terms!r}; give factors by variable name")
         for name, factor in given:
-            member, _, variable = name.partition(".") if isinstance(name, str) else ("", "", "")
-            if not member or not variable:
+            component, _, variable = name.partition(".") if isinstance(name, str) else ("", "", "")
+            if not component or not variable:
                 raise ValueError(f"a value names {name!r}; write component.variable")
             number(f"value: factor of '{name}'", factor)
         _assign(self, "terms", {name: float(factor) for name, factor in given if factor})
@@ -212,7 +212,7 @@ class Ground:
 
     side: Side
     y: float
-    member: str
+    component: str
     input: str
     output: str
     ahead: float
@@ -220,7 +220,7 @@ class Ground:
     def __post_init__(self) -> None:
         where = f"ground on the {self.side}"
         _check_choice("ground", "side", self.side, Side)
-        _check_text(where, member=self.member, input=self.input, output=self.output)
+        _check_text(where, component=self.component, input=self.input, output=self.output)
         number(f"{where}: y", self.y, "m")
         number(f"{where}: ahead", self.ahead, "m")
 

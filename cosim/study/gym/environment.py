@@ -182,7 +182,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         self._reward, self._scenario = reward, scenario
         self._stops = list(terminated)
         self._failure_reward = None if failure_reward is None else float(failure_reward)
-        self._base = {m.name: dict(m.values) for m in self.system.members.values()}
+        self._base = {m.name: dict(m.values) for m in self.system.components.values()}
         self._simulation: Simulation | None = None
         self._steps = 0
         self._over = True
@@ -256,12 +256,12 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         return self._observe()[0], {"scenario": dict(given)}
 
     def _begin(self, given: Scenario, state: SystemState | None = None) -> None:
-        members = self.system.members
+        components = self.system.components
         for name, values in self._base.items():
-            members[name].values = dict(values)
+            components[name].values = dict(values)
         for name, value in given.items():
-            member, variable = members.split(name)
-            member.set({variable: value})
+            component, variable = components.split(name)
+            component.set({variable: value})
         self._over, self._steps, self._given = True, 0, given
         self._simulation = simulation = self.system.initialize(
             record=self._recorded,

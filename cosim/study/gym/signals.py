@@ -14,7 +14,7 @@ import numpy as np
 from build_fmus import extras
 from build_fmus.checks import did_you_mean
 from build_fmus.units import KNOWN, UnitMismatchError, conversion
-from cosim import CosimError, Member, System, Variable, WiringError
+from cosim import CosimError, System, SystemComponent, Variable, WiringError
 from cosim.signals import Array
 
 with extras.needed("learning", "cosim.gym"):
@@ -37,7 +37,9 @@ class Signals:
         space: their space, (n,).
     """
 
-    def __init__(self, chosen: Sequence[tuple[Member, Variable]], ranges: Sequence[tuple[float, float] | None]):
+    def __init__(
+        self, chosen: Sequence[tuple[SystemComponent, Variable]], ranges: Sequence[tuple[float, float] | None]
+    ):
         self.pairs = list(chosen)
         self.names = [f"{m.name}.{v.name}" for m, v in chosen]
         self.units = {n: v.unit_name for n, (_, v) in zip(self.names, chosen, strict=True)}
@@ -105,26 +107,26 @@ def actions(system: System, ranges: Ranges) -> Signals:
     listed = _named(ranges)
     if not listed:
         raise WiringError("no action: name an input that nothing drives, or a tunable parameter")
-    found: dict[str, tuple[Member, Variable, tuple[float, float] | None]] = {}
+    found: dict[str, tuple[SystemComponent, Variable, tuple[float, float] | None]] = {}
     for pattern, limits in listed:
-        for member, variable in _inputs(system, pattern):
-            name = f"{member.name}.{variable.name}"
+        for component, variable in _inputs(system, pattern):
+            name = f"{component.name}.{variable.name}"
             if name in found:
                 raise WiringError(f"the action {name} is named twice")
-            found[name] = member, variable, _range(name, variable, limits)
+            found[name] = component, variable, _range(name, variable, limits)
     return Signals([(m, v) for m, v, _ in found.values()], [r for *_, r in found.values()])
 
 
-def _inputs(system: System, pattern: str) -> list[tuple[Member, Variable]]:
+def _inputs(system: System, pattern: str) -> list[tuple[SystemComponent, Variable]]:
     """The inputs and parameters that a name or pattern of an action stands for."""
-    chosen = system.members.fitting(pattern, "input")
+    chosen = system.components.fitting(pattern, "input")
     if "*" in pattern or "?" in pattern:
         chosen = [(m, v) for m, v in chosen if f"{m.name}.{v.name}" not in system.connections]
     if not chosen:
         free = ", ".join(system.unconnected()) or "none"
         raise WiringError(f"the action '{pattern}' fits no input that nothing drives; there are: {free}")
-    for member, variable in chosen:
-        name = f"{member.name}.{variable.name}"
+    for component, variable in chosen:
+        name = f"{component.name}.{variable.name}"
         driven = system.connections.get(name)
         if driven is not None:
             raise WiringError(f"the action {name} is driven by {driven.source_name}: system.disconnect('{name}') first")
@@ -145,13 +147,13 @@ def observations(system: System, ranges: Ranges) -> Signals:
         WiringError: a name that does not exist, a range that is none.
     """
     listed = _named(ranges)
-    found: dict[str, tuple[Member, Variable, tuple[float, float] | None]] = {}
+    found: dict[str, tuple[SystemComponent, Variable, tuple[float, float] | None]] = {}
     for pattern, limits in listed:
-        for member, variable in system.select([pattern]):
-            name = f"{member.name}.{variable.name}"
+        for component, variable in system.select([pattern]):
+            name = f"{component.name}.{variable.name}"
             if name in found:
                 raise WiringError(f"the observation {name} is named twice")
-            found[name] = member, variable, _range(name, variable, limits)
+            found[name] = component, variable, _range(name, variable, limits)
     if not found:
         raise WiringError("no observation: name at least one output")
     return Signals([(m, v) for m, v, _ in found.values()], [r for *_, r in found.values()])

@@ -502,21 +502,21 @@ class Page {
     const room = this.$("parameters");
     room.replaceChildren();
     this.all = [];
-    const members = new Map();
+    const components = new Map();
     for (const variant of this.variants)
       for (const v of variant.variables.values()) {
         if (v.role === "output") continue;
-        const member = v.name.slice(0, v.name.indexOf("."));
-        if (!members.has(member)) members.set(member, new Map());
-        members.get(member).set(v.name, v);
+        const component = v.name.slice(0, v.name.indexOf("."));
+        if (!components.has(component)) components.set(component, new Map());
+        components.get(component).set(v.name, v);
       }
-    for (const [member, variables] of members) {
+    for (const [component, variables] of components) {
       const box = document.createElement("details");
-      box.append(Object.assign(document.createElement("summary"), { textContent: `${member} (${variables.size})` }));
+      box.append(Object.assign(document.createElement("summary"), { textContent: `${component} (${variables.size})` }));
       box.addEventListener("toggle", () => {
         // made when they are first looked at
         if (!box.open || box.childElementCount > 1) return;
-        for (const v of variables.values()) this.all.push(this.control(Page.plain(v, member), box));
+        for (const v of variables.values()) this.all.push(this.control(Page.plain(v, component), box));
         this.filter();
         for (const c of this.all) c.show();
       });
@@ -525,13 +525,13 @@ class Page {
     this.$("filter").value = "";
   }
 
-  static plain(v, member) {
+  static plain(v, component) {
     const d = v.display || { unit: v.unit, factor: 1, offset: 0 };
     const shown = (x) => (x === null ? null : Number((x * d.factor + d.offset).toPrecision(9)));
     const narrow =
       v.min !== null && v.max !== null && Math.abs(v.max - v.min) <= 1e3 * Math.max(Math.abs(v.start), 1e-3);
     return {
-      label: v.name.slice(member.length + 1),
+      label: v.name.slice(component.length + 1),
       text: v.text,
       names: [v.name],
       unit: d.unit,

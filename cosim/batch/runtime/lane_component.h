@@ -14,7 +14,7 @@ typedef struct {
     lanes k[5][N_STATES + 1];
     lanes w[N_WORK + 1];
     Fixed fixed;
-} Member;
+} Component;
 
 #define P (m->v)
 #define U (P + N_PARAMETERS)
@@ -27,11 +27,11 @@ typedef struct {
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-INLINE Arguments arguments(Member *m, double t, const lanes *x) {
+INLINE Arguments arguments(Component *m, double t, const lanes *x) {
     return (Arguments){.t = t, .x = x, .u = U, .p = P, .f = &m->fixed, .w = m->w};
 }
 
-static void fail(Member *m, unsigned failed, int why, int which, double when, const lanes *value) {
+static void fail(Component *m, unsigned failed, int why, int which, double when, const lanes *value) {
     for (int i = 0; i < LANES; i++)
         if (failed >> i & 1u) {
             m->failure[i] = why;
@@ -42,7 +42,7 @@ static void fail(Member *m, unsigned failed, int why, int which, double when, co
 }
 
 /* Which of the lanes in `of` have a value that is not finite; they are noted. */
-static unsigned not_finite(Member *m, unsigned of, const lanes *values, const int *slots, int n, int why, double when) {
+static unsigned not_finite(Component *m, unsigned of, const lanes *values, const int *slots, int n, int why, double when) {
     unsigned failed = 0;
     for (int i = 0; i < n; i++) {
         const int slot = slots ? slots[i] : i;
@@ -54,14 +54,14 @@ static unsigned not_finite(Member *m, unsigned of, const lanes *values, const in
 }
 
 #if IS_CONTINUOUS
-INLINE void rhs(Member *m, double t, const lanes *x, lanes *dx) {
+INLINE void rhs(Component *m, double t, const lanes *x, lanes *dx) {
 #if N_STATES
     const Arguments at = arguments(m, t, x);
     derivatives(&at, dx);
 #endif
 }
 
-static void step_solver(Member *m, double t, double h, int first) {
+static void step_solver(Component *m, double t, double h, int first) {
     lanes *const x = X, *const s = m->k[0], *const k1 = m->k[1], *const k2 = m->k[2], *const k3 = m->k[3],
                  *const k4 = m->k[4];
     const int n = N_STATES;
@@ -100,7 +100,7 @@ static void step_solver(Member *m, double t, double h, int first) {
 }
 
 /* One communication step of all lanes; returns which of those in `of` have failed. */
-static unsigned step(Member *m, double t, double h, unsigned of) {
+static unsigned step(Component *m, double t, double h, unsigned of) {
     const double count = ceil(h / ((const double *)&P[0])[0] * (1.0 - 1e-9));
     const int64_t n = count < 1.0 ? 1 : (int64_t)count;
     const double dt = h / (double)n;
@@ -132,7 +132,7 @@ static unsigned step(Member *m, double t, double h, unsigned of) {
     return failed;
 }
 #else
-static unsigned step(Member *m, double t, double h, unsigned of) {
+static unsigned step(Component *m, double t, double h, unsigned of) {
     const double Ts = SAMPLE_TIME, end = t + h - 1e-6 * Ts, start = *(const double *)&m->start_time;
     double *const sample_number = (double *)&m->sample, *const started = (double *)&m->started;
     unsigned failed = 0;
@@ -167,9 +167,9 @@ static unsigned step(Member *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return sizeof(Member) / sizeof(lanes); }
+EXPORT size_t cosim_lanes_rows(void) { return sizeof(Component) / sizeof(lanes); }
 EXPORT void cosim_lanes_prepare(void *memory) {
-    Member *const m = memory;
+    Component *const m = memory;
     prepare((const Parameters *)P, &m->fixed);
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }

@@ -19,22 +19,22 @@ from cosim.system.renewal import PythonSource
 
 
 @dataclass(eq=False)
-class Member:
+class SystemComponent:
     """A component in a system, with its rate [s, exact] and the values it starts with."""
 
     name: str
-    component: Component
+    implementation: Component
     step: Fraction
     offset: Fraction
     kind: str
     values: dict[str, Any] = field(default_factory=dict)
     source: PythonSource | None = None
-    """Of a component written in Python: what it is made of for each run. `component` is the object that ran last."""
+    """Of a component written in Python: what it is made of for each run. `implementation` ran last."""
 
     @property
     def description(self) -> Description:
         """Variables and capabilities of the component."""
-        return self.component.description
+        return self.implementation.description
 
     @property
     def discrete(self) -> bool:
@@ -74,9 +74,9 @@ class Connection:
     `flow`: the target takes the flow that the source gives, so no other component may take it.
     """
 
-    source: Member
+    source: SystemComponent
     output: Variable
-    target: Member
+    target: SystemComponent
     input: Variable
     delay: bool = False
     extrapolate: bool = False
@@ -112,7 +112,7 @@ class Group:
     """Continuous components that advance together, by one method."""
 
     name: str
-    members: tuple[Member, ...]
+    components: tuple[SystemComponent, ...]
     method: str = "jacobi"
 
 
