@@ -20,7 +20,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import backend
 
-from build_fmus import package, related, safe_files
+from build_fmus import package, related
+from build_fmus.base import safe_files
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
 from cosim.experiments.live_pages import write_pages

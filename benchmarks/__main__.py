@@ -33,7 +33,7 @@ from benchmarks import (
     trench_plant,
 )
 from benchmarks.master_cost import measure
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import EngineChoice, System
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import PLANT

@@ -18,10 +18,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
 
-from build_fmus import qp_sources, safe_files
+from build_fmus import qp_sources
+from build_fmus.base import safe_files
+from build_fmus.base.interpreters import forget_safe_path, safe_path
+from build_fmus.base.layout import fmu_path
 from build_fmus.compile import toolchain_identity
-from build_fmus.interpreters import forget_safe_path, safe_path
-from build_fmus.layout import fmu_path
 
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
 _LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "osqp", "suspension-fmus")

@@ -21,8 +21,8 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import safe_files
-from build_fmus.interpreters import PYTHON
+from build_fmus.base import safe_files
+from build_fmus.base.interpreters import PYTHON
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 # For whoever compiles the sources. -fno-math-errno makes sqrt the processor's instruction alone; it changes no value.

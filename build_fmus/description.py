@@ -7,7 +7,8 @@ from importlib import metadata
 
 from lxml import etree
 
-from build_fmus import generate, quantities, units
+from build_fmus import generate
+from build_fmus.base import quantities, units
 from build_fmus.compile import PLATFORMS, SOURCE_FLAGS
 from build_fmus.component import DeclarationError, Model, Variable
 from build_fmus.generate import Reference, is_exact, references

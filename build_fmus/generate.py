@@ -16,11 +16,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from build_fmus import qp, random_profiles
+from build_fmus.base.escape import c_comment, c_string
 from build_fmus.component import Model, Variable
 from build_fmus.equations.functions import Functions
 from build_fmus.equations.names import WIDTH, Struct
 from build_fmus.equations.operators import constant
-from build_fmus.escape import c_comment, c_string
 from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 

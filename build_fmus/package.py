@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import description, extras, generate, licences, reference, related, safe_files
+from build_fmus import description, generate, licences, reference, related
+from build_fmus.base import extras, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.icon import icon_png

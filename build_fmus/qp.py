@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse import csc_array
 
-from build_fmus.checks import finite, number
+from build_fmus.base.checks import finite, number
 
 BackendName = Literal["daqp", "osqp"]
 INFINITE = 1e30  # bounds of this size and beyond do not bind; QP_INFINITY in qp.h

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from build_fmus import generate, safe_files
+from build_fmus import generate
+from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Model
 

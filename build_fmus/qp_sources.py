@@ -17,8 +17,8 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import safe_files
-from build_fmus.interpreters import PYTHON
+from build_fmus.base import safe_files
+from build_fmus.base.interpreters import PYTHON
 
 DAQP_VERSION = "0.11.0"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"

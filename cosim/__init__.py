@@ -1,7 +1,7 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
 # isort: off
-from build_fmus import run_as_module  # noqa: F401 (before all others)
+from build_fmus.base import run_as_module  # noqa: F401 (before all others)
 # isort: on
 
 import logging

@@ -13,10 +13,10 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus import extras, terminal
-from build_fmus.checks import unknown
-from build_fmus.completion import SCRIPTS, fitting
-from build_fmus.terminal import Command, Commands, PackageVersion, show
+from build_fmus.base import extras, terminal
+from build_fmus.base.checks import unknown
+from build_fmus.base.completion import SCRIPTS, fitting
+from build_fmus.base.terminal import Command, Commands, PackageVersion, show
 from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
 from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command, wiring_command

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.checks import unknown
-from build_fmus.units import KNOWN, Unit
+from build_fmus.base.checks import unknown
+from build_fmus.base.units import KNOWN, Unit
 from cosim import plain
 from cosim.dependencies import Dependencies, by_perturbation
 from cosim.description import Description, Variable

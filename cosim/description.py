@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from build_fmus.checks import did_you_mean
-from build_fmus.units import DisplayUnit, Unit
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.units import DisplayUnit, Unit
 from cosim.errors import WiringError
 
 RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded

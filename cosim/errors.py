@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from build_fmus import surface
-from build_fmus.checks import plain
+from build_fmus.base import surface
+from build_fmus.base.checks import plain
 from cosim.base_error import CosimError
 from cosim.recording import Recording
 

@@ -22,8 +22,8 @@ from typing import IO, Any, Protocol, cast
 
 import numpy as np
 
-from build_fmus import extras, safe_files
-from build_fmus.checks import plain
+from build_fmus.base import extras, safe_files
+from build_fmus.base.checks import plain
 from cosim.base_error import CosimError
 from cosim.reading import NotRead, answer, read_apart
 from cosim.signals import Array

@@ -9,7 +9,7 @@ import numpy as np
 from lxml import html
 from lxml.html import builder as E  # noqa: N812
 
-from build_fmus import escape, extras
+from build_fmus.base import escape, extras
 from cosim.formats import TIME, FormatError, Recorded, blocks, columns
 from cosim.peaks import keep_peaks
 

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import safe_files
-from build_fmus.interpreters import PYTHON
+from build_fmus.base import safe_files
+from build_fmus.base.interpreters import PYTHON
 from cosim.base_error import CosimError
 from cosim.memory import physical_memory
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from build_fmus import safe_files
-from build_fmus.checks import did_you_mean, glob
-from build_fmus.units import KNOWN, DisplayUnit, UnitMismatchError, conversion
+from build_fmus.base import safe_files
+from build_fmus.base.checks import did_you_mean, glob
+from build_fmus.base.units import KNOWN, DisplayUnit, UnitMismatchError, conversion
 from cosim import formats, frames
 from cosim.real_time import RealTime
 from cosim.signals import Array

@@ -24,7 +24,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from build_fmus import safe_files, surface
+from build_fmus.base import safe_files, surface
 from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile

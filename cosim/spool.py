@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim.errors import CosimError
 from cosim.recording import Recording
 from cosim.signals import Array

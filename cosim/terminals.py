@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from build_fmus.quantities import place
+from build_fmus.base.quantities import place
 from cosim.description import Description, split_index
 
 BUS, PLUG, SEQUENCE = "bus", "plug", "sequence"

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TypeVar
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 from cosim.errors import TimeError
 
 TimeLike = int | float | str | Fraction

@@ -16,7 +16,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from build_fmus import terminal
+from build_fmus.base import terminal
 from cosim.cli import app
 from fmu_sources import cli
 

@@ -15,8 +15,8 @@ import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from build_fmus import safe_files
-from build_fmus.layout import FMUS
+from build_fmus.base import safe_files
+from build_fmus.base.layout import FMUS
 from cosim import Fmu, Variable
 from cosim.fmu.find import PUBLISHED
 from cosim.fmu.model_description import Description

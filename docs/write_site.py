@@ -24,7 +24,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent

@@ -1,5 +1,5 @@
 """What each component is: equations, parameters and control design. No FMI, no C."""
 
-from build_fmus import extras
+from build_fmus.base import extras
 
 extras.require("build", extras.BUILDING)

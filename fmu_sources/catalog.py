@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from build_fmus.checks import did_you_mean
-from build_fmus.escape import NO_XML
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.escape import NO_XML
 
 if TYPE_CHECKING:
     from build_fmus.component import Component

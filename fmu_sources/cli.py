@@ -14,13 +14,14 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from build_fmus import builder, safe_files, terminal
+from build_fmus import builder
+from build_fmus.base import safe_files, terminal
+from build_fmus.base.layout import FMUS
+from build_fmus.base.sources import code_hash
+from build_fmus.base.terminal import Command, PackageVersion, console, one_of, show
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
-from build_fmus.layout import FMUS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
-from build_fmus.sources import code_hash
-from build_fmus.terminal import Command, PackageVersion, console, one_of, show
 
 app = typer.Typer(**terminal.APP)
 FMI = {"2": (2,), "3": (3,), "both": (2, 3)}

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from build_fmus.one_thread import VARIABLES, one_thread
+from build_fmus.base.one_thread import VARIABLES, one_thread
 
 limited = all(
     name in os.environ for name in VARIABLES

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from built import FMUS
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from build_fmus.compile import included_headers
 
 FLAGS = (

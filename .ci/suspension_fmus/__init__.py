@@ -90,8 +90,8 @@ def build_command(name: str = "build-fmus") -> None:
 
 
 def _command(name: str, module: str) -> None:
-    from build_fmus.extras import MissingExtraError
-    from build_fmus.one_thread import one_thread
+    from build_fmus.base.extras import MissingExtraError
+    from build_fmus.base.one_thread import one_thread
 
     one_thread()
     try:

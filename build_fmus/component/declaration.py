@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras, qp, units
-from build_fmus.checks import did_you_mean
+from build_fmus import qp
+from build_fmus.base import extras, units
+from build_fmus.base.checks import did_you_mean
 from build_fmus.component.variables import Element, Kind, Role, Solver, Variable
 from build_fmus.random_profiles import RandomProfiles
 

@@ -12,8 +12,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from build_fmus import extras, qp, units
-from build_fmus.checks import number
+from build_fmus import qp
+from build_fmus.base import extras, units
+from build_fmus.base.checks import number
 from build_fmus.component.declaration import named
 from build_fmus.component.dimensions import Dimensions
 from build_fmus.component.linear import Linearization, statespace

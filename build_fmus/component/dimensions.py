@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras, units
+from build_fmus.base import extras, units
 from build_fmus.component.declaration import VECTORS, Declaration
 from build_fmus.component.functions import column, results
 from build_fmus.component.variables import DeclarationError, Role, Variable

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
+from build_fmus.base import extras
 from build_fmus.component.declaration import VECTORS, Declaration
 from build_fmus.component.variables import DeclarationError
 

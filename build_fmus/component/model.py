@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from build_fmus import extras
+from build_fmus.base import extras
 from build_fmus.component import functions, linear, structure
 from build_fmus.component.declaration import Declaration
 from build_fmus.component.dimensions import Dimensions, find_dimensions

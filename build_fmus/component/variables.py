@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, Literal
 
-from build_fmus.escape import NO_XML
+from build_fmus.base.escape import NO_XML
 
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "constant", "input", "state", "derivative", "output"]

@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from build_fmus import extras
+from build_fmus.base import extras
 from build_fmus.equations.graph import Graph
 from build_fmus.equations.operators import IF_ELSE
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from build_fmus import extras
+from build_fmus.base import extras
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca

@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from build_fmus import extras, random_profiles
+from build_fmus import random_profiles
+from build_fmus.base import extras
+from build_fmus.base.escape import c_comment
 from build_fmus.component import Model, Role, Variable
 from build_fmus.equations.casadi_code import casadi_code
 from build_fmus.equations.graph import Graph, Result, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct
 from build_fmus.equations.statements import Name, Statements, Tables, Target
-from build_fmus.escape import c_comment
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca

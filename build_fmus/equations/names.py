@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import prod
 
+from build_fmus.base.escape import c_comment
 from build_fmus.equations.operators import FUNCTIONS, HELPERS
-from build_fmus.escape import c_comment
 
 WIDTH = 120
 _KEYWORDS = frozenset(

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from build_fmus import extras
+from build_fmus.base import extras
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca

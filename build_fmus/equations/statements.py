@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from build_fmus import extras
+from build_fmus.base import extras
+from build_fmus.base.escape import c_comment
 from build_fmus.equations.branches import Block, Branch, Guard, arranged, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
 from build_fmus.equations.operators import ATOM, ELEMENTWISE, SUM, Text, constant, write
-from build_fmus.escape import c_comment
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca

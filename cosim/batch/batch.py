@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.checks import did_you_mean, whole_number
+from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.library import Target, choose_target, interface, lane_library
 from cosim.batch.source import LaneSource, NoLanes, lane_source
 from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned

@@ -12,8 +12,8 @@ from typing import Any
 
 import cffi
 
-from build_fmus import safe_files
-from build_fmus.checks import unknown
+from build_fmus.base import safe_files
+from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.source import RUNTIME as OF_FMUS
 from cosim.batch.source import LaneSource

@@ -12,7 +12,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus.checks import one_line
+from build_fmus.base.checks import one_line
 from cosim.check.description import File
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
 from cosim.errors import FmuError

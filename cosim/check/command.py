@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus import extras, safe_files
-from build_fmus.terminal import console, show
+from build_fmus.base import extras, safe_files
+from build_fmus.base.terminal import console, show
 from cosim.check.report import UNCHECKED, Report, section, to_json, to_junit
 from cosim.check.rules import SEVERITIES
 from cosim.check.runner import Options, Unchecked, Workers, check, ordered

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from build_fmus.checks import one_line
+from build_fmus.base.checks import one_line
 from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
 from cosim.fmu import validation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import resources
 
-from build_fmus import extras
+from build_fmus.base import extras
 from cosim.check.report import Report, section
 
 with extras.needed("reports", extras.WRITING):

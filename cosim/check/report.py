@@ -10,7 +10,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import escape
+from build_fmus.base import escape
 from cosim.check.rules import SEVERITIES, Check, Finding, Severity
 
 CLEAN, ERRORS, UNCHECKED = 0, 1, 2  # exit codes

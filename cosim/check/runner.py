@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from build_fmus import safe_files
-from build_fmus.checks import did_you_mean
-from build_fmus.interpreters import PYTHON
+from build_fmus.base import safe_files
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.interpreters import PYTHON
 from cosim.check import archive, binary, description, layered, worker
 from cosim.check.binary import claimed
 from cosim.check.description import File

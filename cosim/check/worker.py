@@ -33,7 +33,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from build_fmus.checks import plain
+from build_fmus.base.checks import plain
 from cosim.check import derivatives, references, runs, saved, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
 from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from build_fmus.checks import unknown
+from build_fmus.base.checks import unknown
 from cosim.engine.compiled import CompiledExchange
 from cosim.engine.library import NoEngine, library
 from cosim.errors import CosimError

@@ -15,7 +15,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from build_fmus import extras
+from build_fmus.base import extras
 from cosim.gym import SystemEnv, SystemVectorEnv
 
 with extras.needed("learning", "learning environments"):

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Collection
 from pathlib import Path
 
-from build_fmus.layout import FMUS
+from build_fmus.base.layout import FMUS
 from cosim.experiments import EXPERIMENTS
 from cosim.study.experiment import Experiment
 from cosim.study.fmus import FmuSet

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from build_fmus import escape, surface
+from build_fmus.base import escape, surface
 from cosim.study.case import CaseError
 from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import catalog_suffix, no_preview_lq, own_names, weights_name

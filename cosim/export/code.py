@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from build_fmus import extras, generate, package, safe_files, surface
+from build_fmus import generate, package
+from build_fmus.base import extras, safe_files, surface
+from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from build_fmus.escape import c_identifier, c_number, c_string
 from cosim.description import Variable
 from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.errors import CosimError, WiringError

@@ -11,7 +11,8 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import description as base
-from build_fmus import licences, package, related, safe_files
+from build_fmus import licences, package, related
+from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.errors import CosimError

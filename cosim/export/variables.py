@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from build_fmus import units
-from build_fmus.units import Unit
+from build_fmus.base import units
+from build_fmus.base.units import Unit
 from cosim.description import Variable
 from cosim.errors import WiringError
 from cosim.system.components import Connection, SystemComponent

@@ -16,7 +16,7 @@ from contextlib import nullcontext
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, ClassVar
 
-from build_fmus.checks import did_you_mean, one_line
+from build_fmus.base.checks import did_you_mean, one_line
 from cosim.errors import CosimError, FmuError
 from cosim.fmu.limits import Limits
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import cosim.fmu.calls as fmi
-from build_fmus import surface
+from build_fmus.base import surface
 from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.description import Variable

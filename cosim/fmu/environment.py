@@ -17,7 +17,7 @@ from typing import Any
 
 import cffi
 
-from build_fmus import surface
+from build_fmus.base import surface
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 
 HEADER = Path(__file__).with_name("environment.h")

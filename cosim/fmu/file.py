@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import cosim.fmu.calls as fmi
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
 from cosim.fmu import terminals, validation

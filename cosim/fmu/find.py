@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from build_fmus import extras
-from build_fmus.checks import did_you_mean, plain
-from build_fmus.layout import FMUS, fmu_path
+from build_fmus.base import extras
+from build_fmus.base.checks import did_you_mean, plain
+from build_fmus.base.layout import FMUS, fmu_path
 from cosim.errors import FmuError
 
 PUBLISHED = Path(__file__).with_name("published.toml")

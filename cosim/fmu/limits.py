@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
-from build_fmus import surface
-from build_fmus.checks import unknown
+from build_fmus.base import surface
+from build_fmus.base.checks import unknown
 from cosim.errors import FmuError
 
 

@@ -15,8 +15,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from build_fmus.checks import one_line
-from build_fmus.units import BASE_UNITS, DisplayUnit, Unit
+from build_fmus.base.checks import one_line
+from build_fmus.base.units import BASE_UNITS, DisplayUnit, Unit
 from cosim.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
 from cosim.fmu.limits import Limits

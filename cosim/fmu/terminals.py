@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from build_fmus.checks import did_you_mean, one_line
+from build_fmus.base.checks import did_you_mean, one_line
 from cosim.description import Description
 from cosim.errors import FmuError
 from cosim.fmu.limits import Limits

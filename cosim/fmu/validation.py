@@ -20,8 +20,8 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import safe_files
-from build_fmus.checks import one_line
+from build_fmus.base import safe_files
+from build_fmus.base.checks import one_line
 from cosim.description import Description, Variable
 
 MOST = 200  # findings of each kind that are kept; of the others only the number

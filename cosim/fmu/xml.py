@@ -7,7 +7,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus.checks import one_line
+from build_fmus.base.checks import one_line
 from cosim.errors import FmuError
 from cosim.fmu.limits import Limits
 

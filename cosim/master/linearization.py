@@ -36,7 +36,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from build_fmus.checks import did_you_mean, glob
+from build_fmus.base.checks import did_you_mean, glob
 from cosim.component import Array, Ports
 from cosim.description import Variable
 from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError

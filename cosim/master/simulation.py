@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import surface
-from build_fmus.checks import did_you_mean
+from build_fmus.base import surface
+from build_fmus.base.checks import did_you_mean
 from cosim.component import Action, Array
 from cosim.description import Variable
 from cosim.errors import (

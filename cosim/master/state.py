@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import packing
 from cosim.component import Array, Portable
 from cosim.errors import CosimError

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.units import DisplayUnit
+from build_fmus.base.units import DisplayUnit
 from cosim.component import Array
 from cosim.description import Variable
 from cosim.errors import NotFinite

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from lxml import etree
 
-from build_fmus import escape
+from build_fmus.base import escape
 from cosim.picture.layout import LANE, Box, Line, Picture, arrange
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule

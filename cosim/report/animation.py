@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.checks import finite, number
+from build_fmus.base.checks import finite, number
 from cosim.report.checks import assign, check_choice, check_id, check_text, check_unique, curve, items, split_label
 
 Role = Literal["ground", "body"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus import escape
+from build_fmus.base import escape
 from cosim.report.checks import (
     Array,
     assign,

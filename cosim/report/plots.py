@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import escape, extras
+from build_fmus.base import escape, extras
 from cosim.report.checks import UNKNOWN, Array, drawn_label, label_of, split_label
 from cosim.report.model import Color, Dash, Figure, Panel, Series
 

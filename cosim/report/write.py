@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus import escape, extras, safe_files
+from build_fmus.base import escape, extras, safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Array, Scalar

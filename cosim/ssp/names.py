@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from build_fmus.checks import unknown
+from build_fmus.base.checks import unknown
 from cosim.errors import SspError
 
 _BASE = "http://ssp-standard.org/SSP1/SystemStructure"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from build_fmus.checks import did_you_mean, one_line
-from build_fmus.units import Unit, UnitMismatchError, conversion
+from build_fmus.base.checks import did_you_mean, one_line
+from build_fmus.base.units import Unit, UnitMismatchError, conversion
 from cosim.description import Variable
 from cosim.errors import SspError
 from cosim.fmu.file import FmuFile

@@ -8,8 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from build_fmus import surface
-from build_fmus.checks import did_you_mean, glob, one_line, unknown
+from build_fmus.base import surface
+from build_fmus.base.checks import did_you_mean, glob, one_line, unknown
 from cosim.description import Variable
 from cosim.errors import CosimError, SspError, WiringError
 from cosim.fmu.component import FmuComponent

@@ -8,7 +8,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus.checks import one_line
+from build_fmus.base.checks import one_line
 
 _FILES = {
     "SystemStructureDescription": "SystemStructureDescription",

@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field
 
-from build_fmus.checks import did_you_mean
-from build_fmus.units import Unit, UnitMismatchError, conversion
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.units import Unit, UnitMismatchError, conversion
 from cosim.errors import SspError
 from cosim.ssp.structure import Connection, Connector, Element, End, Reference, System, Transformation
 

@@ -15,8 +15,8 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus.checks import did_you_mean, one_line, unknown
-from build_fmus.units import BASE_UNITS, Unit, meant
+from build_fmus.base.checks import did_you_mean, one_line, unknown
+from build_fmus.base.units import BASE_UNITS, Unit, meant
 from cosim.errors import SspError, SspWarning, TimeError
 from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSB, SSC, SSD, SSM, SSV

@@ -7,7 +7,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import escape
+from build_fmus.base import escape
 from cosim.description import Variable
 from cosim.errors import SspError
 from cosim.fmu.file import FmuFile

@@ -17,9 +17,9 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import escape, safe_files
-from build_fmus.checks import did_you_mean
-from build_fmus.units import BASE_UNITS, Unit, UnitMismatchError, conversion
+from build_fmus.base import escape, safe_files
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.units import BASE_UNITS, Unit, UnitMismatchError, conversion
 from cosim.description import Variable
 from cosim.errors import SspError, WiringError
 from cosim.fmu.component import FmuComponent

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import optimize, stats
 
-from build_fmus.checks import finite
+from build_fmus.base.checks import finite
 from cosim import System
 from cosim.errors import CosimError
 from cosim.signals import Array

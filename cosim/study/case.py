@@ -26,8 +26,8 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, TypeVar
 
-from build_fmus import surface
-from build_fmus.checks import number, short, unknown
+from build_fmus.base import surface
+from build_fmus.base.checks import number, short, unknown
 from cosim.errors import CosimError
 
 

@@ -20,10 +20,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
+from build_fmus.base.layout import FMUS
+from build_fmus.base.terminal import APP, Command, console, one_of, show
 from build_fmus.compile import PLATFORMS
-from build_fmus.layout import FMUS
-from build_fmus.terminal import APP, Command, console, one_of, show
 from cosim import EngineChoice, System
 from cosim.curve import bars as drawn_bars
 from cosim.curve import drawn

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras, surface
-from build_fmus.checks import Array, unknown
+from build_fmus.base import extras, surface
+from build_fmus.base.checks import Array, unknown
 from cosim.study.case import CaseError
 
 METHODS = {

@@ -18,9 +18,9 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from build_fmus import extras, safe_files
-from build_fmus.interpreters import safe_path
-from build_fmus.one_thread import one_thread
+from build_fmus.base import extras, safe_files
+from build_fmus.base.interpreters import safe_path
+from build_fmus.base.one_thread import one_thread
 from cosim.errors import CosimError
 
 LOCAL = "local"

@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, S
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
-from build_fmus.checks import one_line
+from build_fmus.base.checks import one_line
 from cosim.errors import CosimError
 from cosim.study.case import CaseError, differing, label
 from cosim.study.fmus import FmuSet

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from build_fmus import escape
-from build_fmus.layout import FMUS, fmu_path
+from build_fmus.base import escape
+from build_fmus.base.layout import FMUS, fmu_path
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:

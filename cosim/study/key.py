@@ -19,7 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from build_fmus.sources import code_hash, imported, libraries
+from build_fmus.base.sources import code_hash, imported, libraries
 from cosim.study import case, loading, runner
 from cosim.study.experiment import Experiment, Search
 from cosim.study.fmus import FmuSet

@@ -12,9 +12,9 @@ import signal
 from contextlib import suppress
 from typing import Any
 
-from build_fmus import extras
-from build_fmus.interpreters import forget_safe_path
-from build_fmus.one_thread import one_thread
+from build_fmus.base import extras
+from build_fmus.base.interpreters import forget_safe_path
+from build_fmus.base.one_thread import one_thread
 
 with extras.needed("cluster", "a Dask cluster"):
     import dask

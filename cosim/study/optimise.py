@@ -21,8 +21,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import unknown, whole_number
+from build_fmus.base import extras
+from build_fmus.base.checks import unknown, whole_number
 from cosim.errors import CosimError
 from cosim.report.fronts import non_dominated
 from cosim.study.case import CaseError, fields

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from build_fmus.terminal import console
+from build_fmus.base.terminal import console
 from cosim.study.case import fields
 from cosim.study.commands import (
     EVERYWHERE_OF_STUDIES,

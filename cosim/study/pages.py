@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from build_fmus.terminal import PACKAGE
+from build_fmus.base.terminal import PACKAGE
 from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
 from cosim.report.checks import Scalar, label_of

@@ -17,9 +17,9 @@ from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from typing import Any
 
-from build_fmus import safe_files, surface
-from build_fmus.interpreters import forget_safe_path, safe_path
-from build_fmus.one_thread import one_thread
+from build_fmus.base import safe_files, surface
+from build_fmus.base.interpreters import forget_safe_path, safe_path
+from build_fmus.base.one_thread import one_thread
 
 PATIENCE = 5.0  # s, that a worker which was told to end may take
 GUARD = 'a script that runs a study does so below `if __name__ == "__main__":`, as workers import it'

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from build_fmus import surface
+from build_fmus.base import surface
 from cosim import ComponentError, EngineChoice, Recording, System
 from cosim.formats import write
 from cosim.study.case import check, named_files, values

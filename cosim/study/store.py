@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras, safe_files
+from build_fmus.base import extras, safe_files
 from cosim.formats import parquet_table
 
 LINES, BATCH = ".lines", ".parquet"

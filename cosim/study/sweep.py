@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import Array, unknown
-from build_fmus.sources import code_hash
+from build_fmus.base import extras
+from build_fmus.base.checks import Array, unknown
+from build_fmus.base.sources import code_hash
 from cosim.errors import WiringError
 from cosim.formats import parquet_table, whole_parquet
 from cosim.recording import Recording

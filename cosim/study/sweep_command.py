@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus.terminal import console, one_of
+from build_fmus.base.terminal import console, one_of
 from cosim.study.case import fields
 from cosim.study.commands import (
     EVERYWHERE_OF_STUDIES,

@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import Array, unknown
+from build_fmus.base import extras
+from build_fmus.base.checks import Array, unknown
 from cosim.peaks import keep_peaks
 from cosim.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from build_fmus.checks import did_you_mean
+from build_fmus.base.checks import did_you_mean
 from cosim.export.web.page import PageSystem, WebPage, export_web
 from cosim.scenes import infer_scene
 from cosim.study.case import CaseError, Field, fields, label

@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
 from cosim.study.fmus import FmuSet

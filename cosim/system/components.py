@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus.checks import number
-from build_fmus.units import UnitMismatchError, conversion, meant
+from build_fmus.base.checks import number
+from build_fmus.base.units import UnitMismatchError, conversion, meant
 from cosim.component import Component
 from cosim.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.errors import WiringError

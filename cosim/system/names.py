@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
-from build_fmus.checks import did_you_mean, glob
+from build_fmus.base.checks import did_you_mean, glob
 from cosim.description import RECORDABLE, Variable, split_index
 from cosim.errors import WiringError
 from cosim.system.components import SystemComponent, article, indices

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from build_fmus.checks import did_you_mean
+from build_fmus.base.checks import did_you_mean
 from cosim.errors import FmuError, FmuWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.system.components import SystemComponent, article

@@ -10,9 +10,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
-from build_fmus.checks import did_you_mean, glob, number, unknown
-from build_fmus.escape import NO_XML
-from build_fmus.units import KNOWN, UnitMismatchError, conversion
+from build_fmus.base.checks import did_you_mean, glob, number, unknown
+from build_fmus.base.escape import NO_XML
+from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim.component import Component, PythonComponent
 from cosim.description import RECORDABLE, Description, Variable
 from cosim.errors import FmuWarning, WiringError

@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path
 
-from build_fmus.checks import did_you_mean
+from build_fmus.base.checks import did_you_mean
 from cosim.system.wiring import Wiring
 from cosim.tables.source import TableError, read
 from cosim.tables.table import After, Table

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import did_you_mean, one_line, plain
-from build_fmus.units import KNOWN, Unit, conversion
+from build_fmus.base import extras
+from build_fmus.base.checks import did_you_mean, one_line, plain
+from build_fmus.base.units import KNOWN, Unit, conversion
 from cosim.errors import CosimError
 from cosim.formats import TIME, parquet_table
 from cosim.recording import Recording

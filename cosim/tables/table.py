@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from build_fmus import surface
-from build_fmus.checks import did_you_mean, unknown
+from build_fmus.base import surface
+from build_fmus.base.checks import did_you_mean, unknown
 from cosim.component import FmiCalls, Ports
 from cosim.description import Description, Variable
 from cosim.engine.library import NoEngine, interface, library

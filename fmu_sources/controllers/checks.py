@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.checks import finite
+from build_fmus.base.checks import finite
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 
 
 def rolled(heights: np.ndarray, step: float, radius: float) -> np.ndarray:

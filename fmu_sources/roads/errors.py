@@ -1,6 +1,6 @@
 """What can be wrong with a road file."""
 
-from build_fmus.checks import number, plain
+from build_fmus.base.checks import number, plain
 
 LARGEST = 1e7  # m; no road is longer or higher, and nothing computed from it leaves the range of floats
 

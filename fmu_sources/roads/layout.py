@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from build_fmus.checks import number, whole_number
+from build_fmus.base.checks import number, whole_number
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, SLOPE_BASE
 from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar, WishboneCar
 

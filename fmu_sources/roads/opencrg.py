@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import number
+from build_fmus.base import extras
+from build_fmus.base.checks import number
 from fmu_sources.roads.errors import RoadError, check_length
 
 _BINARY = {"KRBI": 4, "KDBI": 8}  # bytes of one value

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from build_fmus.checks import whole_number
+from build_fmus.base.checks import whole_number
 from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.iso8608 import sum_of_waves, track_correlation
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from build_fmus import units
-from build_fmus.checks import nearest
+from build_fmus.base import units
+from build_fmus.base.checks import nearest
 from build_fmus.component import Component
 from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.errors import RoadError, check_length

@@ -10,7 +10,7 @@ from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from build_fmus.checks import did_you_mean, plain
+from build_fmus.base.checks import did_you_mean, plain
 from build_fmus.component import Component
 from fmu_sources.vehicles.schema import (
     KINDS,

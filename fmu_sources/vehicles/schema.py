@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from build_fmus import units
+from build_fmus.base import units
 from build_fmus.component import source_fault, text_fault
 from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
 from fmu_sources.models.double_wishbone import POINTS, DoubleWishbone, HardpointError, WheelMotion, wheel_motion

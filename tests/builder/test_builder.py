@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from build_fmus import builder, safe_files
+from build_fmus import builder
+from build_fmus.base import safe_files
+from build_fmus.base.safe_files import DamagedWarning
 from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
-from build_fmus.safe_files import DamagedWarning
 from fmu_sources import cli
 
 

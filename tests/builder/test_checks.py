@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from build_fmus.checks import did_you_mean, finite, nearest, number, short, whole_number
+from build_fmus.base.checks import did_you_mean, finite, nearest, number, short, whole_number
 
 
 class OwnError(Exception):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from build_fmus.base.safe_files import DamagedWarning
 from build_fmus.compile import ObjectCache, find_toolchain, host, included_headers
-from build_fmus.safe_files import DamagedWarning
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from build_fmus.one_thread import VARIABLES, one_thread
+from build_fmus.base.one_thread import VARIABLES, one_thread
 from cosim.study.processes import local_processes
 
 PROGRAM = """

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from build_fmus.units import KNOWN, UNITS, conversion, convert, derivative, display_unit, unit
+from build_fmus.base.units import KNOWN, UNITS, conversion, convert, derivative, display_unit, unit
 
 MULTIPLES = sorted(KNOWN.keys() - UNITS.keys())
 

@@ -14,7 +14,7 @@ import typer
 from programs import BIN, run
 
 import cosim.cli
-from build_fmus.completion import SCRIPTS, fitting
+from build_fmus.base.completion import SCRIPTS, fitting
 from cosim.experiments import EXPERIMENTS
 from cosim.experiments.gpc.runs import Case
 from cosim.study.case import fields

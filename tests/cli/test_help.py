@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import cosim.cli
 import fmu_sources.cli
-from build_fmus import terminal
+from build_fmus.base import terminal
 from build_fmus.compile import PLATFORMS
 from cosim import EngineChoice
 from cosim.experiments.bench import runs as bench

@@ -33,7 +33,7 @@ def test_output_that_is_closed(line, tmp_path):
 def test_messages_that_are_closed_are_lost_and_no_file_gets_their_descriptor(tmp_path):
     """It would get what is said to people."""
     run = (
-        "import sys, os; from build_fmus.terminal import open_closed_streams as o; o(); print(open('file',"
+        "import sys, os; from build_fmus.base.terminal import open_closed_streams as o; o(); print(open('file',"
         " 'w').fileno() > 2, file=open('told', 'w')); sys.stderr.write('lost')"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -56,7 +56,7 @@ def test_a_run_and_an_fmu_show_names_as_they_are(folder: Path) -> None:
 
 
 def test_no_other_console_reads_markup() -> None:
-    """What is printed goes through `build_fmus.terminal`, which reads no markup.
+    """What is printed goes through `build_fmus.base.terminal`, which reads no markup.
 
     Columns of progress bars have a switch of their own.
     """

@@ -93,7 +93,7 @@ def test_nothing_is_imported_from_the_working_folder(folders, command):
 
 
 def test_every_python_process_is_started_in_one_way():
-    """As `build_fmus/interpreters.py` says: no other file names Python's program, or starts processes without it."""
+    """As `build_fmus.base.interpreters` says: no other file names Python's program or starts processes without it."""
     starts, safe = set(), set()
     for path in sorted(p for package in ("build_fmus", "cosim", "fmu_sources") for p in (ROOT / package).rglob("*.py")):
         names = {
@@ -110,12 +110,12 @@ def test_every_python_process_is_started_in_one_way():
         if "safe_path" in names:
             safe.add(file)
         assert "sys.executable" not in names or file in (
-            "build_fmus/interpreters.py",
-            "build_fmus/run_as_module.py",  # only for a message
+            "build_fmus/base/interpreters.py",
+            "build_fmus/base/run_as_module.py",  # only for a message
         )
     assert (
         starts
-        == safe - {"build_fmus/interpreters.py"}
+        == safe - {"build_fmus/base/interpreters.py"}
         == {"build_fmus/builder.py", "cosim/study/executors.py", "cosim/study/processes.py"}
     )
 

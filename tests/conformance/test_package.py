@@ -19,7 +19,7 @@ from cyclonedx.validation.json import JsonStrictValidator
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from build_fmus import units
+from build_fmus.base import units
 from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
 from cosim.check import layered

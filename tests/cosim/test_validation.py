@@ -10,7 +10,7 @@ import pytest
 from awkward import archive, description
 from rich.console import Console
 
-from build_fmus.safe_files import DamagedWarning
+from build_fmus.base.safe_files import DamagedWarning
 from cosim import Fmu, FmuError, FmuWarning, Limits, System, describe
 from cosim.fmu import validation
 from cosim.fmu.model_description import parse

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from probes import Clock, Delta, Integrator
 
-from build_fmus.units import KNOWN, Unit, UnitMismatchError, conversion
+from build_fmus.base.units import KNOWN, Unit, UnitMismatchError, conversion
 from cosim import CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.time import TimeBase, rational, seconds_text
 

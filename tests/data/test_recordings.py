@@ -21,7 +21,7 @@ import pytest
 import xarray as xr
 from same import bits
 
-from build_fmus.units import DisplayUnit
+from build_fmus.base.units import DisplayUnit
 from cosim import CosimError, FormatError, PythonComponent, Recording, System, reading
 from cosim.formats import FORMATS
 from cosim.spool import recover

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from build_fmus import safe_files
-from build_fmus.safe_files import CacheMiss, DamagedWarning
+from build_fmus.base import safe_files
+from build_fmus.base.safe_files import CacheMiss, DamagedWarning
 
 VALUE = {"J": 0.1, "rows": [1, 2.5, None, True], "name": "Längs"}
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from build_fmus import compile as compilers
-from build_fmus import safe_files
-from build_fmus.safe_files import place
+from build_fmus.base import safe_files
+from build_fmus.base.safe_files import place
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="a user's profile is private on Windows")
 VARIABLES = ("BUILD_FMUS_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA", "HOME", "USERPROFILE")
@@ -132,8 +132,8 @@ def test_what_ziglang_keeps_lies_among_the_caches(monkeypatch):
 
 HOLD = """
 import os, sys, tempfile
-from build_fmus import safe_files
-from build_fmus.safe_files import place
+from build_fmus.base import safe_files
+from build_fmus.base.safe_files import place
 folder = tempfile.mkdtemp(dir=safe_files.scratch())
 if sys.argv[1] == "fork" and os.fork():
     sys.stdout.flush(); os.kill(os.getpid(), 9)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import Recording
 from cosim.study.commands import write_summary
 

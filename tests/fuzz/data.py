@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import CosimError, Recording, Table, TableError
 from cosim.spool import SUFFIX, Spool, recover
 from cosim.study.store import NotStored, RunStore, Store

@@ -24,7 +24,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from lxml import etree
 
-from build_fmus import escape, generate, package
+from build_fmus import generate, package
+from build_fmus.base import escape
 from build_fmus.component import Component, DeclarationError
 from build_fmus.description import model_description
 from cosim import CosimError, Recording, System

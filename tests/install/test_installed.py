@@ -23,7 +23,7 @@ import pytest
 from built import ROOT
 from environments import NAME, Environment, make
 
-from build_fmus import extras
+from build_fmus.base import extras
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 TOP = {"suspension_fmus", "suspension_fmus.pth", "suspension_fmus-{}.dist-info"}
@@ -278,7 +278,7 @@ for file in sorted(root.rglob("*.py")):
         except suspension_fmus.build_fmus.extras.MissingExtraError as error:
             print(name, str(error).partition("[")[2].partition("]")[0])
 """
-    code = code.replace("import importlib,", "import build_fmus.extras, importlib,")
+    code = code.replace("import importlib,", "import build_fmus.base.extras, importlib,")
     lacking = dict(line.split() for line in core.execute(code).splitlines())
     for free in (
         "cosim",
@@ -286,7 +286,7 @@ for file in sorted(root.rglob("*.py")):
         "cosim.study.commands",
         "cosim.study.pages",
         "cosim.report",
-        "build_fmus.terminal",
+        "build_fmus.base.terminal",
     ):
         assert free not in lacking
     assert {name: lacking[name] for name in ("fmu_sources.cli", "build_fmus.package", "cosim.report.write")} == {

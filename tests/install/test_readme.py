@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from pages import ROOT, blocks, help_of, same, words
 
-from build_fmus import extras
+from build_fmus.base import extras
 from fmu_sources.catalog import PAPERS, default_catalog
 
 README = ROOT / "README.md"

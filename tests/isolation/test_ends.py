@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 PRELUDE = """
 import os, shutil, sys
 import psutil
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import System
 
 def made(**options):

@@ -19,7 +19,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from build_fmus.one_thread import one_thread
+from build_fmus.base.one_thread import one_thread
 
 LIMIT = (10.0, 5.0)  # s, and times what the tests take without a mistake: a test that takes longer has noticed
 COPIED = ("build_fmus", "cosim", "fmu_sources", "tests", "docs", "pyproject.toml", "README.md")
@@ -115,10 +115,10 @@ def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
 def imported(tree: Path, files: Sequence[str]) -> list[Path]:
     """What files of a tree import of it, with their data.
 
-    See `build_fmus.sources.imported`: it looks in the project that it lies in, so the function of the tree is
+    See `build_fmus.base.sources.imported`: it looks in the project that it lies in, so the function of the tree is
     called.
     """
-    code = "import sys; from build_fmus.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
+    code = "import sys; from build_fmus.base.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
     command = [sys.executable, "-c", code, *files]
     found = subprocess.run(command, cwd=tree, check=True, stdout=subprocess.PIPE, text=True, encoding="utf-8")
     return [Path(line) for line in found.stdout.splitlines()]

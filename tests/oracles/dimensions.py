@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from build_fmus import units
+from build_fmus.base import units
 from build_fmus.component import Model
 from build_fmus.component.declaration import VECTORS
 

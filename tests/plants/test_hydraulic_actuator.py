@@ -12,7 +12,7 @@ import pytest
 from oracles.eigenvalues import eigenvalues_by_point
 from scipy.optimize import brentq
 
-from build_fmus import units
+from build_fmus.base import units
 from build_fmus.component import Model
 from build_fmus.reference import Evaluator, simulate
 from build_fmus.stability import check_solver

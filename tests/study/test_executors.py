@@ -20,7 +20,7 @@ from typing import Any
 import psutil
 import pytest
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from cosim import CosimError
 from cosim.study import FmuSet, load, run_study
 from cosim.study import dispatch as dispatching

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from build_fmus import extras
+from build_fmus.base import extras
 from cosim.study import ExperimentError, load
 
 

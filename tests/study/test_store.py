@@ -15,8 +15,8 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
 
-from build_fmus import extras, safe_files, sources
-from build_fmus.safe_files import DamagedWarning
+from build_fmus.base import extras, safe_files, sources
+from build_fmus.base.safe_files import DamagedWarning
 from cosim.experiments import EXPERIMENTS
 from cosim.study import FmuSet, Search, key, load
 from cosim.study.store import NotStored, RunStore, Store, Stored
@@ -151,10 +151,10 @@ def test_imports_wherever_they_stand(tmp_path: Path) -> None:
     (tmp_path / "study.py").write_text("def late():\n    from cosim import units\nimport build_fmus.qp_sources as q\n")
     names = {str(p.relative_to(ROOT)) for p in sources.imported([tmp_path / "study.py"]) if p.is_relative_to(ROOT)}
     assert {
-        "build_fmus/units.py",
+        "build_fmus/base/units.py",
         "cosim/__init__.py",
         "build_fmus/qp_sources.py",
-        "build_fmus/safe_files/whole.py",
+        "build_fmus/base/safe_files/whole.py",
     } <= names
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus.layout import FMUS
+from build_fmus.base.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.bench.runs import Case, configure, wire
 from cosim.gym import Step, SystemEnv

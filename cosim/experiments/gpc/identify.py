@@ -10,10 +10,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from build_fmus import safe_files
-from build_fmus.checks import number
-from build_fmus.layout import FMUS
-from build_fmus.terminal import console, show
+from build_fmus.base import safe_files
+from build_fmus.base.checks import number
+from build_fmus.base.layout import FMUS
+from build_fmus.base.terminal import console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
 from cosim.study.commands import Fmus, Out, Vehicles, Version, make_folder

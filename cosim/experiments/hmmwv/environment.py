@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus.layout import FMUS
+from build_fmus.base.layout import FMUS
 from cosim import System
 from cosim.experiments.hmmwv.runs import Case, configure, wire
 from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import surface
+from build_fmus.base import surface
 from cosim import Recording, System
 from cosim.experiments.hmmwv.wiring import (
     BUMPS,

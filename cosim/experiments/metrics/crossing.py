@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import signal
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 from cosim.signals import Array, finite_series, peak
 
 __all__ = [

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import constants, signal
 
-from build_fmus.checks import number, whole_number
+from build_fmus.base.checks import number, whole_number
 from cosim.signals import Array, finite_channels, finite_series
 
 __all__ = [

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.package import build_fmu
 from cosim.fmu.file import FmuFile

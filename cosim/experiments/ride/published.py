@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from build_fmus import surface
+from build_fmus.base import surface
 from cosim.experiments.hmmwv.runs import ACTUATORS
 from cosim.experiments.preview_lq.runs import MODES
 from cosim.experiments.ride.course import extent

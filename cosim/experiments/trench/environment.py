@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus.layout import FMUS
+from build_fmus.base.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.metrics.crossing import LIMITS, WEIGHTS
 from cosim.experiments.trench.runs import TOUCH, Case, Course, configure, wire

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
+from build_fmus.base.interpreters import PYTHON
 from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
-from build_fmus.interpreters import PYTHON
 from cosim.errors import CosimError
 from cosim.export.code import SystemCode, template, write
 from cosim.export.parts import Part, defined_names, wrappers

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from build_fmus import description as base
-from build_fmus import safe_files
-from build_fmus.checks import did_you_mean
+from build_fmus.base import safe_files
+from build_fmus.base.checks import did_you_mean
 from cosim.description import Variable
 from cosim.errors import CosimError, WiringError
 from cosim.export.code import SystemCode, exported_schedule, start_values, template

@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
-from build_fmus.checks import number, unknown, whole_number
+from build_fmus.base.checks import number, unknown, whole_number
 
 Side = Literal["left", "right"]
 Sides = Literal["left", "right", "both"]

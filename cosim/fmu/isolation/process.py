@@ -25,8 +25,8 @@ if sys.platform != "win32":
     import fcntl
 
 import cosim.fmu.calls as fmi
-from build_fmus import safe_files, surface
-from build_fmus.checks import number
+from build_fmus.base import safe_files, surface
+from build_fmus.base.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
 from cosim.fmu.environment import HEADER as ENVIRONMENT

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import did_you_mean
+from build_fmus.base import extras
+from build_fmus.base.checks import did_you_mean
 from cosim import (
     ComponentError,
     CosimError,

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
-from build_fmus.checks import did_you_mean
-from build_fmus.units import KNOWN, UnitMismatchError, conversion
+from build_fmus.base import extras
+from build_fmus.base.checks import did_you_mean
+from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim import CosimError, System, SystemComponent, Variable, WiringError
 from cosim.signals import Array
 

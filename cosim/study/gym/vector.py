@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus import extras
-from build_fmus.checks import whole_number
+from build_fmus.base import extras
+from build_fmus.base.checks import whole_number
 from cosim import CosimError
 from cosim.signals import Array
 from cosim.study.gym.environment import EnvState, SystemEnv

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from build_fmus.checks import whole_number
+from build_fmus.base.checks import whole_number
 from fmu_sources.controllers.checks import finite_array, rows, signal
 
 Array = npt.NDArray[np.float64]

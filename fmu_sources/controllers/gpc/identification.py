@@ -17,9 +17,9 @@ from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 
-from build_fmus import safe_files
-from build_fmus.checks import number, whole_number
-from build_fmus.sources import code_hash
+from build_fmus.base import safe_files
+from build_fmus.base.checks import number, whole_number
+from build_fmus.base.sources import code_hash
 from cosim import PythonComponent, System
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
 from fmu_sources.controllers.gpc.component import RESPONSE_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus.checks import whole_number
+from build_fmus.base.checks import whole_number
 from fmu_sources.controllers.checks import Array, rows
 from fmu_sources.controllers.gpc.arx import ArxModel
 

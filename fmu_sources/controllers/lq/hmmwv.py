@@ -14,7 +14,7 @@ from dataclasses import astuple, dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 from build_fmus.component import Component
 from fmu_sources.controllers.lq.design import LinearPlant, output_index, sampled_lq
 from fmu_sources.models.hmmwv_states import (

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
-from build_fmus.checks import did_you_mean, plain
+from build_fmus.base.checks import did_you_mean, plain
 from build_fmus.component import text_fault
 
 _HERE = Path(__file__).parent / "weights"

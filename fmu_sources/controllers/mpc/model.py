@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy import linalg
 
-from build_fmus.checks import did_you_mean, number
+from build_fmus.base.checks import did_you_mean, number
 from build_fmus.component import Linearization
 from fmu_sources.controllers.checks import Array, finite_array
 

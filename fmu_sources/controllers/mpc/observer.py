@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy import linalg
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 from fmu_sources.controllers.checks import Array
 from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 

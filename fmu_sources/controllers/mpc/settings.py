@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
-from build_fmus.checks import number, whole_number
+from build_fmus.base.checks import number, whole_number
 from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 
 INFINITE = 1e30

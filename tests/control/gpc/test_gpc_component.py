@@ -11,7 +11,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from scipy.constants import degree, g
 
-from build_fmus import safe_files
+from build_fmus.base import safe_files
 from build_fmus.reference import simulate
 from fmu_sources.controllers.gpc import identification
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from build_fmus.checks import number, whole_number
+from build_fmus.base.checks import number, whole_number
 from fmu_sources.controllers.checks import Array
 from fmu_sources.controllers.lq.design.matrices import by_decay, even, matrix
 from fmu_sources.controllers.lq.design.modes import check_modes, rate

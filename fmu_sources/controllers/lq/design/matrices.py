@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from build_fmus.checks import finite, number
+from build_fmus.base.checks import finite, number
 from fmu_sources.controllers.checks import Array
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from build_fmus.checks import number
+from build_fmus.base.checks import number
 from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex, index_from_outputs
 from fmu_sources.controllers.lq.design.sampled import sampled_costs
 

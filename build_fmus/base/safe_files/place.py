@@ -9,7 +9,7 @@ import warnings
 from functools import cache
 from pathlib import Path
 
-from build_fmus.safe_files.scratch import scratch
+from build_fmus.base.safe_files.scratch import scratch
 
 
 class SharedFolderWarning(UserWarning):

@@ -18,8 +18,8 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 
-from build_fmus import extras, safe_files, surface
-from build_fmus.checks import unknown
+from build_fmus.base import extras, safe_files, surface
+from build_fmus.base.checks import unknown
 
 PACKAGE = "suspension-fmus"
 APP: dict[str, Any] = {

@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from build_fmus.safe_files.whole import named, write
+from build_fmus.base.safe_files.whole import named, write
 
 _since: ContextVar[int] = ContextVar("since", default=0)  # ns; entries older than this are not looked at
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from build_fmus.terminal import list_choices
+from build_fmus.base.terminal import list_choices
 
 SCRIPTS = {
     "bash": (

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from build_fmus.checks import did_you_mean
+from build_fmus.base.checks import did_you_mean
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -154,7 +154,7 @@ def unit(name: str) -> Unit:
     except KeyError:
         same = [u for u in UNITS if _bare(u) == _bare(name)]  # Nm, N*m -> N.m
         hint = did_you_mean(name, same or UNITS)
-        raise KeyError(f"unknown unit {name!r}{hint} (units are listed in build_fmus/units.py)") from None
+        raise KeyError(f"unknown unit {name!r}{hint} (units are listed in build_fmus/base/units.py)") from None
 
 
 def display_unit(unit_name: str, name: str) -> DisplayUnit:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 DATA_SUFFIXES = (".toml", ".csv", ".json", ".txt", ".npz", ".npy", ".c", ".h")
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 
 
 def imported(modules: Iterable[str | Path]) -> list[Path]:

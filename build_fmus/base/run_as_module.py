@@ -9,10 +9,10 @@ there would be executed.
 import os
 import sys
 
-from build_fmus.one_thread import one_thread
+from build_fmus.base.one_thread import one_thread
 
 _PACKAGES = ("cosim", "build_fmus", "suspension_fmus")
-_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 def _is_run() -> bool:

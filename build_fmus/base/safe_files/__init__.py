@@ -3,7 +3,7 @@
 The packages build_fmus, fmu_sources and cosim all use this package; it depends on none of them.
 """
 
-from build_fmus.safe_files.kept import (
+from build_fmus.base.safe_files.kept import (
     CacheMiss,
     DamagedWarning,
     clock,
@@ -14,9 +14,9 @@ from build_fmus.safe_files.kept import (
     kept_json,
     plain_warnings,
 )
-from build_fmus.safe_files.place import SharedFolderWarning, cache_directory
-from build_fmus.safe_files.scratch import scratch
-from build_fmus.safe_files.whole import is_full, named, opened, sentence, write
+from build_fmus.base.safe_files.place import SharedFolderWarning, cache_directory
+from build_fmus.base.safe_files.scratch import scratch
+from build_fmus.base.safe_files.whole import is_full, named, opened, sentence, write
 
 __all__ = [
     "CacheMiss",

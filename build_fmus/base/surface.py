@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from build_fmus import escape
+from build_fmus.base import escape
 
 _options: frozenset[str] | None = None
 
