@@ -18,8 +18,8 @@ from fmpy import read_model_description
 from fmpy.fmi3 import FMU3Slave
 
 from benchmarks.master_cost import Wired, flatten
+from cosim.core.signals import rms
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
-from cosim.signals import rms
 from cosim.study import FmuSet
 from fmu_sources.models.corners import CORNERS
 

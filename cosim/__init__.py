@@ -7,10 +7,9 @@ from build_fmus.base import run_as_module  # noqa: F401 (before all others)
 import logging
 from importlib import metadata
 
-from cosim.component import Component, Ports, PythonComponent
-from cosim.description import Description, Variable
-from cosim.engine.choice import EngineChoice
-from cosim.errors import (
+from cosim.core.component import Component, Ports, PythonComponent
+from cosim.core.description import Description, Variable
+from cosim.core.errors import (
     AlgebraicLoopWarning,
     ComponentError,
     CosimError,
@@ -26,14 +25,15 @@ from cosim.errors import (
     UnconnectedInputsWarning,
     WiringError,
 )
+from cosim.engine.choice import EngineChoice
 from cosim.fmu.describe import describe, wiring
 from cosim.fmu.limits import Limits
-from cosim.formats import FormatError
+from cosim.linear.stability import Stability
 from cosim.master.simulation import Simulation
-from cosim.master.stability import Stability
 from cosim.master.state import SystemState
 from cosim.master.stops import StopWhen, View
-from cosim.recording import Recording
+from cosim.recording.formats import FormatError
+from cosim.recording.recording import Recording
 from cosim.session import Fmu, System
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule

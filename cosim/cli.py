@@ -245,7 +245,7 @@ def recover(
     to: Annotated[Path | None, typer.Option(help="write the CSV to this file", metavar="FILE")] = None,
 ) -> None:
     """Recover the results of a crashed run as a CSV file."""
-    from cosim.spool import recover
+    from cosim.recording.spool import recover
 
     path, recording = recover(file, to)
     end = f", up to t = {recording.time[-1]:.9g} s" if len(recording) else ""
@@ -262,7 +262,7 @@ def build(context: typer.Context) -> None:
 
 def main(program: str = "cosim") -> None:
     """Entry point; `program` is what it was called as."""
-    from cosim.errors import CosimError
+    from cosim.core.errors import CosimError
 
     failures = (CosimError, ValueError, LookupError, OSError, RuntimeError)
     terminal.run(program, app, failures, "interrupted")

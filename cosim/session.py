@@ -25,24 +25,24 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import safe_files, surface
+from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
+from cosim.core.interrupt import held
+from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.choice import EngineChoice, choose_engine
-from cosim.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
-from cosim.formats import format_of
-from cosim.interrupt import held
+from cosim.linear.stability import Stability, coupled_spectral_radius, warn_if_unstable
 from cosim.master.simulation import Simulation
-from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_unstable
 from cosim.master.state import SystemState
 from cosim.master.stops import StopCondition, watched_names
-from cosim.recording import Recording
-from cosim.spool import Spool, spool_of
+from cosim.recording.formats import format_of
+from cosim.recording.recording import Recording
+from cosim.recording.spool import Spool, spool_of
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive, rational, seconds_text
 
 if TYPE_CHECKING:
     from cosim.export.web.scene import Scene
-    from cosim.statespace import LinearModel, Matrices
+    from cosim.linear.statespace import LinearModel, Matrices
 
 
 class System(Wiring):
@@ -229,7 +229,7 @@ class System(Wiring):
     def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:
         """Growth of a deviation of the coupled continuous components over one cycle of the schedule.
 
-        They are linearized at their initial state; see `cosim.master.stability`. Uses the simulation that is running,
+        They are linearized at their initial state; see `cosim.linear.stability`. Uses the simulation that is running,
         or initializes one. Raises CosimError when no component can be linearized.
         """
         running = self._simulation
@@ -251,17 +251,18 @@ class System(Wiring):
         Continuous (default): the continuous components, coupled without the delays of the exchange; inputs are outputs
         of discrete components and inputs that no continuous component drives. With `discrete=True` the whole system,
         discrete components included, over the least common multiple of all steps, or over a multiple of it
-        (`discrete="10 ms"`); inputs are those that nothing drives. `cosim.master.linearization` says what the states
+        (`discrete="10 ms"`); inputs are those that nothing drives. `cosim.linear.linearization` says what the states
         are and what is left out.
 
         `inputs` and `outputs`: names and patterns (`controller.*`, `car.body.az`). Defaults: commands of the discrete
         components (continuous model) and all unconnected Real inputs; all Real outputs. Names in the model are as
-        `cosim.statespace` says (`car.body.az` is `car_body_az`), and its `names` lead back. As in a run, components are
-        reset and initialized with their parameters and start values first. Raises CosimError naming the component or
-        connection that has no linear model, with the reason, LoopError for an algebraic loop without a solution (of
-        continuous components at the start; else for every one, as in a run), WiringError for names that do not fit.
+        `cosim.linear.statespace` says (`car.body.az` is `car_body_az`), and its `names` lead back. As in a run,
+        components are reset and initialized with their parameters and start values first. Raises CosimError naming the
+        component or connection that has no linear model, with the reason, LoopError for an algebraic loop without a
+        solution (of continuous components at the start; else for every one, as in a run), WiringError for names that do
+        not fit.
         """
-        from cosim.statespace import LinearModel
+        from cosim.linear.statespace import LinearModel
 
         return LinearModel(self._linearized(inputs, outputs, discrete, settle))
 
@@ -272,7 +273,7 @@ class System(Wiring):
         discrete: bool | TimeLike,
         settle: TimeLike,
     ) -> Matrices:
-        from cosim.master import linearization as linear
+        from cosim.linear import linearization as linear
 
         sampled, after = discrete is not False, rational(settle, "settle")
         # The linear model solves the loops of a system, a run of it does not.
@@ -458,7 +459,7 @@ class Fmu(FmuFile):  # noqa: D101
         sample time, or over `period` [s], after which it does the same again. Raises CosimError with the reason where
         there is no linear model, WiringError for names and values that do not fit.
         """
-        from cosim.statespace import LinearModel
+        from cosim.linear.statespace import LinearModel
 
         name = re.sub(r"\W", "_", self.description.name)
         with System() as system:

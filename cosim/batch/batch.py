@@ -18,21 +18,21 @@ from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.library import Target, choose_target, interface, lane_library
 from cosim.batch.source import LaneSource, NoLanes, lane_source
 from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
-from cosim.description import Variable
+from cosim.core.description import Variable
+from cosim.core.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.core.interrupt import HeldInterrupt
+from cosim.core.memory import physical_memory
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.compiled import CompiledExchange
 from cosim.engine.plan import Plan, make_plan
-from cosim.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.own_states import VALUES_AT
-from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
 from cosim.master.simulation import Simulation
-from cosim.memory import physical_memory
-from cosim.recording import Recording
+from cosim.recording.recording import Recording
 from cosim.session import System
-from cosim.signals import Array
 from cosim.system.components import SystemComponent
-from cosim.time import TimeLike, positive, rational, seconds_text
 
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C

@@ -17,8 +17,8 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.source import RUNTIME as OF_FMUS
 from cosim.batch.source import LaneSource
+from cosim.core.errors import CosimError
 from cosim.engine import library as engine
-from cosim.errors import CosimError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 _HERE = Path(__file__).parent / "runtime"

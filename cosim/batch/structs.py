@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from cosim.batch.library import Target, batch_library, interface
 from cosim.batch.source import LaneSource
-from cosim.component import EndRequested
-from cosim.description import Variable
+from cosim.core.component import EndRequested
+from cosim.core.description import Variable
+from cosim.core.errors import CallFailed, ComponentError
 from cosim.engine.compiled import BoundEngine
 from cosim.engine.plan import ComponentPlan, Plan
-from cosim.errors import CallFailed, ComponentError
 from cosim.master.exchange import Exchange
 from cosim.system.components import SystemComponent
 

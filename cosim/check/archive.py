@@ -15,10 +15,10 @@ from lxml import etree
 from build_fmus.base.checks import one_line
 from cosim.check.description import File
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
+from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
-from cosim.terminals import BUS, FLOWS, PLUG, RULES
 
 Found = Iterator["str | tuple[int, str] | Finding"]
 

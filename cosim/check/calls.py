@@ -18,8 +18,8 @@ from typing import Any
 
 from cosim.check.model import Interface, Model, Var
 from cosim.check.rules import NotApplicable
+from cosim.core.memory import physical_memory
 from cosim.fmu.calls import REALS, WORDS, formatted
-from cosim.memory import physical_memory
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")

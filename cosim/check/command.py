@@ -16,7 +16,7 @@ from build_fmus.base.terminal import console, show
 from cosim.check.report import UNCHECKED, Report, section, to_json, to_junit
 from cosim.check.rules import SEVERITIES
 from cosim.check.runner import Options, Unchecked, Workers, check, ordered
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.fmu.limits import Limits
 
 _COLORS = {

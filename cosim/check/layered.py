@@ -12,7 +12,7 @@ from lxml import etree
 from build_fmus.base.checks import one_line
 from cosim.check.description import File
 from cosim.check.rules import Finding, NotApplicable, check, note, warning
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 from cosim.fmu import validation
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree

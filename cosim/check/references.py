@@ -12,7 +12,7 @@ from cosim.check.bench import Bench, Found, Values
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
 from cosim.check.rules import NotApplicable, check, names, note
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 

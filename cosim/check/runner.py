@@ -25,13 +25,13 @@ from cosim.check.model import Model, read
 from cosim.check.report import Report, Result
 from cosim.check.rules import CHECKS, GROUPS, MOST, Check, Finding, NotApplicable
 from cosim.check.worker import LATE, Answer, Job, receive_answer, send
-from cosim.errors import CosimError, FmuError
+from cosim.core.errors import CosimError, FmuError
+from cosim.core.memory import physical_memory
 from cosim.fmu import calls
 from cosim.fmu.archive import Archive
 from cosim.fmu.find import find
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
-from cosim.memory import physical_memory
 
 __all__ = ["Options", "Workers", "archive", "binary", "check", "description", "layered", "worker"]
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from build_fmus.base.checks import unknown
+from cosim.core.errors import CosimError
 from cosim.engine.compiled import CompiledExchange
 from cosim.engine.library import NoEngine, library
-from cosim.errors import CosimError
 from cosim.master.exchange import Exchange
 from cosim.system.components import SystemComponent
 

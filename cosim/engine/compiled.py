@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.component import EndRequested, FmiCalls, Transfer
+from cosim.core.component import EndRequested, FmiCalls, Transfer
+from cosim.core.errors import NotFinite
 from cosim.engine.library import interface, library
 from cosim.engine.plan import ComponentPlan, Copy, make_plan
-from cosim.errors import NotFinite
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.stops import Reader, Stop, StopCondition, StopWhen
 from cosim.system.components import SystemComponent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from cosim.component import Array
+from cosim.core.component import Array
 from cosim.master.exchange import Exchange
 from cosim.master.timetable import Clock
 from cosim.master.values import EXACT, Index, Layout

@@ -12,9 +12,9 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.description import Variable
+from cosim.core.description import Variable
+from cosim.core.errors import CosimError, WiringError
 from cosim.engine.plan import ComponentPlan, Plan, make_plan
-from cosim.errors import CosimError, WiringError
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent

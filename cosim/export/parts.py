@@ -13,7 +13,7 @@ from lxml import etree
 
 from build_fmus.compile import ObjectCache, Toolchain
 from build_fmus.description import TOOL
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.export.symbols import defined
 from cosim.fmu.file import FmuFile
 

@@ -15,7 +15,7 @@ from build_fmus import licences, package, related
 from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.export import description
 from cosim.export.code import SystemCode, exported_schedule, template, write
 from cosim.export.parts import shown

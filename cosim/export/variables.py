@@ -9,8 +9,8 @@ from typing import Any
 
 from build_fmus.base import units
 from build_fmus.base.units import Unit
-from cosim.description import Variable
-from cosim.errors import WiringError
+from cosim.core.description import Variable
+from cosim.core.errors import WiringError
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, ClassVar
 
 from build_fmus.base.checks import did_you_mean, one_line
-from cosim.errors import CosimError, FmuError
+from cosim.core.errors import CosimError, FmuError
 from cosim.fmu.limits import Limits
 
 DESCRIPTION = "modelDescription.xml"

@@ -17,7 +17,7 @@ from typing import Any
 import cffi
 import numpy as np
 
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 

@@ -17,10 +17,10 @@ import numpy as np
 
 import cosim.fmu.calls as fmi
 from build_fmus.base import surface
-from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
-from cosim.dependencies import Dependencies, by_derivatives, by_perturbation
-from cosim.description import Variable
-from cosim.errors import (
+from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
+from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
+from cosim.core.description import Variable
+from cosim.core.errors import (
     STATUS_NAMES,
     CallFailed,
     CosimError,
@@ -29,6 +29,7 @@ from cosim.errors import (
     IsolationCrashedWarning,
     WiringError,
 )
+from cosim.core.time import seconds_text
 from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.file import FmuFile, Library
@@ -36,7 +37,6 @@ from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
-from cosim.time import seconds_text
 
 LARGEST = 2**30  # bytes of a serialized state
 

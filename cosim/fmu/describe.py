@@ -14,11 +14,11 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cosim.description import RECORDABLE, Clock, Description, Variable, split_index
-from cosim.errors import FmuError
+from cosim.core.description import RECORDABLE, Clock, Description, Variable, split_index
+from cosim.core.errors import FmuError
+from cosim.core.time import seconds_text
 from cosim.fmu.file import FmuFile
 from cosim.fmu.validation import Finding
-from cosim.time import seconds_text
 
 
 def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:

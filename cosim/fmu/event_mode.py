@@ -27,12 +27,12 @@ from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
-from cosim.component import Action, EndRequested, Ports
-from cosim.description import Clock, Description, Variable
-from cosim.errors import CallFailed, CosimError
+from cosim.core.component import Action, EndRequested, Ports
+from cosim.core.description import Clock, Description, Variable
+from cosim.core.errors import CallFailed, CosimError
+from cosim.core.signals import Array
+from cosim.core.time import rational, seconds_text
 from cosim.fmu.transfers import Arrangement, arrangements
-from cosim.signals import Array
-from cosim.time import rational, seconds_text
 
 ITERATIONS = 1000  # of an event, and ticks at one instant; beyond does not converge
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier

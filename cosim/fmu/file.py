@@ -15,8 +15,9 @@ from typing import Any
 
 import cosim.fmu.calls as fmi
 from build_fmus.base import safe_files
-from cosim.description import Description
-from cosim.errors import FmuError, FmuWarning
+from cosim.core.description import Description
+from cosim.core.errors import FmuError, FmuWarning
+from cosim.core.terminals import Terminal
 from cosim.fmu import terminals, validation
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
@@ -24,7 +25,6 @@ from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
 from cosim.fmu.model_description import read
 from cosim.fmu.xml import tree
-from cosim.terminals import Terminal
 
 
 class Library:

@@ -14,7 +14,7 @@ from pathlib import Path
 from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean, plain
 from build_fmus.base.layout import FMUS, fmu_path
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 
 PUBLISHED = Path(__file__).with_name("published.toml")
 VERSIONS = (3, 2)  # of FMI, the preferred one first

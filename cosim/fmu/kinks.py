@@ -16,10 +16,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.description import Description, Variable
-from cosim.errors import CosimError
+from cosim.core.description import Description, Variable
+from cosim.core.errors import CosimError
+from cosim.core.signals import Array
 from cosim.fmu.own_states import StateLayout
-from cosim.signals import Array
 
 STEP = float(np.finfo(float).eps) ** (1 / 3)  # relative to max(1, |value|)
 RELEVANT = 1e-6

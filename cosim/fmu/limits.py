@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 
 from build_fmus.base import surface
 from build_fmus.base.checks import unknown
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 
 
 @dataclass(frozen=True)

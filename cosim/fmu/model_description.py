@@ -17,11 +17,11 @@ from typing import Any
 
 from build_fmus.base.checks import one_line
 from build_fmus.base.units import BASE_UNITS, DisplayUnit, Unit
-from cosim.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
-from cosim.errors import FmuError, TimeError
+from cosim.core.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
+from cosim.core.errors import FmuError, TimeError
+from cosim.core.time import rational
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
-from cosim.time import rational
 
 TOOL = (  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
     "suspension-fmus"

@@ -18,8 +18,8 @@ import cffi
 import numpy as np
 
 from build_fmus import compile as building
-from cosim.errors import CosimError
-from cosim.signals import Array
+from cosim.core.errors import CosimError
+from cosim.core.signals import Array
 
 MORE_THAN_STATES = (
     "it remembers more than states, such as the last solution of a quadratic program: it has no linear model"

@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 from build_fmus.base.checks import did_you_mean, one_line
-from cosim.description import Description
-from cosim.errors import FmuError
+from cosim.core.description import Description
+from cosim.core.errors import FmuError
+from cosim.core.terminals import BUS, DEEPEST, PLUG, Stream, Terminal, TerminalMember
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
-from cosim.terminals import BUS, DEEPEST, PLUG, Stream, Terminal, TerminalMember
 
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import cosim.fmu.calls as fmi
-from cosim.description import Variable
+from cosim.core.description import Variable
 
 Index = npt.NDArray[np.intp]
 

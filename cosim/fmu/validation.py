@@ -22,7 +22,7 @@ from lxml import etree
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import one_line
-from cosim.description import Description, Variable
+from cosim.core.description import Description, Variable
 
 MOST = 200  # findings of each kind that are kept; of the others only the number
 WORTH_KEEPING = 8192  # bytes of XML from which on a verdict is read sooner than it is found

@@ -8,7 +8,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base.checks import one_line
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
 from cosim.fmu.limits import Limits
 
 HUGE = 10_000_000  # bytes of XML from which on the parser's own limits are lifted; ours hold

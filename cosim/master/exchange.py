@@ -38,15 +38,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from cosim.component import EndRequested, Ports
-from cosim.description import Variable
+from cosim.core.component import EndRequested, Ports
+from cosim.core.description import Variable
+from cosim.core.time import TimeBase
 from cosim.master.recorder import Recorder
 from cosim.master.stops import Reader, Stop, StopCondition, stop_check
 from cosim.master.timetable import Clock, Timetable
 from cosim.master.values import Layout, Timed, make_layout
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
-from cosim.time import TimeBase
 
 
 @dataclass

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from cosim.errors import CosimError, NotFinite, WiringError
+from cosim.core.errors import CosimError, NotFinite, WiringError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.loops import check_loops
 from cosim.master.state import Packed, SystemState, difference, unpack

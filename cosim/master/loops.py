@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 
-from cosim.dependencies import Dependencies
-from cosim.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed
+from cosim.core.dependencies import Dependencies
+from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed
 from cosim.system.components import SystemComponent
 from cosim.system.loops import Loop, components, declared, find_loops, path_of, refuse_loops
 from cosim.system.schedule import Schedule

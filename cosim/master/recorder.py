@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.recording import Array, Recording
+from cosim.recording.recording import Array, Recording
 
 
 class Recorder:

@@ -17,9 +17,9 @@ import numpy as np
 
 from build_fmus.base import surface
 from build_fmus.base.checks import did_you_mean
-from cosim.component import Action, Array
-from cosim.description import Variable
-from cosim.errors import (
+from cosim.core.component import Action, Array
+from cosim.core.description import Variable
+from cosim.core.errors import (
     CallFailed,
     ComponentError,
     CosimError,
@@ -28,20 +28,20 @@ from cosim.errors import (
     TimeError,
     WiringError,
 )
-from cosim.interrupt import HeldInterrupt, held
+from cosim.core.interrupt import HeldInterrupt, held
+from cosim.core.real_time import Pace, RealTime
+from cosim.core.time import TimeLike, gcd, positive, rational
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.progress import ProgressBar
 from cosim.master.state import SystemState, Wiring, wiring_of
 from cosim.master.stops import Stop, StopCondition
 from cosim.master.values import EXACT
-from cosim.real_time import Pace, RealTime
-from cosim.recording import Recording
-from cosim.spool import Spool
+from cosim.recording.recording import Recording
+from cosim.recording.spool import Spool
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
-from cosim.time import TimeLike, gcd, positive, rational
 
 _SHOWN = 0.05  # s between looks at the progress bar and the spool in a paced run
 

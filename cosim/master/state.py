@@ -19,15 +19,15 @@ from typing import Any, NoReturn
 import numpy as np
 
 from build_fmus.base import safe_files
-from cosim import packing
-from cosim.component import Array, Portable
-from cosim.errors import CosimError
+from cosim.core import packing
+from cosim.core.component import Array, Portable
+from cosim.core.errors import CosimError
+from cosim.core.time import LONGEST, MOST_TICKS, TimeBase
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.timetable import Clock
 from cosim.master.values import Key
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
-from cosim.time import LONGEST, MOST_TICKS, TimeBase
 
 MAGIC = b"state of a co-simulation, version 1\n"
 _PARTS = ("visible", "latest", "previous", "reached", "constant")
@@ -122,7 +122,7 @@ class SystemState:
         implementation = component.implementation
         if not isinstance(implementation, Portable):
             raise CosimError(
-                f"{type(implementation).__name__} does not say how (identity, pack and unpack of cosim.component)"
+                f"{type(implementation).__name__} does not say how (identity, pack and unpack of cosim.core.component)"
             )
         data = self.serialized.get(component.name)
         if isinstance(data, CosimError):

@@ -6,7 +6,7 @@ import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from cosim.errors import WiringError
+from cosim.core.errors import WiringError
 
 Reader = Callable[[str], float]  # present value of a recorded or watched variable, by its full name
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}

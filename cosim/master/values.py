@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base.units import DisplayUnit
-from cosim.component import Array
-from cosim.description import Variable
-from cosim.errors import NotFinite
+from cosim.core.component import Array
+from cosim.core.description import Variable
+from cosim.core.errors import NotFinite
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.schedule import Schedule
 

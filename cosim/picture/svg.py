@@ -11,10 +11,10 @@ from itertools import pairwise
 from lxml import etree
 
 from build_fmus.base import escape
+from cosim.core.time import seconds_text
 from cosim.picture.layout import LANE, Box, Line, Picture, arrange
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
-from cosim.time import seconds_text
 
 COLORS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
 """Kind of a component -> fill, edge and ink."""

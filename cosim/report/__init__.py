@@ -6,7 +6,7 @@ What draws and writes is imported when it is used: it needs the extra [reports],
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from cosim.peaks import keep_peaks
+from cosim.recording.peaks import keep_peaks
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
 from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
 from cosim.report.maps import Layer, Map

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base import escape, extras, safe_files
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Array, Scalar
 from cosim.report.claims import Claim, Verdict

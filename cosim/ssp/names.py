@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from build_fmus.base.checks import unknown
-from cosim.errors import SspError
+from cosim.core.errors import SspError
 
 _BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 SSD, SSC, SSV, SSM, SSB = (

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from urllib.parse import unquote, urlsplit
 
 from build_fmus.base.checks import did_you_mean, one_line
-from cosim.errors import CosimError, FmuError, SspError, SspWarning
+from cosim.core.errors import CosimError, FmuError, SspError, SspWarning
 from cosim.fmu.archive import Archive
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree

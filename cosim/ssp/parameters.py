@@ -7,8 +7,8 @@ from typing import Any
 
 from build_fmus.base.checks import did_you_mean, one_line
 from build_fmus.base.units import Unit, UnitMismatchError, conversion
-from cosim.description import Variable
-from cosim.errors import SspError
+from cosim.core.description import Variable
+from cosim.core.errors import SspError
 from cosim.fmu.file import FmuFile
 from cosim.ssp.signals import Change, Place
 from cosim.ssp.structure import Component, Element, System, Value

@@ -10,8 +10,9 @@ from typing import Any
 
 from build_fmus.base import surface
 from build_fmus.base.checks import did_you_mean, glob, one_line, unknown
-from cosim.description import Variable
-from cosim.errors import CosimError, SspError, WiringError
+from cosim.core.description import Variable
+from cosim.core.errors import CosimError, SspError, WiringError
+from cosim.core.time import TimeLike, positive
 from cosim.fmu.component import FmuComponent
 from cosim.ssp.package import Package
 from cosim.ssp.parameters import BoundValue, values_of
@@ -21,7 +22,6 @@ from cosim.ssp.table import IntegerTable
 from cosim.system.components import SystemComponent, indices
 from cosim.system.names import elements
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive
 
 StepsLike = TimeLike | Mapping[str, TimeLike] | None
 

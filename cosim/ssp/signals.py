@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import Unit, UnitMismatchError, conversion
-from cosim.errors import SspError
+from cosim.core.errors import SspError
 from cosim.ssp.structure import Connection, Connector, Element, End, Reference, System, Transformation
 
 Path = tuple[str, ...]

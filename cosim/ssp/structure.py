@@ -17,11 +17,11 @@ from lxml import etree
 
 from build_fmus.base.checks import did_you_mean, one_line, unknown
 from build_fmus.base.units import BASE_UNITS, Unit, meant
-from cosim.errors import SspError, SspWarning, TimeError
+from cosim.core.errors import SspError, SspWarning, TimeError
+from cosim.core.time import positive, rational
 from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSB, SSC, SSD, SSM, SSV
 from cosim.ssp.package import Package
-from cosim.time import positive, rational
 
 DEEPEST = 20  # systems in systems
 MOST = 10_000  # components in all

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import ClassVar
 
-from cosim.component import PythonComponent
-from cosim.description import Description, Variable
-from cosim.signals import Array
+from cosim.core.component import PythonComponent
+from cosim.core.description import Description, Variable
+from cosim.core.signals import Array
 
 
 class IntegerTable(PythonComponent):

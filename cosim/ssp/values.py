@@ -8,8 +8,8 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base import escape
-from cosim.description import Variable
-from cosim.errors import SspError
+from cosim.core.description import Variable
+from cosim.core.errors import SspError
 from cosim.fmu.file import FmuFile
 from cosim.ssp import names
 from cosim.ssp.names import SSV

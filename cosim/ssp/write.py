@@ -20,8 +20,9 @@ from lxml import etree
 from build_fmus.base import escape, safe_files
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import BASE_UNITS, Unit, UnitMismatchError, conversion
-from cosim.description import Variable
-from cosim.errors import SspError, WiringError
+from cosim.core.description import Variable
+from cosim.core.errors import SspError, WiringError
+from cosim.core.time import gcd
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.picture.layout import Picture, arrange
@@ -32,7 +33,6 @@ from cosim.ssp.values import items_of, parameter_set
 from cosim.system.components import Connection, SystemComponent, indices
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
-from cosim.time import gcd
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _MILLIMETRE = 0.1  # of the drawing, for a point of the picture

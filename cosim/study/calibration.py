@@ -25,9 +25,9 @@ from scipy import optimize, stats
 
 from build_fmus.base.checks import finite
 from cosim import System
-from cosim.errors import CosimError
-from cosim.signals import Array
-from cosim.time import TimeLike
+from cosim.core.errors import CosimError
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike
 
 Response = Callable[[Mapping[str, float]], npt.ArrayLike]
 Range = tuple[float, float, float]

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 
 from build_fmus.base import surface
 from build_fmus.base.checks import number, short, unknown
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 
 
 class CaseError(CosimError, ValueError):

@@ -25,12 +25,12 @@ from build_fmus.base.layout import FMUS
 from build_fmus.base.terminal import APP, Command, console, one_of, show
 from build_fmus.compile import PLATFORMS
 from cosim import EngineChoice, System
-from cosim.curve import bars as drawn_bars
-from cosim.curve import drawn
-from cosim.errors import ComponentError, CosimError, Interrupted
-from cosim.formats import FORMATS, format_of
-from cosim.recording import Recording
+from cosim.core.errors import ComponentError, CosimError, Interrupted
+from cosim.recording.formats import FORMATS, format_of
+from cosim.recording.recording import Recording
 from cosim.study.case import Case, CaseError, Field, fields, file_name, grid
+from cosim.study.curve import bars as drawn_bars
+from cosim.study.curve import drawn
 from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved, undeclared

@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.study.processes import NoWorkerError, WorkerDiedError
 from cosim.study.store import pack
 from cosim.study.work import JobContext, Reply, TaskSpec, work

@@ -21,7 +21,7 @@ from typing import Any
 from build_fmus.base import extras, safe_files
 from build_fmus.base.interpreters import safe_path
 from build_fmus.base.one_thread import one_thread
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 
 LOCAL = "local"
 ANSWER = 10.0  # s, in which a scheduler answers

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from build_fmus.base.checks import one_line
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.study.case import CaseError, differing, label
 from cosim.study.fmus import FmuSet
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean
-from cosim.errors import CosimError
-from cosim.signals import rms
+from cosim.core.errors import CosimError
+from cosim.core.signals import rms
 from cosim.study import packages
 from cosim.study.case import case_of, values
 from cosim.study.experiment import Experiment, Metric, Row, Run

@@ -23,7 +23,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import unknown, whole_number
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.report.fronts import non_dominated
 from cosim.study.case import CaseError, fields
 from cosim.study.driver import run_study, salt_of

@@ -7,7 +7,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from cosim import System
-from cosim.errors import SspError
+from cosim.core.errors import SspError
 from cosim.study.case import case_of, option
 from cosim.study.experiment import Experiment
 from cosim.study.fmus import FmuSet

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import surface
 from cosim import ComponentError, EngineChoice, Recording, System
-from cosim.formats import write
+from cosim.recording.formats import write
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet

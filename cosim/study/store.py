@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base import extras, safe_files
-from cosim.formats import parquet_table
+from cosim.recording.formats import parquet_table
 
 LINES, BATCH = ".lines", ".parquet"
 STORED = "reading stored runs"  # what needs the extra [reports], in messages

@@ -20,9 +20,9 @@ import numpy as np
 from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
 from build_fmus.base.sources import code_hash
-from cosim.errors import WiringError
-from cosim.formats import parquet_table, whole_parquet
-from cosim.recording import Recording
+from cosim.core.errors import WiringError
+from cosim.recording.formats import parquet_table, whole_parquet
+from cosim.recording.recording import Recording
 from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
 from cosim.study.design import Design, DesignError, check_no_range, whole

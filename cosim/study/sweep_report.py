@@ -13,8 +13,8 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
-from cosim.peaks import keep_peaks
-from cosim.recording import Recording
+from cosim.recording.peaks import keep_peaks
+from cosim.recording.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
 from cosim.report.checks import Scalar, label_of
 from cosim.study.design import METHODS, DesignError

@@ -12,9 +12,9 @@ import numpy as np
 
 from build_fmus.base.checks import number
 from build_fmus.base.units import UnitMismatchError, conversion, meant
-from cosim.component import Component
-from cosim.description import INTEGER_RANGE, Description, Variable, split_index
-from cosim.errors import WiringError
+from cosim.core.component import Component
+from cosim.core.description import INTEGER_RANGE, Description, Variable, split_index
+from cosim.core.errors import WiringError
 from cosim.system.renewal import PythonSource
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from cosim.errors import LoopError
+from cosim.core.errors import LoopError
 from cosim.system.components import Connection, SystemComponent
 
 Loop = tuple[Connection, ...]

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 from build_fmus.base.checks import did_you_mean, glob
-from cosim.description import RECORDABLE, Variable, split_index
-from cosim.errors import WiringError
+from cosim.core.description import RECORDABLE, Variable, split_index
+from cosim.core.errors import WiringError
 from cosim.system.components import SystemComponent, article, indices
 
 

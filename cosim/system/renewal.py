@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim import plain
-from cosim.component import PythonComponent, uncopyable
-from cosim.errors import CosimError, WiringError
+from cosim.core import plain
+from cosim.core.component import PythonComponent, uncopyable
+from cosim.core.errors import CosimError, WiringError
 
 _OF_CLASSES: weakref.WeakKeyDictionary[type, dict[str, tuple[Any, Any]]] = weakref.WeakKeyDictionary()
 _DECLARED = ("description", "_inputs", "_outputs")  # attributes that copies share: they never change

@@ -6,10 +6,10 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from cosim.errors import LoopError, WiringError
+from cosim.core.errors import LoopError, WiringError
+from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.loops import Loop, certain, declared, find_loops, path_of, refuse_loops
-from cosim.time import TimeBase, gcd, seconds_text
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from build_fmus.base.checks import did_you_mean
-from cosim.errors import FmuError, FmuWarning, WiringError
-from cosim.fmu.component import FmuComponent
-from cosim.system.components import SystemComponent, article
-from cosim.system.names import SystemComponents
-from cosim.terminals import (
+from cosim.core.errors import FmuError, FmuWarning, WiringError
+from cosim.core.terminals import (
     BUS,
     FLOWS,
     KINDS,
@@ -34,6 +31,9 @@ from cosim.terminals import (
     by_path,
     expanded,
 )
+from cosim.fmu.component import FmuComponent
+from cosim.system.components import SystemComponent, article
+from cosim.system.names import SystemComponents
 
 
 @dataclass(frozen=True)

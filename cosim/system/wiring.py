@@ -13,9 +13,10 @@ from typing import Any, Literal
 from build_fmus.base.checks import did_you_mean, glob, number, unknown
 from build_fmus.base.escape import NO_XML
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
-from cosim.component import Component, PythonComponent
-from cosim.description import RECORDABLE, Description, Variable
-from cosim.errors import FmuWarning, WiringError
+from cosim.core.component import Component, PythonComponent
+from cosim.core.description import RECORDABLE, Description, Variable
+from cosim.core.errors import FmuWarning, WiringError
+from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.fmu.find import find
@@ -26,7 +27,6 @@ from cosim.system.components import Connection, Group, SystemComponent, article
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
-from cosim.time import TimeLike, positive, rational, seconds_text
 
 Kind = Literal["discrete", "continuous"]
 

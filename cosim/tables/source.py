@@ -20,10 +20,10 @@ import numpy as np
 from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean, one_line, plain
 from build_fmus.base.units import KNOWN, Unit, conversion
-from cosim.errors import CosimError
-from cosim.formats import TIME, parquet_table
-from cosim.recording import Recording
-from cosim.signals import Array
+from cosim.core.errors import CosimError
+from cosim.core.signals import Array
+from cosim.recording.formats import TIME, parquet_table
+from cosim.recording.recording import Recording
 
 TIMES = ("time", "t", "timestamp", "timestamps", "time stamp", "time_stamp")
 """Names of a time column that is not named, small letters."""

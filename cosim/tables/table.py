@@ -14,11 +14,11 @@ import numpy as np
 
 from build_fmus.base import surface
 from build_fmus.base.checks import did_you_mean, unknown
-from cosim.component import FmiCalls, Ports
-from cosim.description import Description, Variable
+from cosim.core.component import FmiCalls, Ports
+from cosim.core.description import Description, Variable
+from cosim.core.errors import CallFailed, CosimError
+from cosim.core.signals import Array
 from cosim.engine.library import NoEngine, interface, library
-from cosim.errors import CallFailed, CosimError
-from cosim.signals import Array
 from cosim.tables.source import Signal, Signals, TableError, read
 
 Interpolation = Literal["linear", "held"]

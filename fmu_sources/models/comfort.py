@@ -25,7 +25,7 @@ import numpy.typing as npt
 from scipy import signal
 
 from build_fmus.base.checks import number
-from cosim.signals import Array, finite_series, rms
+from cosim.core.signals import Array, finite_series, rms
 
 __all__ = [
     "ABSORBED_POWER_LIMIT",

@@ -23,9 +23,9 @@ from build_fmus.base import units
 from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
 from cosim.check import layered
+from cosim.core.terminals import by_names, by_path
 from cosim.fmu.file import FmuFile
 from cosim.fmu.validation import Verdict
-from cosim.terminals import by_names, by_path
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 PNG = b"\x89PNG\r\n\x1a\n"

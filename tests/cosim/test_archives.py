@@ -20,8 +20,8 @@ from awkward import archive, description, library
 from rich.console import Console
 
 from cosim import Fmu, FmuError, System, TimeError, WiringError, describe, wiring
+from cosim.core.time import rational
 from cosim.fmu.calls import platform_folder
-from cosim.time import rational
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.FmuWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])

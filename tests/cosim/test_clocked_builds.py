@@ -18,8 +18,8 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.package import build_fmu
 from cosim import CosimError, PythonComponent, System
 from cosim.check import check
-from cosim.description import Clock
-from cosim.errors import CallFailed
+from cosim.core.description import Clock
+from cosim.core.errors import CallFailed
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 

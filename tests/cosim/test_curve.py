@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.curve import HEIGHT, bars, drawn
+from cosim.study.curve import HEIGHT, bars, drawn
 
 T = np.linspace(0.0, 10.0, 5001)
 

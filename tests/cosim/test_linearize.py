@@ -15,7 +15,7 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import CosimError, Fmu, LoopError, PythonComponent, System, TimeError, WiringError
-from cosim.master import linearization
+from cosim.linear import linearization
 
 STIFFNESS, MASS = 50.0, 2.0
 

@@ -12,7 +12,7 @@ from probes import Delta, Integrator
 from same import ENGINES, assert_same
 
 from cosim import AlgebraicLoopWarning, LoopError, PythonComponent, Recording, System
-from cosim.dependencies import by_perturbation
+from cosim.core.dependencies import by_perturbation
 from cosim.system.loops import certain, declared, find_loops
 
 pytestmark = pytest.mark.filterwarnings("error::cosim.AlgebraicLoopWarning", "ignore::cosim.UnconnectedInputsWarning")

@@ -8,10 +8,10 @@ import pytest
 
 from build_fmus import component
 from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
+from cosim.core.time import TimeBase, gcd, rational
 from cosim.fmu.model_description import LONGEST_SOURCE, parse
 from cosim.master.timetable import Clock, Timetable
-from cosim.time import TimeBase, gcd, rational
 
 
 @pytest.mark.parametrize(

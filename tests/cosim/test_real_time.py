@@ -12,8 +12,9 @@ from ctrl_c import ctrl_c
 from probes import Clock, Integrator
 from same import ENGINES, assert_same
 
-from cosim import Interrupted, PythonComponent, StopWhen, System, TimeError, real_time
-from cosim.spool import Spool, read_spool
+from cosim import Interrupted, PythonComponent, StopWhen, System, TimeError
+from cosim.core import real_time
+from cosim.recording.spool import Spool, read_spool
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 

@@ -8,7 +8,7 @@ import pytest
 from probes import Clock, Delta, Integrator
 
 from cosim import ComponentError, CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
-from cosim.errors import CallFailed
+from cosim.core.errors import CallFailed
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 

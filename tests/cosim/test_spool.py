@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from cosim import CosimError, Recording, System
 from cosim.cli import app
-from cosim.spool import Spool, read_spool, recover, spool_of
+from cosim.recording.spool import Spool, read_spool, recover, spool_of
 
 ENDLESS = """
 import sys, time

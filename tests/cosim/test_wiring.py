@@ -12,7 +12,7 @@ from probes import Clock, Delta, Integrator
 
 from build_fmus.base.units import KNOWN, Unit, UnitMismatchError, conversion
 from cosim import CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
-from cosim.time import TimeBase, rational, seconds_text
+from cosim.core.time import TimeBase, rational, seconds_text
 
 
 class Road(PythonComponent):

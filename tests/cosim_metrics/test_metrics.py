@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from cosim.core.signals import peak, rms
 from cosim.experiments.metrics import response as metrics
-from cosim.signals import peak, rms
 
 RATE = 100.0
 

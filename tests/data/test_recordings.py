@@ -22,9 +22,10 @@ import xarray as xr
 from same import bits
 
 from build_fmus.base.units import DisplayUnit
-from cosim import CosimError, FormatError, PythonComponent, Recording, System, reading
-from cosim.formats import FORMATS
-from cosim.spool import recover
+from cosim import CosimError, FormatError, PythonComponent, Recording, System
+from cosim.recording.formats import FORMATS
+from cosim.recording.recording import reading
+from cosim.recording.spool import recover
 
 ENDINGS = sorted(FORMATS)
 TYPED = [e for e in ENDINGS if e != ".csv"]
@@ -340,7 +341,7 @@ def test_a_library_that_hangs_or_ends_its_process(
     path = tmp_path / "a.nc"
     path.write_bytes(b"")
     with pytest.raises(reading.NotRead, match=end):
-        reading.read_apart(path, f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))")
+        reading.read_apart(path, f"from cosim.recording.reading import answer; answer(lambda path: exec({deed!r}))")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends a signal of POSIX")
@@ -351,7 +352,7 @@ def test_ctrl_c_ends_a_read_and_its_process(tmp_path: Path) -> None:
         f"import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); open({str(pid)!r},"
         " 'w').write(str(os.getpid())); time.sleep(600)"
     )
-    inner = f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))"
+    inner = f"from cosim.recording.reading import answer; answer(lambda path: exec({deed!r}))"
     program = f"from pathlib import Path; from cosim import reading; reading.read_apart(Path({str(path)!r}), {inner!r})"
     reader = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
     while not (pid.exists() and pid.read_text()):

@@ -12,7 +12,7 @@ from rich.progress import Progress
 from same import ENGINES, assert_same_outcome, bits, outcome
 
 from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
-from cosim.spool import spool_of
+from cosim.recording.spool import spool_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 

@@ -14,7 +14,7 @@ from oracles.lq import sampled_loop
 from scipy import linalg
 
 from cosim import System, WiringError
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.experiments.preview_lq import EXPERIMENT, published
 from cosim.experiments.preview_lq.claims import CLAIMS, relative, relative_index
 from cosim.experiments.preview_lq.published import PRINTED, corrected, over_preview, plateau

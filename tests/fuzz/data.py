@@ -15,7 +15,7 @@ import numpy as np
 
 from build_fmus.base import safe_files
 from cosim import CosimError, Recording, Table, TableError
-from cosim.spool import SUFFIX, Spool, recover
+from cosim.recording.spool import SUFFIX, Spool, recover
 from cosim.study.store import NotStored, RunStore, Store
 from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights

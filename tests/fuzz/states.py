@@ -18,7 +18,8 @@ import numpy as np
 from built import BuiltFmus, build_all
 from random_systems import SampledSaw
 
-from cosim import CosimError, System, SystemState, packing
+from cosim import CosimError, System, SystemState
+from cosim.core import packing
 from cosim.master.state import MAGIC
 
 from .forged_states import forged

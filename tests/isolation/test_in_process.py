@@ -17,7 +17,7 @@ from foreign import hostile
 from same import ENGINES, assert_same
 
 from cosim import Recording, System
-from cosim.spool import recover, spool_of
+from cosim.recording.spool import recover, spool_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 

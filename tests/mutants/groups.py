@@ -64,7 +64,7 @@ GROUPS = (
     ),
     Group(
         "metrics",
-        ("cosim/experiments/metrics/*.py", "cosim/signals.py"),
+        ("cosim/experiments/metrics/*.py", "cosim/core/signals.py"),
         ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py"),
     ),
     Group(

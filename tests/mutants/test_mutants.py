@@ -200,9 +200,12 @@ def test_what_is_written_to_the_project_meanwhile_is_not_seen(
 
 def test_what_a_tree_imports_is_that_of_the_tree() -> None:
     with command.trial.copied_tree(ROOT) as tree:
-        (tree / "cosim" / "signals.py").write_text("from cosim import time\n")
-        found = command.trial.imported(tree, ["cosim/signals.py"])
-    assert {p.relative_to(tree).as_posix() for p in found if p.suffix == ".py"} > {"cosim/signals.py", "cosim/time.py"}
+        (tree / "cosim" / "core" / "signals.py").write_text("from cosim.core import time\n")
+        found = command.trial.imported(tree, ["cosim/core/signals.py"])
+    assert {p.relative_to(tree).as_posix() for p in found if p.suffix == ".py"} > {
+        "cosim/core/signals.py",
+        "cosim/core/time.py",
+    }
     assert all(p.is_relative_to(tree) for p in found)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from build_fmus.reference import Evaluator
 from cosim import System
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from fmu_sources.plants import wishbone_car
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
 from fmu_sources.roads import RoadLayout, road_half_round

@@ -15,7 +15,7 @@ import pytest
 from packed import packed_texts
 from py_mini_racer import MiniRacer
 
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from cosim.report.write import Packed, number, render, summary
 

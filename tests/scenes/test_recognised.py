@@ -20,8 +20,8 @@ from scenes.watching import Values, values_at
 from ssp.systems import EVERY, experiment_system
 
 from cosim import System
-from cosim.description import Description, Variable
-from cosim.errors import WiringError
+from cosim.core.description import Description, Variable
+from cosim.core.errors import WiringError
 from cosim.experiments import EXPERIMENTS
 from cosim.export.web.scene import Body, Scene, Value, scene_data
 from cosim.scenes import infer_scene

@@ -19,7 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
 from same import ENGINES, assert_same
 
-from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState, packing, plain
+from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState
+from cosim.core import packing, plain
 from cosim.master.state import MAGIC
 
 pytestmark = pytest.mark.filterwarnings(

@@ -25,7 +25,7 @@ ROOT = Path(sources.__file__).parents[1]
 MASTER = {
     "cosim/__init__.py",
     "cosim/session.py",
-    "cosim/recording.py",
+    "cosim/recording/recording.py",
     "cosim/fmu/calls.py",
     "cosim/master/exchange.py",
     "cosim/study/case.py",
@@ -70,7 +70,7 @@ DEPENDS = {  # what each measures with, as far as it was forgotten before or eas
         "cosim/experiments/steps.py",
         "fmu_sources/controllers/mpc/settings.py",
     },
-    "trench": {"cosim/experiments/trench/runs.py", "cosim/experiments/metrics/crossing.py", "cosim/peaks.py"},
+    "trench": {"cosim/experiments/trench/runs.py", "cosim/experiments/metrics/crossing.py", "cosim/recording/peaks.py"},
 }
 FOUND = {e.name: e for place in EXPERIMENTS.values() for e in load(place).every}
 """Experiments and the parts of some."""
@@ -439,7 +439,7 @@ def test_reading_a_batch_starts_no_thread(tmp_path: Path) -> None:
     pq.write_table(pa.table({"a": [0.5 * k for k in range(4096)]}), path)
     code = f"""
 import os, pathlib
-from cosim.formats import parquet_table
+from cosim.recording.formats import parquet_table
 count = lambda: len(os.listdir("/proc/self/task"))
 import pyarrow.parquet
 before = count()

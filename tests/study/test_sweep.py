@@ -25,7 +25,7 @@ from typer.testing import CliRunner
 
 import cosim.cli
 from cosim import WiringError
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.study import CaseError, MeasureError, Runner, dask, load
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED

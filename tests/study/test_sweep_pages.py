@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 from sweep_tables import FMUS, made, table_of
 
-from cosim.recording import Recording
+from cosim.recording.recording import Recording
 from cosim.report import Figure, Report, Section, write_report
 from cosim.study import load
 from cosim.study.design import DesignError

@@ -13,9 +13,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from cosim import Recording, StopWhen, System
+from cosim.core.signals import peak, rms
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.signals import peak, rms
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet

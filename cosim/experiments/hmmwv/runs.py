@@ -11,6 +11,7 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import Recording, System
+from cosim.core.signals import peak, rms
 from cosim.experiments.hmmwv.wiring import (
     BUMPS,
     CONTROL_PERIOD,
@@ -28,8 +29,7 @@ from cosim.experiments.hmmwv.wiring import (
     published,
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.peaks import peak_index
-from cosim.signals import peak, rms
+from cosim.recording.peaks import peak_index
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet

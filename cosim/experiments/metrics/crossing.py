@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy import signal
 
 from build_fmus.base.checks import number
-from cosim.signals import Array, finite_series, peak
+from cosim.core.signals import Array, finite_series, peak
 
 __all__ = [
     "LABELS",

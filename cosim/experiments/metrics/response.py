@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import constants, signal
 
 from build_fmus.base.checks import number, whole_number
-from cosim.signals import Array, finite_channels, finite_series
+from cosim.core.signals import Array, finite_channels, finite_series
 
 __all__ = [
     "STANDARD_GRAVITY",

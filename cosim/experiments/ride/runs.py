@@ -11,13 +11,13 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import StopWhen, System
+from cosim.core.signals import peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
 from cosim.experiments.three_axle import runs as three_axle
-from cosim.signals import peak, rms
 from cosim.study.case import Case as BaseCase
 from cosim.study.case import CaseError, check_choice, option
 from cosim.study.experiment import Metric, Row, Run

@@ -10,8 +10,8 @@ from fractions import Fraction
 import numpy as np
 
 from cosim import Recording, System
+from cosim.core.signals import peak, rms
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.signals import peak, rms
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim import StopWhen, System
+from cosim.core.signals import peak
 from cosim.experiments.metrics.crossing import (
     LABELS,
     LIMITS,
@@ -21,8 +22,7 @@ from cosim.experiments.metrics.crossing import (
     psd,
 )
 from cosim.experiments.steps import Stepped, exchange_step
-from cosim.peaks import keep_peaks
-from cosim.signals import peak
+from cosim.recording.peaks import keep_peaks
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet

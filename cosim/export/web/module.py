@@ -12,7 +12,7 @@ from pathlib import Path
 from build_fmus.base import safe_files
 from build_fmus.base.interpreters import PYTHON
 from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 from cosim.export.code import SystemCode, template, write
 from cosim.export.parts import Part, defined_names, wrappers
 

@@ -20,8 +20,9 @@ from typing import Any, Literal, get_args
 from build_fmus import description as base
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean
-from cosim.description import Variable
-from cosim.errors import CosimError, WiringError
+from cosim.core.description import Variable
+from cosim.core.errors import CosimError, WiringError
+from cosim.core.time import TimeLike, positive, seconds_text
 from cosim.export.code import SystemCode, exported_schedule, start_values, template
 from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
@@ -30,7 +31,6 @@ from cosim.export.web.scene import Scene, Value, scene_data
 from cosim.system.components import indices
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive, seconds_text
 
 _ASSETS = Path(__file__).parent / "assets"
 _SCRIPTS = ("fmu.js", "plot.js", "scene.js", "page.js")  # in this order

@@ -28,11 +28,11 @@ import cosim.fmu.calls as fmi
 from build_fmus.base import safe_files, surface
 from build_fmus.base.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
-from cosim.errors import FmuError
+from cosim.core.errors import FmuError
+from cosim.core.interrupt import CANCELLERS
+from cosim.core.memory import physical_memory
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.environment import what_changed
-from cosim.interrupt import CANCELLERS
-from cosim.memory import physical_memory
 
 _FOLDER = Path(__file__).parent
 _REGION = 64 * 2**20  # bytes; pages that nobody touches cost nothing

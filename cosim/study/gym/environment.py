@@ -26,9 +26,9 @@ from cosim import (
     UnconnectedInputsWarning,
     View,
 )
-from cosim.signals import Array
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike, positive, seconds_text
 from cosim.study.gym.signals import Ranges, Signals, actions, observations
-from cosim.time import TimeLike, positive, seconds_text
 
 with extras.needed("learning", "cosim.gym"):
     import gymnasium

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim import Recording
-from cosim.peaks import keep_peaks
+from cosim.recording.peaks import keep_peaks
 from cosim.report.checks import label_of
 from cosim.report.model import Figure, Panel, Series
 from cosim.study.gym.signals import Signals

@@ -15,7 +15,7 @@ from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim import CosimError, System, SystemComponent, Variable, WiringError
-from cosim.signals import Array
+from cosim.core.signals import Array
 
 with extras.needed("learning", "cosim.gym"):
     from gymnasium.spaces import Box

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from build_fmus.base import extras
 from build_fmus.base.checks import whole_number
 from cosim import CosimError
-from cosim.signals import Array
+from cosim.core.signals import Array
 from cosim.study.gym.environment import EnvState, SystemEnv
 from cosim.study.gym.signals import ActionError
 

@@ -9,9 +9,9 @@ from fractions import Fraction
 import numpy as np
 
 from cosim import Recording, System
+from cosim.core.signals import rms
 from cosim.experiments.hmmwv import wiring
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, FIRST_BUMP, SPEED_KMH, bump_parameters
-from cosim.signals import rms
 from cosim.study.case import Case as AnyCase
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cosim import PythonComponent, System
-from cosim.component import Array
+from cosim.core.component import Array
+from cosim.core.signals import peak, rms
 from cosim.experiments.hmmwv.wiring import (
     CONTROL_PERIOD,
     EXCHANGE,
@@ -20,8 +21,7 @@ from cosim.experiments.hmmwv.wiring import (
     published,
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.peaks import peak_index
-from cosim.signals import peak, rms
+from cosim.recording.peaks import peak_index
 from cosim.study.case import CaseError, fields, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet

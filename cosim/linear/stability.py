@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 from scipy.linalg import schur
 
-from cosim.component import Array
-from cosim.description import Variable
-from cosim.errors import CosimError, IsolationCrashed, StabilityWarning
+from cosim.core.component import Array
+from cosim.core.description import Variable
+from cosim.core.errors import CosimError, IsolationCrashed, StabilityWarning
+from cosim.core.time import seconds_text
+from cosim.linear.linearized import LinearizedContinuous, Model, diagonal, model_of
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
-from cosim.master.linearized import LinearizedContinuous, Model, diagonal, model_of
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
-from cosim.time import seconds_text
 
 TOLERANCE = 1e-5
 

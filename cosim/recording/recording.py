@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean, glob
 from build_fmus.base.units import KNOWN, DisplayUnit, UnitMismatchError, conversion
-from cosim import formats, frames
-from cosim.real_time import RealTime
-from cosim.signals import Array
+from cosim.core.real_time import RealTime
+from cosim.core.signals import Array
+from cosim.recording import formats, frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +72,7 @@ class Recording:
     # As a file.
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`).
+        """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4.
 
         `read` restores bit-identical values, names, units, order and types; a CSV has no types. Makes the folder; an
         older file is replaced when the new one is complete. Raises FormatError (a ValueError) for other endings,

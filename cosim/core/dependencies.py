@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from cosim.description import Variable
+from cosim.core.description import Variable
 
 Dependencies = Mapping[str, frozenset[str]]  # inputs by output, by name
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus.base import safe_files
-from cosim.errors import CosimError
-from cosim.recording import Recording
-from cosim.signals import Array
+from cosim.core.errors import CosimError
+from cosim.core.signals import Array
+from cosim.recording.recording import Recording
 
 SUFFIX = ".part"
 _MAGIC = b"rows of a co-simulation, version 1\n"

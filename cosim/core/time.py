@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import TypeVar
 
 from build_fmus.base.checks import number
-from cosim.errors import TimeError
+from cosim.core.errors import TimeError
 
 TimeLike = int | float | str | Fraction
 _Number = TypeVar("_Number", float, Fraction)

@@ -20,8 +20,8 @@ import numpy as np
 
 from build_fmus.base import safe_files
 from build_fmus.base.interpreters import PYTHON
-from cosim.base_error import CosimError
-from cosim.memory import physical_memory
+from cosim.core.base_error import CosimError
+from cosim.core.memory import physical_memory
 
 SECONDS = 60.0
 """Processor time that any file gets [s]; `_RATE` more for each byte."""
@@ -46,7 +46,7 @@ def read_apart(path: Path, program: str) -> dict[str, Any]:
         NotRead: with what the library says of the file, or how its process ended.
     """
     seconds = SECONDS + _RATE * path.stat().st_size
-    root = str(Path(__file__).parents[1])
+    root = str(Path(__file__).parents[2])
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])}
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as folder, safe_files.named(folder):
         command = [*PYTHON, "-c", program, str(path.resolve()), folder, str(seconds), str(os.getpid())]

@@ -15,7 +15,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from cosim.errors import CosimError
+from cosim.core.errors import CosimError
 
 LARGEST = 2**30  # bytes that are read
 LARGEST_DESCRIPTION = 2**26

@@ -17,7 +17,7 @@ held (inputs of the latest step of a continuous component that show in its outpu
 held over the period; y[k] is what a recording shows at k T. Continuous components are linearized where they stand at
 the beginning of the period and made discrete exactly for inputs held over their steps. Discrete components are
 linearized at each of their samples of one period, by perturbing their states and inputs (central differences) while the
-system runs through it. Then all are replaced by these models (`cosim.master.linearized`), and the same master with the
+system runs through it. Then all are replaced by these models (`cosim.linear.linearized`), and the same master with the
 same schedule takes every unit deviation through the period.
 
 A state of a discrete component that never changes is a constant of the operating point, and one that acts on nothing (a
@@ -37,12 +37,10 @@ from fractions import Fraction
 import numpy as np
 
 from build_fmus.base.checks import did_you_mean, glob
-from cosim.component import Array, Ports
-from cosim.description import Variable
-from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.initialization import initialize
-from cosim.master.linearized import (
+from cosim.core.component import Array, Ports
+from cosim.core.description import Variable
+from cosim.core.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
+from cosim.linear.linearized import (
     LinearizedContinuous,
     LinearizedSampled,
     Model,
@@ -50,7 +48,9 @@ from cosim.master.linearized import (
     diagonal,
     model_of,
 )
-from cosim.statespace import Matrices
+from cosim.linear.statespace import Matrices
+from cosim.master.exchange import Exchange, Phase
+from cosim.master.initialization import initialize
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.schedule import Schedule

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import control
 import numpy as np
 
-from cosim.errors import WiringError
-from cosim.signals import Array
+from cosim.core.errors import WiringError
+from cosim.core.signals import Array
 
 NOTHING = "nothing"
 

@@ -24,9 +24,9 @@ import numpy as np
 
 from build_fmus.base import extras, safe_files
 from build_fmus.base.checks import plain
-from cosim.base_error import CosimError
-from cosim.reading import NotRead, answer, read_apart
-from cosim.signals import Array
+from cosim.core.base_error import CosimError
+from cosim.core.signals import Array
+from cosim.recording.reading import NotRead, answer, read_apart
 
 TIME = "time"
 _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?", re.DOTALL)
@@ -129,7 +129,7 @@ def read(path: str | os.PathLike[str]) -> Content:
         return read_csv(path)
     try:
         return (
-            Content(**read_apart(path, "from cosim.formats import _answer; _answer()"))
+            Content(**read_apart(path, "from cosim.recording.formats import _answer; _answer()"))
             if form.apart
             else form.read(path)
         )

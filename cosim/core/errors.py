@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from build_fmus.base import surface
 from build_fmus.base.checks import plain
-from cosim.base_error import CosimError
-from cosim.recording import Recording
+from cosim.core.base_error import CosimError
 
 STATUS_NAMES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")  # FMI 3.0 has no Pending
 
@@ -139,10 +139,11 @@ class ComponentError(CosimError):
 
     Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", "lost", or a number
     that is none of FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's
-    own log lines, oldest first), `recording` (everything up to the failure, None when it came before the first sample).
+    own log lines, oldest first), `recording` (a `Recording` up to the failure, None when
+    it came before the first sample).
     """
 
-    def __init__(self, failure: CallFailed, time: float, recording: Recording | None):
+    def __init__(self, failure: CallFailed, time: float, recording: Any):
         super().__init__(failure._text(time))
         self.component = failure.component
         self.function = failure.function
@@ -155,9 +156,9 @@ class ComponentError(CosimError):
 
 
 class Interrupted(CosimError, KeyboardInterrupt):  # noqa: N818
-    """Ctrl-C: the run stopped between two instants; `recording` holds everything up to `time` [s]."""
+    """Ctrl-C: the run stopped between two instants; `recording` (a `Recording`) ends at `time` [s]."""
 
-    def __init__(self, time: float, recording: Recording | None):
+    def __init__(self, time: float, recording: Any):
         super().__init__(f"interrupted at t = {time:.9g} s; everything recorded up to there is kept")
         self.time = time
         self.recording = recording

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from build_fmus.base.quantities import place
-from cosim.description import Description, split_index
+from cosim.core.description import Description, split_index
 
 BUS, PLUG, SEQUENCE = "bus", "plug", "sequence"
 RULES = (PLUG, BUS, SEQUENCE)

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.linalg import block_diag, expm
 from scipy.sparse import csr_array
 
-from cosim.component import Array, PythonComponent
-from cosim.description import Description, Variable
-from cosim.errors import CosimError
+from cosim.core.component import Array, PythonComponent
+from cosim.core.description import Description, Variable
+from cosim.core.errors import CosimError
 from cosim.system.components import SystemComponent
 
 

@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from build_fmus.base.checks import unknown
 from build_fmus.base.units import KNOWN, Unit
-from cosim import plain
-from cosim.dependencies import Dependencies, by_perturbation
-from cosim.description import Description, Variable
-from cosim.errors import CallFailed, CosimError, WiringError
-from cosim.signals import Array
-from cosim.time import TimeLike, positive
+from cosim.core import plain
+from cosim.core.dependencies import Dependencies, by_perturbation
+from cosim.core.description import Description, Variable
+from cosim.core.errors import CallFailed, CosimError, WiringError
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike, positive
 
 Action = Callable[[], None]
 
@@ -321,7 +321,7 @@ class PythonComponent:
         return {"class": type(self).__qualname__, "list of variables": "; ".join(declared)}
 
     def pack(self, state: Any) -> bytes:
-        """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.plain`)."""
+        """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.core.plain`)."""
         own, shared, _ = state
         try:
             if shared is not None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from cosim.signals import Array
+from cosim.core.signals import Array
 
 
 def keep_peaks(x: npt.ArrayLike, y: npt.ArrayLike, points: int = 2000) -> tuple[Array, Array]:

@@ -10,8 +10,8 @@ from lxml import html
 from lxml.html import builder as E  # noqa: N812
 
 from build_fmus.base import escape, extras
-from cosim.formats import TIME, FormatError, Recorded, blocks, columns
-from cosim.peaks import keep_peaks
+from cosim.recording.formats import TIME, FormatError, Recorded, blocks, columns
+from cosim.recording.peaks import keep_peaks
 
 if TYPE_CHECKING:
     import pandas as pd

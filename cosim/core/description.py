@@ -9,7 +9,7 @@ from typing import Any
 
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import DisplayUnit, Unit
-from cosim.errors import WiringError
+from cosim.core.errors import WiringError
 
 RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded
 

@@ -1,0 +1,1 @@
+"""Linear models of systems and their components, and the stability of the coupling of a group."""
