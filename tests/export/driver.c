@@ -132,8 +132,8 @@ int main(int argc, char **argv) {
     step = atof(argv[1]);
     resources = argv[2];
 #ifdef THREADS
-    fmi3Instance keeps =
-        instantiate(); /* libraries of components open: the loader's own memory is none of ours, and its lock is hidden */
+    fmi3Instance keeps = instantiate(); /* libraries of components open: the loader's own memory is none of ours, and
+                                           its lock is hidden */
     pthread_t threads[3];
     for (int i = 0; i < 3; i++) pthread_create(&threads[i], NULL, live, NULL);
     for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);

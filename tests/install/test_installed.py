@@ -275,7 +275,7 @@ for file in sorted(root.rglob("*.py")):
         name = ".".join(parts).removesuffix(".__init__")
         try:
             importlib.import_module(name)
-        except suspension_fmus.build_fmus.extras.MissingExtraError as error:
+        except suspension_fmus.build_fmus.base.extras.MissingExtraError as error:
             print(name, str(error).partition("[")[2].partition("]")[0])
 """
     code = code.replace("import importlib,", "import build_fmus.base.extras, importlib,")

@@ -21,7 +21,7 @@ from cosim.experiments import EXPERIMENTS
 from cosim.study import FmuSet, Search, key, load
 from cosim.study.store import NotStored, RunStore, Store, Stored
 
-ROOT = Path(sources.__file__).parents[1]
+ROOT = Path(sources.__file__).parents[2]
 MASTER = {
     "cosim/__init__.py",
     "cosim/session.py",

@@ -42,7 +42,8 @@ static void fail(Component *m, unsigned failed, int why, int which, double when,
 }
 
 /* Which of the lanes in `of` have a value that is not finite; they are noted. */
-static unsigned not_finite(Component *m, unsigned of, const lanes *values, const int *slots, int n, int why, double when) {
+static unsigned not_finite(
+    Component *m, unsigned of, const lanes *values, const int *slots, int n, int why, double when) {
     unsigned failed = 0;
     for (int i = 0; i < n; i++) {
         const int slot = slots ? slots[i] : i;

@@ -535,7 +535,8 @@ static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *valu
         return FMU_OK;
     }
     Component *m = &self->components[v->component];
-    if (m->dead) return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->components[v->component].name);
+    if (m->dead)
+        return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->components[v->component].name);
     const uint32_t status = component_get(m, v->kind, v->reference, value, 1);
     return status > fmi3Warning ? component_failed(self, v->component, "getting a value", status) : FMU_OK;
 }
@@ -633,10 +634,10 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                 return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
                                 fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
     }
-    const bool asked =
-        self->engine.call == 0 &&
-        (P->components[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-                                    : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]));
+    const bool asked = self->engine.call == 0 &&
+                       (P->components[i].version == 3
+                               ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
+                               : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]));
     if (asked) {
         self->state->ended = 1;
         (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->components[i].name,
@@ -787,13 +788,15 @@ static const char *wrong_in(const State *s) {
 
 static void forget_components(FmuInstance *self, Saved *saved) {
     for (int32_t i = 0; i < P->n_components; i++)
-        if (saved->components[i] && !self->components[i].dead) (void)component_forget(&self->components[i], &saved->components[i]);
+        if (saved->components[i] && !self->components[i].dead)
+            (void)component_forget(&self->components[i], &saved->components[i]);
 }
 
 static FmuStatus check_alive(FmuInstance *self, const char *function) {
     for (int32_t i = 0; i < P->n_components; i++)
         if (self->components[i].dead)
-            return fmu_fail(self, FMU_ERROR, "%s: component '%s' has failed permanently", function, P->components[i].name);
+            return fmu_fail(
+                self, FMU_ERROR, "%s: component '%s' has failed permanently", function, P->components[i].name);
     return FMU_OK;
 }
 
@@ -928,7 +931,8 @@ FmuStatus fmu_deserialize(
             status = fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
             break;
         }
-        const uint32_t said = component_deserialize(&self->components[i], from + sizeof own, (size_t)own, &saved->components[i]);
+        const uint32_t said =
+            component_deserialize(&self->components[i], from + sizeof own, (size_t)own, &saved->components[i]);
         if (said > fmi3Warning) status = component_refused(self, i, "DeserializeFMUState", said);
         from += sizeof own + own;
     }
