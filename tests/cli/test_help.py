@@ -75,13 +75,13 @@ CHOICES = {
     },
     "preview-lq": {
         "--input": preview_lq.INPUTS,
-        "--weights": [*preview_lq.LAWS, "FILE.toml"],
+        "--weights": [*preview_lq.WEIGHTED_CONTROLLERS, "FILE.toml"],
         "--controller": preview_lq.CONTROLLERS,
         "--shape": preview_lq.SHAPES,
     },
     "ride": {
         "--car": ride.CARS,
-        "--controller": ride.LAWS,
+        "--controller": ride.CONTROLLERS,
         "--actuators": hmmwv.ACTUATORS,
         "--course": [*ride.NUMBER, "FILE.crg"],
         "--sides": ride.SIDES,

@@ -52,7 +52,7 @@ def _hmmwv(fmus: FmuSet) -> Iterator[System]:
 
 def _preview_lq(fmus: FmuSet) -> Iterator[System]:
     with Runner(preview_lq.EXPERIMENT, fmus) as runner:
-        for weights in preview_lq.runs.LAWS:
+        for weights in preview_lq.runs.WEIGHTED_CONTROLLERS:
             yield runner.system(preview_lq.runs.Case(weights=weights))
         yield runner.system(preview_lq.runs.Case(tunable=True))
 
