@@ -175,7 +175,7 @@ def test_a_value_that_is_not_finite_ends_the_run(awkward_fmus, version, value, k
         assert (caught.value.component, caught.value.variable) == ("plant", "y")
         assert caught.value.time == pytest.approx(at)
         assert np.isfinite(caught.value.recording.data).all()
-        assert np.isfinite(seen.component.x)
+        assert np.isfinite(seen.implementation.x)
         result = system.run(1, allow_nan=True)
         assert not np.isfinite(result["plant.y"][-1])
 

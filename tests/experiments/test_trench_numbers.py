@@ -678,7 +678,7 @@ def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_
         "Time histories and spectra",
         "Steps",
         "Ablation: one part of the controller changed at a time",
-        "Robustness to the vehicle",
+        "Robustness to other vehicles",
     ]
 
 

@@ -535,7 +535,7 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, rais
         gc.collect()
         assert not system["a"].implementation._states
         assert travelled.owner is None
-        assert not travelled.components
+        assert not travelled.instances
         with raises(CosimError):
             simulation.restore(travelled)
         fork = system.initialize(record=["b.y"], state=travelled)  # in the system where it comes from

@@ -27,7 +27,7 @@ def test_what_a_file_imports_is_not_there(text: str, tmp_path: Path, raises) -> 
 
 def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raises) -> None:
     file = tmp_path / "mine.py"
-    file.write_text("from build_fmus import extras\nextras.require('reports', 'this')\n")
+    file.write_text("from build_fmus.base import extras\nextras.require('reports', 'this')\n")
     monkeypatch.setitem(extras.EXTRAS, "reports", ("no_such_module",))
     with raises(extras.MissingExtraError):
         load(str(file))
