@@ -353,7 +353,10 @@ def test_ctrl_c_ends_a_read_and_its_process(tmp_path: Path) -> None:
         " 'w').write(str(os.getpid())); time.sleep(600)"
     )
     inner = f"from cosim.recording.reading import answer; answer(lambda path: exec({deed!r}))"
-    program = f"from pathlib import Path; from cosim.recording import reading; reading.read_apart(Path({str(path)!r}), {inner!r})"
+    program = (
+        "from pathlib import Path; from cosim.recording import reading;"
+        f" reading.read_apart(Path({str(path)!r}), {inner!r})"
+    )
     reader = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
     while not (pid.exists() and pid.read_text()):
         assert reader.poll() is None
