@@ -94,7 +94,7 @@ fuzz: $(VENV)/.test
 # Renews the snapshots of messages (__snapshots__ beside the tests); look at the differences before you commit them.
 snapshots: $(VENV)/.test
 	$(BIN)/build-fmus
-	$(BIN)/python -m pytest -n auto --dist loadscope --snapshot-update \
+	$(BIN)/python -m pytest -n auto --dist loadfile --snapshot-update \
 		$$(grep -rlE '[^.](raises|warns|sentence)\(' --include='test_*.py' tests)
 
 # The documentation as a site: build/site/html/index.html, with the reports that `make studies` has left.

@@ -64,7 +64,7 @@ def step_matrix(matrix: np.ndarray, velocity_of: np.ndarray, h: float) -> np.nda
 class Instability:
     """What a solver step cannot follow: the eigenvalue [1/s] of largest modulus, and where.
 
-    Also the longest step [s] that is stable at all points; None when there is none.
+    Also the longest step [s] that is stable at all points; None when no step is.
     """
 
     point: str

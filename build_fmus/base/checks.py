@@ -37,7 +37,7 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
 
 
 def unknown(what: str, value: object, known: Iterable[object]) -> str:
-    """The sentence about a value that is none of those that are known."""
+    """The error message for an unknown value."""
     names = list(map(str, known))
     return f"no {what} {value!r}{did_you_mean(value, names)} (there are: {', '.join(names)})"
 

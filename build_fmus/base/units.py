@@ -158,7 +158,7 @@ def unit(name: str) -> Unit:
 
 
 def display_unit(unit_name: str, name: str) -> DisplayUnit:
-    """The display unit `name` of `unit_name`; KeyError with the choices when there is none."""
+    """The display unit `name` of `unit_name`. Raises KeyError with the choices for an unknown name."""
     for d in unit(unit_name).display:
         if d.name == name:
             return d

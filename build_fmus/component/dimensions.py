@@ -72,7 +72,7 @@ class Violation:
         unit: what is declared, in words: `m/s2`, `m/s per s`.
         base: base unit that was scaled.
         declared: exponent of the base unit in the declared unit.
-        found: power with which the expression really scales; None when it is none, because quantities of different
+        found: power with which the expression really scales; None when it is no power, because quantities of different
             dimension are added or compared.
     """
 
@@ -356,7 +356,7 @@ class _Scaling:
 
 
 def _power(ratio: float, factor: float) -> float | None:
-    """The power of `factor` that `ratio` is, None when it is none that an expression of units could have."""
+    """The exponent e with `ratio` = `factor`**e; None when no expression of units could have that exponent."""
     if not (math.isfinite(ratio) and ratio > 0):
         return None
     power = math.log(ratio) / math.log(factor)

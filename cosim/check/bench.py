@@ -200,7 +200,7 @@ def difference(
 ) -> str:
     """First difference of two runs by more than `tolerance` of a signal's largest value (at least `floor`), in words.
 
-    Empty if there is none.
+    Empty if the runs agree.
     """
     scales = peaks([*one, *other], floor)
     for k, (a, b) in enumerate(zip(one, other, strict=False)):

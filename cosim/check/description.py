@@ -560,7 +560,7 @@ def clocks(file: File) -> Found:
             continue
         for word in v.says.get("clocks", "").split():
             if _reference(word) not in references:
-                yield v.line, f"variable {v.name!r} belongs to clock {word}, which is none"
+                yield v.line, f"variable {v.name!r} belongs to clock {word}, which is no clock"
         if v.variability != "discrete":
             yield v.line, f"variable {v.name!r} belongs to a clock and is {v.variability}; it must be discrete"
 

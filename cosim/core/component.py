@@ -321,7 +321,7 @@ class PythonComponent:
         return {"class": type(self).__qualname__, "list of variables": "; ".join(declared)}
 
     def pack(self, state: Any) -> bytes:
-        """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.core.plain`)."""
+        """The state as plain data (`cosim.core.plain`). Raises CosimError naming an attribute that is not."""
         own, shared, _ = state
         try:
             if shared is not None:

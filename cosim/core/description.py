@@ -60,7 +60,7 @@ class Variable:
 
     @property
     def unit_name(self) -> str:
-        """Name of the unit, "" if there is none."""
+        """Name of the unit, "" for a variable without a unit."""
         return self.unit.name if self.unit else ""
 
     def accepts(self, value: float) -> bool:

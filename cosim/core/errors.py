@@ -138,9 +138,9 @@ class ComponentError(CosimError):
     """A component ended the run.
 
     Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", "lost", or a number
-    that is none of FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's
-    own log lines, oldest first), `recording` (a `Recording` up to the failure, None when
-    it came before the first sample).
+    that FMI does not define), `time` [s], `variable` (the one that is not finite, else None), `messages` (the
+    component's own log lines, oldest first), `recording` (a `Recording` up to the failure, None when it came before the
+    first sample).
     """
 
     def __init__(self, failure: CallFailed, time: float, recording: Any):

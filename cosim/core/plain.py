@@ -43,7 +43,7 @@ _DTYPES = {
 
 
 class NotPlain(ValueError):  # noqa: N818
-    """A value that is no plain data, or a text that is none; the argument says what."""
+    """A value that is no plain data, or a text that does not represent plain data; the argument says what."""
 
 
 def encode(values: Mapping[str, Any]) -> bytes:
@@ -218,7 +218,7 @@ def _array(name: str, axes: list[int], shape: list[int], text: str) -> Any:
     dtype = _DTYPES[name]
     sizes = type(shape) is list and len(shape) <= 32 and all(type(n) is int and n >= 0 for n in shape)
     if not sizes or sorted(axes) != list(range(len(shape))):
-        raise NotPlain("has an array whose shape is none")
+        raise NotPlain("has an array with an invalid shape")
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError):

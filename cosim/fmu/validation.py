@@ -327,7 +327,8 @@ def _structure(root: Any, about: Description, major: str) -> Iterator[Finding]:
         name = variable.declared
         if variable.causality != "output":
             yield Finding(
-                element.sourceline, f"{one_line(name, 80)!r} is among the outputs of ModelStructure, but is none"
+                element.sourceline,
+                f"{one_line(name, 80)!r} is listed as an output in ModelStructure, but has another causality",
             )
         if name in listed:
             yield Finding(element.sourceline, f"{one_line(name, 80)!r} is twice among the outputs of ModelStructure")

@@ -261,7 +261,7 @@ def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Ar
 
 
 def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
-    """The least common multiple of all steps, or a multiple of it. Raises TimeError when it is none."""
+    """The least common multiple of all steps, or a multiple of it. Raises TimeError for any other period."""
     ticks = math.lcm(*(int(m.step / schedule.tick) for m in schedule.components))
     least = ticks * schedule.tick
     if given is None:

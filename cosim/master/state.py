@@ -255,9 +255,9 @@ def _read(data: bytes, what: str) -> SystemState:
         if ending is not None:
             end, text = ending
             if type(end) is not int or type(text) is not str or not tick <= end <= MOST_TICKS:
-                refuse("its end is none")
+                refuse("its end is invalid")
         if about["phase"] not in _PHASES:
-            refuse("its phase is none")
+            refuse("its phase is invalid")
         known = wiring["components"]
         if len(set(keys)) != len(keys) or any(k[0] not in _PARTS or k[1] not in known for k in keys):
             refuse("its values have no names")
@@ -292,7 +292,7 @@ def _read(data: bytes, what: str) -> SystemState:
 
 
 def _check_wiring(wiring: Any) -> None:
-    """Raises ValueError or TypeError for what is none."""
+    """Raises ValueError or TypeError for invalid wiring."""
     components, connections, groups = wiring["components"], wiring["connections"], wiring["groups"]
     for name, (kind, step, offset) in components.items():
         if (

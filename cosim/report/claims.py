@@ -324,8 +324,8 @@ class Claims(list[Claim]):
         verdict = verdict_of(holds, value, band, over, undecided)
         rules = [criterion] if criterion else []
         if band is not None:
-            is_significant = f" in clearly most {over.of}" if over is not None and band.open else ""
-            rules.append(f"magnitude {band.text(unit)}{is_significant}" + (f" ({band.reason})" if band.reason else ""))
+            share = f" in clearly most {over.of}" if over is not None and band.open else ""
+            rules.append(f"magnitude {band.text(unit)}{share}" + (f" ({band.reason})" if band.reason else ""))
         reason = undecided or reason
         self._add(id, claim, published, ours, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
 

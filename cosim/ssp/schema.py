@@ -26,7 +26,7 @@ def _compiled(name: str, major: str) -> Any:
 
 
 def deviation(root: Any) -> str:
-    """The first violation of the schema of the file's own version, with its line; "" if there is none."""
+    """The first violation of the schema of the file's own version, with its line; "" if the file is valid."""
     name = etree.QName(root).localname
     if name not in _FILES:
         return f"its element is {one_line(name, 60)}; one of {', '.join(_FILES)} is expected"

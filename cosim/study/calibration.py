@@ -198,7 +198,7 @@ class Calibration:
         return float(np.mean((self.residuals / self.noise) ** 2))
 
     @property
-    def leaves_more(self) -> bool:
+    def underfits(self) -> bool:
         """Whether the residuals are larger than noise as given would be in one of a thousand cases."""
         free = self.residuals.size - len(self.names)
         return not self.estimated and self.misfit * self.residuals.size > float(stats.chi2.ppf(0.999, free))
@@ -216,11 +216,13 @@ class Calibration:
             if at:
                 lines.append(f"{name} ended at a bound of its range: its value is that of the range.")
         if self.not_identifiable:
-            lines.append(f"Not told by these data: {', '.join(self.not_identifiable)}.")
-        lines += [f"Told together only: {a} and {b} (correlation {r:+.3f})." for a, b, r in self.correlated]
+            lines.append(f"Not identifiable from these data: {', '.join(self.not_identifiable)}.")
+        lines += [
+            f"Identifiable only in combination: {a} and {b} (correlation {r:+.3f})." for a, b, r in self.correlated
+        ]
         kind = "estimated from the residuals" if self.estimated else "as given"
         lines.append(f"Noise {kind}: {', '.join(f'{s:.3g}' for s in self.noise.tolist())}.")
-        if self.leaves_more:
+        if self.underfits:
             lines.append(
                 f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model lacks"
                 " something, or this is not the smallest sum of squares (others=... tries more first values). The"

@@ -205,7 +205,7 @@ def axis(text: str) -> Axis:
     """Parse `NAME=LOW:HIGH`, `NAME=LOW:HIGH:COUNT` (a grid), `NAME=A,B,C`, `NAME=1..1000` or `NAME=normal(5000,200)`.
 
     Raises:
-        DesignError: it is none of these.
+        DesignError: the text has none of these forms.
     """
     name, equals, spec = (part.strip() for part in text.partition("="))
     if not (name and equals and spec):
@@ -403,7 +403,7 @@ def from_file(path: Path) -> Design:
         damping = 6e3
 
     Raises:
-        DesignError: there is no such file, or something in it is none of these.
+        DesignError: there is no such file, or an entry has none of these forms.
     """
     if path.suffix not in (".toml", ".py"):
         raise DesignError(f"{path}: a design is a .toml or a .py file")

@@ -221,7 +221,7 @@ class TaskQueue:
         self.left = left
 
     def peek(self) -> int | None:
-        """Number of the next task without taking it; None if there is none."""
+        """Number of the next task, without taking it; None if the queue is empty."""
         if self._next is None:
             self._next = next(self._numbers, None)
         return self._next

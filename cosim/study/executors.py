@@ -130,7 +130,7 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
 
     Raises:
         MissingExtraError: without the extra [cluster].
-        ClusterError: the address is none, the scheduler does not answer, or has no workers.
+        ClusterError: the address is invalid, the scheduler does not answer, or has no workers.
     """
     if address != LOCAL and not _ADDRESS.fullmatch(address):
         raise ClusterError(

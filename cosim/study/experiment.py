@@ -93,7 +93,7 @@ class Metric:
         return f"{self.text} [{self.unit}]" if self.unit else self.text
 
     def shown(self, value: float | str | None) -> str:
-        """The value as people read it; a text as it is, a dash where there is none."""
+        """The value as people read it; a text as it is, a dash for None."""
         return "-" if value is None else value if isinstance(value, str) else self.form.format(self.factor * value)
 
 

@@ -96,7 +96,7 @@ class Store:
         """The stored text of a result by the name of its key.
 
         Raises:
-            NotStored: there is none, or a damaged one.
+            NotStored: no entry is stored, or a damaged one.
         """
         key = bytes.fromhex(name)
         for again in (False, True):

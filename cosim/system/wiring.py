@@ -195,7 +195,7 @@ class Wiring:
         """Connect every output of `source` whose name matches `pattern` (wildcards * and ?) to its input of `target`.
 
         The input has the same name; inputs that are connected already are skipped. Returns the connections; raises
-        WiringError, and connects nothing, if there is none or if one does not fit.
+        WiringError, and connects nothing, if no pair matches or a pair does not fit.
 
         Where an FMU declares terminals, names are also those that its variables have there (`terminal.name`), and two
         terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
@@ -282,7 +282,7 @@ class Wiring:
     def disconnect(self, pattern: str) -> list[str]:
         """Remove the connections into the inputs whose full names match `pattern` (`car.force.*`); returns the names.
 
-        Raises WiringError when there is none.
+        Raises WiringError when no such connection exists.
         """
         fits = glob(pattern)
         removed = [name for name, c in self.connections.items() if fits_any(fits, c.target, c.input)]

@@ -398,7 +398,7 @@ def _times(raw: _Raw, name: str, values: Any, unit: str) -> Array:
         own = unit_of(raw.name, name, unit)
         if own is not None and own.exponents != KNOWN["s"].exponents:
             raise TableError(
-                f"{raw.name}: the time column '{name}' has the unit '{unit}', which is none of time (s, ms)"
+                f"{raw.name}: the time column '{name}' has the unit '{unit}', which is no unit of time (s, ms)"
             )
         scale, _ = conversion(own, KNOWN["s"])
         seconds = seconds if scale == 1.0 else seconds * scale

@@ -266,7 +266,7 @@ def _notch(
     a0 = 1 + wide + g * g
     b0, b2 = (1 + narrow + g * g) / a0, (1 - narrow + g * g) / a0
     a1, a2 = 2 * (g * g - 1) / a0, (1 - wide + g * g) / a0
-    # Starts as if the signal had been what it is for ever.
+    # Starts as if the signal had always had its first value.
     memory = c.state(
         name, "m", "memory of the notch", shape=(2,), start=ca.vertcat((1 - b0) * signal, (b2 - a2) * signal)
     )

@@ -224,7 +224,7 @@ def kalman_hmmwv(
     _deviation_outputs(c, car, [ca.sqrt(ca.fmax(0, variance[i])) for i in range(len(RELATIVE_STATES))])
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": unknown.gain.tolist()}
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -271,7 +271,7 @@ def kalman_hmmwv_printed(
     _deviation_outputs(c, car, sigma, ", were the road flat")
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": f.gain.tolist()}
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -396,7 +396,7 @@ def _start_covariance(names: tuple[str, ...]) -> np.ndarray:
     return np.diag([START_SIGMA[n.rsplit("_", 1)[-1].rsplit(".", 1)[-1]] ** 2 for n in names])
 
 
-def _stimulus() -> dict[str, Callable[[float], float]]:
+def _reference_inputs() -> dict[str, Callable[[float], float]]:
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
         return lambda t: amplitude * math.sin(rate * t + phase)
 

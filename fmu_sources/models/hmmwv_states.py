@@ -85,7 +85,7 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
 
 
 def sines(amplitudes: Mapping[str, float]) -> dict[str, Callable[[float], float]]:
-    """Stimulus of a controller: each input a sine of its own frequency, 0.6 Hz and up."""
+    """Reference inputs of a controller: each input is a sine of its own frequency, 0.6 Hz and up."""
 
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
         return lambda t: amplitude * math.sin(rate * t + phase)

@@ -367,7 +367,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.operating_point("axles at the stops", {f"suspension.{w}.deflection": -0.25 for w in wheels})
     c.operating_point("deep in the tires", {"body.z": -0.25})
     c.operating_point("body on the ground", {"body.z": -0.61})
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -631,7 +631,7 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
     return grounds, markers
 
 
-def _stimulus() -> dict[str, Any]:
+def _reference_inputs() -> dict[str, Any]:
     """Wheels drive towards the trench while the front axle is retracted, for the reference result."""
     signals: dict[str, Any] = {"target.speed": lambda t: 2.5}
     for n in ("a1l", "a1r"):

@@ -319,7 +319,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
     c.operating_point("in jounce", {f"wheel.{k}.travel": 0.05 for k in corners})
     c.operating_point("wheels hanging", {f"wheel.{k}.travel": -0.155 for k in corners})
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -743,7 +743,7 @@ def _saturation(p: Any, drive: Any, side: Any) -> Any:
     return ca.sqrt(1 + (drive / p.tire.longitudinal_friction) ** 2 + (side / p.tire.lateral_friction) ** 2)
 
 
-def _stimulus() -> dict[str, Any]:
+def _reference_inputs() -> dict[str, Any]:
     edge = CONTACT_COUNT // 2 + 5  # a ridge ahead of the middle of a contact
     return {**rough_patch(), **{f"contact.fl[{i}]": bump(0.06, 0.03) for i in range(edge, edge + 3)}}
 

@@ -199,7 +199,7 @@ def preview_buffer(
     front = places[max(layout.wheels, key=lambda w: w.x).corner]
     sight = ca.fmin(*foremost.values()) * size - x - front
     c.output("preview.reach", ca.fmax(0, sight), "m", "how far ahead of the front wheels the road is known or held")
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -272,7 +272,7 @@ def _written(
     return heights, known, front, valid
 
 
-def _stimulus() -> dict[str, Callable[[float], float]]:
+def _reference_inputs() -> dict[str, Callable[[float], float]]:
     signals: dict[str, Callable[[float], float]] = {"x": lambda t: 5.0 + 9.0 * t, "speed": lambda _: 9.0}
 
     def sensed(phase: float, dropout: float) -> tuple[Callable[[float], float], ...]:

@@ -126,7 +126,7 @@ def preview_sensor(
             source="Z_road of 001 (1.18)",
         )
         c.output(f"sensed.{side}.valid", valid, None, "from a range that is measured", type=bool)
-    c.reference_input(_stimulus(mount_range(sensors)))
+    c.reference_input(_reference_inputs(mount_range(sensors)))
     return c
 
 
@@ -182,7 +182,7 @@ def _free_response(c: Component, vehicle: RideCar, corners: Corners, period: flo
     return by_heights @ ca.vertcat(*heights)
 
 
-def _stimulus(rest: float) -> dict[str, Callable[[float], float]]:
+def _reference_inputs(rest: float) -> dict[str, Callable[[float], float]]:
     def wave(mean: float, amplitude: float, rate: float) -> Callable[[float], float]:
         return lambda t: mean + amplitude * math.sin(rate * t)
 

@@ -228,7 +228,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
             type=bool,
         )
 
-    c.reference_input(_stimulus(scan))
+    c.reference_input(_reference_inputs(scan))
     return c
 
 
@@ -288,7 +288,7 @@ def _rounded(value: Any, resolution: Any, small: Any) -> Any:
     return ca.if_else(resolution > small, steps * resolution, value)
 
 
-def _stimulus(scan: RoadScan) -> dict[str, Callable[[float], float]]:
+def _reference_inputs(scan: RoadScan) -> dict[str, Callable[[float], float]]:
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
         return lambda t: amplitude * math.sin(rate * t + phase)
 

@@ -123,7 +123,7 @@ def test_lists_of_outputs(tmp_path, version):
     variables = input_(version) + variable(version, "y", "1", "", 'causality="output"')
     path = archive(tmp_path / "a.fmu", xml(version, variables, OUTPUT[version].format(1 if version == 2 else 0, "")))
     assert sorted(f.split(": ", 1)[1] for f in findings(path)) == [
-        "'u' is among the outputs of ModelStructure, but is none",
+        "'u' is listed as an output in ModelStructure, but has another causality",
         "output 'y' is not in ModelStructure; it counts as depending on all inputs",
     ]
 

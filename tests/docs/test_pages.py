@@ -205,10 +205,10 @@ def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFix
     found, fit = names["found"], names["fit"]
     assert len(found.trials) == 24  # type: ignore[attr-defined]
     assert 1 < len(found.front) < 24  # type: ignore[attr-defined]
-    assert not fit.leaves_more  # type: ignore[attr-defined]
+    assert not fit.underfits  # type: ignore[attr-defined]
     pairs = {frozenset(pair[:2]) for pair in fit.correlated}  # type: ignore[attr-defined]
     assert frozenset({"car.body.mass", "car.suspension.stiffness"}) in pairs
-    assert "Told together only" in capsys.readouterr().out
+    assert "Identifiable only in combination" in capsys.readouterr().out
     names["system"].close()  # type: ignore[attr-defined]
 
 

@@ -41,7 +41,7 @@ def test_values_information_and_intervals_are_those_of_the_formula() -> None:
     assert math.log(high / low) == pytest.approx(2 * 1.95996 * found.deviations[0], rel=1e-4)
     assert found.not_identifiable == found.correlated == []
     assert found.misfit == pytest.approx(1, abs=0.2)
-    assert not found.leaves_more
+    assert not found.underfits
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -72,7 +72,7 @@ def test_what_moves_nothing_is_not_told() -> None:
     assert found.not_identifiable == ["colour"]
     assert found.intervals[2] == (0.0, math.inf)
     assert found.values[2] == pytest.approx(3.0)
-    assert "Not told by these data: colour." in found.text()
+    assert "Not identifiable from these data: colour." in found.text()
     np.testing.assert_allclose(found.values[:2], [2.0, 0.7], rtol=0.01)
     assert np.isfinite(found.deviations[:2]).all()
 
@@ -116,7 +116,10 @@ def test_two_that_do_nearly_the_same_are_told_together_only() -> None:
     ((one, other, r),) = found.correlated
     assert {one, other} == {"a", "b"}
     assert r < -0.99
-    assert "Told together only: a and b (correlation -0.99" in found.text() or "(correlation -1.000" in found.text()
+    assert (
+        "Identifiable only in combination: a and b (correlation -0.99" in found.text()
+        or "(correlation -1.000" in found.text()
+    )
 
 
 def test_pairs_come_by_how_much_they_are_one() -> None:
@@ -146,7 +149,7 @@ def test_an_end_of_a_range_is_no_result() -> None:
 def test_a_model_that_lacks_something_is_told_by_its_residuals() -> None:
     data = noisy(decay(TRUE) + 0.3 * np.sin(5 * TIME))
     given, estimated = (calibrate(decay, data, RANGES, noise=n) for n in (NOISE, None))
-    assert given.leaves_more
+    assert given.underfits
     assert "The residuals are larger than the noise" in given.text()
     assert estimated.inflation > 10
     assert "Residuals follow each other" in estimated.text()
@@ -169,7 +172,7 @@ def test_further_first_values_find_a_smaller_sum() -> None:
     def fit(others: int) -> Calibration:
         return calibrate(wave, wave({"rate": 9.0}), {"rate": (2.0, 1.0, 20.0)}, noise=NOISE, others=others)
 
-    assert fit(0).leaves_more
+    assert fit(0).underfits
     assert fit(20).values[0] == pytest.approx(9.0)
 
 

@@ -378,7 +378,7 @@ def _offset(study: Results) -> Section:
     figure = Figure(
         "offset",
         f"Driving onto a plateau of {PLATEAU_MM:g} mm",
-        "Without hold_tail the controller takes the road to return to height 0 beyond its horizon, for ever, and keeps"
+        "Without hold_tail the controller takes the road to return to height 0 beyond its horizon and keeps"
         " drawing the body down.",
         panels,
         columns=2,

@@ -136,7 +136,7 @@ CANCELLERS.append(_cancel)
 
 @cache
 def _libpython() -> str:
-    """The library of this Python, for FMUs that expect it in their process (PythonFMU); "" if there is none."""
+    """The library of this Python, for FMUs that expect it in their process (PythonFMU); "" without one."""
     name, folder = (str(sysconfig.get_config_var(n) or "") for n in ("INSTSONAME", "LIBDIR"))
     return next(
         (str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), ""
@@ -347,7 +347,7 @@ def _forget(ffi: Any, client: Any, link: Any, buffer: Any, region: mmap.mmap) ->
 
 
 def _shared_memory() -> int | None:
-    """File descriptor of memory that two processes can share; None: there is none to be had."""
+    """File descriptor of memory that two processes can share; None if the system offers no such memory."""
     try:
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("cosim", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)

@@ -26,7 +26,7 @@ Ranges = Mapping[str, Range] | Sequence[str] | str
 
 
 class ActionError(CosimError, ValueError):
-    """An action that is none: of another shape, not finite, or outside of its range."""
+    """An invalid action: of another shape, not finite, or outside of its range."""
 
 
 class Signals:
@@ -72,7 +72,7 @@ class Signals:
         """An element of the space (n,) as values in their units.
 
         Raises:
-            ActionError: it is none; the message names the variable, and what it may be.
+            ActionError: the action is invalid; the message names the variable, and what it may be.
         """
         try:
             given = np.asarray(action, dtype=float)
@@ -102,7 +102,7 @@ def actions(system: System, ranges: Ranges) -> Signals:
 
     Raises:
         WiringError: a name that does not exist, an input that is connected, a variable that cannot be set while a
-            simulation runs, a range that is none.
+            simulation runs, an invalid range.
     """
     listed = _named(ranges)
     if not listed:
@@ -144,7 +144,7 @@ def observations(system: System, ranges: Ranges) -> Signals:
     """What a policy sees: outputs (or other variables that can be recorded).
 
     Raises:
-        WiringError: a name that does not exist, a range that is none.
+        WiringError: a name that does not exist, an invalid range.
     """
     listed = _named(ranges)
     found: dict[str, tuple[SystemComponent, Variable, tuple[float, float] | None]] = {}

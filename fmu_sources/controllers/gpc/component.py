@@ -111,7 +111,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     c.update(past_u, ca.if_else(sampling, _shift(past_u, limited), past_u))
     c.update(held, force)
     c.provenance = law.to_dict()
-    c.reference_input(_stimulus(variant, h))
+    c.reference_input(_reference_inputs(variant, h))
     return c
 
 
@@ -130,7 +130,7 @@ def gain_parameters(law: GpcLaw) -> dict[str, np.ndarray]:
     return gains
 
 
-def _stimulus(variant: str, h: int) -> dict[str, Callable[[float], float]]:
+def _reference_inputs(variant: str, h: int) -> dict[str, Callable[[float], float]]:
     """Smooth responses and roads for the reference result."""
 
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:

@@ -267,7 +267,7 @@ def preview_lq(
         type=bool,
     )
     c.provenance = {"weights": weights.as_dict(), "car": car.name, "period": period, "feedback": taps.K.tolist()}
-    c.reference_input(_stimulus(plant.states, preview_count, preview_step))
+    c.reference_input(_reference_inputs(plant.states, preview_count, preview_step))
     return c
 
 
@@ -425,7 +425,7 @@ def _column(table: ca.MX, n: ca.MX) -> ca.MX:
     return table[n * rows + ca.DM(np.arange(rows, dtype=float))]
 
 
-def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Callable[[float], float]]:
+def _reference_inputs(states: tuple[str, ...], points: int, step: float) -> dict[str, Callable[[float], float]]:
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
         return lambda t: amplitude * math.sin(rate * t + phase)
 

@@ -198,7 +198,7 @@ def mpc_hmmwv(
             display_unit=v.display_unit,
         )
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
-    c.reference_input(_stimulus(preview_points, preview_step))
+    c.reference_input(_reference_inputs(preview_points, preview_step))
     return c
 
 
@@ -212,7 +212,7 @@ def _human_response_step() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return e[:2, :2], e[:2, 2] - slope, slope
 
 
-def _stimulus(points: int, step: float) -> dict[str, Callable[[float], float]]:
+def _reference_inputs(points: int, step: float) -> dict[str, Callable[[float], float]]:
     """Waves that reach the bounds, the soft ones on travel too."""
 
     def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:

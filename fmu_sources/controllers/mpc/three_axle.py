@@ -289,7 +289,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     c.update(predicted, _times(model.A, x) + _times(model.B, u) + _times(model.E0, now) + _times(model.E1, then))
     command_outputs(c, mpc, car, solution)
     c.provenance = {"plant": car.name, "mpc": mpc.as_dict()}
-    c.reference_input(_stimulus())
+    c.reference_input(_reference_inputs())
     return c
 
 
@@ -301,7 +301,7 @@ def _times(matrix: np.ndarray, vector: ca.MX) -> ca.MX:
     return ca.mtimes(ca.DM(matrix), vector)
 
 
-def _stimulus() -> dict[str, Callable[[float], float]]:
+def _reference_inputs() -> dict[str, Callable[[float], float]]:
     """A shallow hollow under one axle after the other, a nod of the body, and all cases in turn.
 
     Nothing answers to the forces, so the estimator and the control law drive each other to the bounds. Rounded numbers

@@ -179,7 +179,7 @@ def trench_crossing(
             heights.append(ca.fmax(ca.if_else(there, edge, 0), hanging))
         k.road = ca.vertcat(*heights)
 
-    c.output("case", case, None, "axle over the trench, 0 when there is none", type=int, min=0, max=3)
+    c.output("case", case, None, "axle over the trench, 0 without one", type=int, min=0, max=3)
     c.output(
         "reference.pitch",
         ca.vertcat(*reference),
@@ -205,7 +205,7 @@ def trench_crossing(
         "m",
         "length of the trench, 0 if unknown",
     )
-    c.reference_input(_stimulus(geometry))
+    c.reference_input(_reference_inputs(geometry))
     return c
 
 
@@ -291,7 +291,7 @@ def _tuning_parameters(c: Component) -> _Tuning:
     )
 
 
-def _stimulus(geometry: CrossingGeometry) -> Mapping[str, Callable[[float], float]]:
+def _reference_inputs(geometry: CrossingGeometry) -> Mapping[str, Callable[[float], float]]:
     """A body that pitches and heaves over a trench of 1.6 m at 9 km/h; the lidar loses the trench for a while."""
     v, first, wide = 2.5, 1.0037, 1.6023  # nothing switches right at a sample, where rounding would decide
 
