@@ -31,7 +31,7 @@ _CLAIM = (
     "id",
     "claim",
     "published",
-    "ours",
+    "result",
     "value",
     "unit",
     "verdict",
@@ -145,7 +145,7 @@ def page(studies: list[Summary]) -> str:
             claims = [c for c in s["claims"] if c["own"] == own]
             if claims:
                 head = [title, "expected" if own else "published", "this project", "verdict", "reason"]
-                rows = [[_judged(c), _source(c), c["ours"], c["verdict"], c["reason"]] for c in claims]
+                rows = [[_judged(c), _source(c), c["result"], c["verdict"], c["reason"]] for c in claims]
                 parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
     return "\n\n".join(parts) + "\n"
 
@@ -169,7 +169,7 @@ def one_table(studies: list[Summary]) -> str:
             c["claim"],
             c["source"],
             c["published"],
-            c["ours"],
+            c["result"],
             c["verdict"],
             f"[{s['experiment']}](results.md#{_anchor(_heading(s))})",
         ]
@@ -232,7 +232,7 @@ def _unit(unit: str) -> str:
 
 def _ours(c: dict[str, Any]) -> str:
     """Our number for a claim; its words where it is not one number."""
-    return c["ours"] if c["value"] is None else f"{c['value']:.3g}{_unit(c['unit'])}"
+    return c["result"] if c["value"] is None else f"{c['value']:.3g}{_unit(c['unit'])}"
 
 
 def _judged(c: dict[str, Any]) -> str:

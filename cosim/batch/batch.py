@@ -357,7 +357,7 @@ class Batch:
         self._values = aligned(groups, self._plan.size, lanes)
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
-            source, outputs = self._sources[m], exchange.layout.places[m].outputs
+            source, outputs = self._sources[m], exchange.layout.ports[m].outputs
             shown = tuple(
                 sorted(
                     {

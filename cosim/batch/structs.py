@@ -121,38 +121,38 @@ class Structs:
     def _fill(self, m: Any, plan: ComponentPlan, number: int) -> None:
         ffi = interface()
         m.clock, m.step, m.check_before, m.number = plan.clock, plan.step, plan.check_before, number
-        copies = [*plan.remember, *plan.show]
+        copies = [*plan.previous, *plan.published]
         m.copies = (
             self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies])
             if copies
             else ffi.NULL
         )
-        m.n_copies_before, m.n_copies = len(plan.remember), len(copies)
-        m.stamp = -1 if plan.stamp is None else plan.stamp
+        m.n_copies_before, m.n_copies = len(plan.previous), len(copies)
+        m.timestamp_slot = -1 if plan.timestamp_slot is None else plan.timestamp_slot
         m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
         if plan.scale is not None and plan.offset is not None:
             m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
-        m.lines = self._new("EngineLine[]", [list(line) for line in plan.lines]) if plan.lines else ffi.NULL
-        m.n_lines, m.first, m.n_outputs = len(plan.lines), plan.first, plan.n_outputs
+        m.extrapolations = self._new("EngineExtrapolation[]", [list(line) for line in plan.extrapolations]) if plan.extrapolations else ffi.NULL
+        m.n_extrapolations, m.first, m.n_outputs = len(plan.extrapolations), plan.first, plan.n_outputs
         if plan.component not in self._lanes:
-            reads = {int(i) for i in plan.index} | {i for line in plan.lines for i in line[1:4]}
+            reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
             m.alone = self._alone_engines
             return
-        lanes, place = self._lanes[plan.component], self._exchange.layout.places[plan.component]
+        lanes, port = self._lanes[plan.component], self._exchange.layout.ports[plan.component]
         m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
         m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
         rows = lanes.source.rows
-        m.to = self._array("uint32_t", [lanes.row(v) for v in place.inputs])
-        setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in place.outputs]))
-        types = [_TYPES[rows[v.reference].type] for v in place.inputs]
+        m.to = self._array("uint32_t", [lanes.row(v) for v in port.inputs])
+        setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in port.outputs]))
+        types = [_TYPES[rows[v.reference].type] for v in port.inputs]
         m.to_type = self._array("uint8_t", types)
-        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in place.outputs])
+        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in port.outputs])
         largest = float(np.finfo(float).max)
-        limited = [rows[v.reference] if kind else None for v, kind in zip(place.inputs, types, strict=True)]
+        limited = [rows[v.reference] if kind else None for v, kind in zip(port.inputs, types, strict=True)]
         m.least = self._array("double", [max(r.least, -largest) if r else -largest for r in limited])
         m.most = self._array("double", [min(r.most, largest) if r else largest for r in limited])
-        m.checked = any(types) or plan.scale is not None or bool(plan.lines)
+        m.checked = any(types) or plan.scale is not None or bool(plan.extrapolations)
 
     def _new(self, *what: Any) -> Any:
         made = interface().new(*what)
@@ -195,11 +195,11 @@ class Structs:
     def _lane_message(self, copy: int, component: SystemComponent, found: Any) -> str:
         """In the words of the FMU (fmu_core.c)."""
         group, lane = divmod(copy, self._target.lanes)
-        lanes, place = self._lanes[component], self._exchange.layout.places[component]
+        lanes, port = self._lanes[component], self._exchange.layout.ports[component]
         memory = lanes.memory[group, :, lane]
         if found.result == _INPUT_REFUSED:
-            row = lanes.source.rows[place.inputs[found.call].reference]
-            value = float(memory[lanes.row(place.inputs[found.call])])
+            row = lanes.source.rows[port.inputs[found.call].reference]
+            value = float(memory[lanes.row(port.inputs[found.call])])
             why = (
                 "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
             )

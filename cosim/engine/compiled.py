@@ -118,13 +118,13 @@ class BoundEngine:
         e.clocks = self._array("EngineClock", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
         e.n_clocks = len(plan.clocks)
         e.next, e.due = self._new(f"int64_t[{e.n_clocks}]"), self._new(f"bool[{e.n_clocks}]")
-        e.list, e.reached = (
+        e.list, e.computed = (
             self._new(f"EngineComponent*[{e.n_components}]"),
             self._new(f"EnginePiece[{e.n_components}]"),
         )
-        e.shown = self._new(f"EngineCopy[{sum(len(m.show) for m in plan.components)}]")
+        e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
-        e.look = not exchange.allow_nan
+        e.check_finite = not exchange.allow_nan
         e.recorded, e.n_recorded = self._slots(plan.recorded), len(plan.recorded)
         e.stops, e.n_stops = self._array("EngineStop", [self._stop(s) for s in stops]), len(stops)
         e.back = self._back()
@@ -201,18 +201,18 @@ class BoundEngine:
     # Making the structs.
 
     def _fill(self, m: Any, plan: ComponentPlan) -> None:
-        ports, place = self._exchange.ports[plan.component], self._exchange.layout.places[plan.component]
+        ports, port = self._exchange.ports[plan.component], self._exchange.layout.ports[plan.component]
         m.clock, m.step, m.check_before = plan.clock, plan.step, plan.check_before
-        copies = [*plan.remember, *plan.show]
+        copies = [*plan.previous, *plan.published]
         m.copies, m.n_copies = self._array("EngineCopy", [_copy(c) for c in copies]), len(copies)
-        m.n_copies_before = len(plan.remember)
-        m.stamp = -1 if plan.stamp is None else plan.stamp
+        m.n_copies_before = len(plan.previous)
+        m.timestamp_slot = -1 if plan.timestamp_slot is None else plan.timestamp_slot
         if not plan.in_place:
             m.index, m.n_inputs = self._slots(plan.index), len(plan.index)
         if plan.scale is not None and plan.offset is not None:
             m.scale, m.offset = self._pointer("double*", plan.scale), self._pointer("double*", plan.offset)
-        m.lines, m.n_lines = self._array("EngineLine", [list(line) for line in plan.lines]), len(plan.lines)
-        m.u, m.y = self._pointer("double*", place.u), self._pointer("double*", place.y)
+        m.extrapolations, m.n_extrapolations = self._array("EngineExtrapolation", [list(line) for line in plan.extrapolations]), len(plan.extrapolations)
+        m.u, m.y = self._pointer("double*", port.u), self._pointer("double*", port.y)
         m.first, m.n_outputs = plan.first, plan.n_outputs
         self._calls.append(ports.fmi)
         if ports.fmi is not None:

@@ -40,9 +40,9 @@ double engine_time(const Engine *e, int64_t tick) {
 /* Extrapolate inputs, and convert them to their units. */
 NOINLINE void convert(const double *values, const EngineComponent *m, double t) {
     double *u = m->u;
-    for (size_t i = 0; i < m->n_lines; i++) {
-        const EngineLine *l = &m->lines[i];
-        u[l->input] += (values[l->now] - values[l->before]) * ((t + l->shift - values[l->reached]) / l->period);
+    for (size_t i = 0; i < m->n_extrapolations; i++) {
+        const EngineExtrapolation *l = &m->extrapolations[i];
+        u[l->input] += (values[l->now] - values[l->before]) * ((t + l->shift - values[l->sample_time]) / l->period);
     }
     if (m->scale) {
         for (size_t i = 0; i < m->n_inputs; i++) u[i] *= m->scale[i];
@@ -53,7 +53,7 @@ NOINLINE void convert(const double *values, const EngineComponent *m, double t) 
 INLINE void gather(const double *values, const EngineComponent *m, double t) {
     double *u = m->u;
     for (size_t i = 0; i < m->n_inputs; i++) u[i] = values[m->index[i]];
-    if (m->n_lines | (m->scale != NULL)) convert(values, m, t);
+    if (m->n_extrapolations | (m->scale != NULL)) convert(values, m, t);
 }
 
 void engine_gather(const Engine *e, const EngineComponent *m, double t) { gather(e->values, m, t); }
@@ -200,7 +200,7 @@ INLINE bool all_finite(const double *y, size_t n) {
 /* Whether the outputs of the components that are due are finite, of those from number `first` to before `end` in their
  * list. */
 COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
-    if (!e->look) return ENGINE_AT_END;
+    if (!e->check_finite) return ENGINE_AT_END;
     for (int32_t k = first; k < end; k++) {
         const EngineComponent *m = e->list[k];
         if (!all_finite(m->y, m->n_outputs)) {
@@ -213,9 +213,9 @@ COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
 
 /* The same for all continuous components that are due, piece by piece; who it is is looked up if something is found. */
 INLINE int look_at_reached(Engine *e) {
-    if (!e->look) return ENGINE_AT_END;
-    for (int32_t k = 0; k < e->n_reached; k++)
-        if (!all_finite(e->values + e->reached[k].from, e->reached[k].n))
+    if (!e->check_finite) return ENGINE_AT_END;
+    for (int32_t k = 0; k < e->n_computed; k++)
+        if (!all_finite(e->values + e->computed[k].from, e->computed[k].n))
             return check_outputs_finite(e, e->n_due_discrete, e->n_due);
     return ENGINE_AT_END;
 }
@@ -230,13 +230,13 @@ INLINE void copy(double *values, const EngineCopy *c) {
 
 INLINE void arrive(Engine *e, double t) {
     double *values = e->values;
-    if (e->remembers)
+    if (e->saves_previous)
         for (int32_t k = 0; k < e->n_due; k++) { /* what was visible until now */
             const EngineComponent *m = e->list[k];
-            if (m->stamp >= 0) values[m->stamp] = t;
+            if (m->timestamp_slot >= 0) values[m->timestamp_slot] = t;
             for (int32_t c = 0; c < m->n_copies_before; c++) copy(values, &m->copies[c]);
         }
-    for (int32_t k = 0; k < e->n_shown; k++) copy(values, &e->shown[k]);
+    for (int32_t k = 0; k < e->n_published; k++) copy(values, &e->published[k]);
 }
 
 INLINE bool holds(const EngineStop *s, const double *values) {
@@ -270,7 +270,7 @@ INLINE int sample(Engine *e, double t) {
 
 INLINE int advance(Engine *e, double t) {
     const int32_t n = e->n_due;
-    if (e->in_line) {
+    if (e->sequential) {
         int32_t first = e->n_due_discrete;
         for (int32_t k = first; k < n; k++) {
             int result = ENGINE_AT_END;
@@ -300,29 +300,29 @@ int engine_advance(Engine *e, double t) { return advance(e, t); }
 static void append(Engine *e, const EngineComponent *m) {
     for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
         const EngineCopy new = m->copies[c];
-        EngineCopy *last = e->shown + e->n_shown - 1;
-        if (e->n_shown && last->to + last->n == new.to && last->from + last->n == new.from) last->n += new.n;
-        else e->shown[e->n_shown++] = new;
+        EngineCopy *last = e->published + e->n_published - 1;
+        if (e->n_published && last->to + last->n == new.to && last->from + last->n == new.from) last->n += new.n;
+        else e->published[e->n_published++] = new;
     }
-    EnginePiece *last = e->reached + e->n_reached - 1;
-    if (e->n_reached && last->from + last->n == m->first) last->n += m->n_outputs;
-    else e->reached[e->n_reached++] = (EnginePiece){m->first, m->n_outputs};
+    EnginePiece *last = e->computed + e->n_computed - 1;
+    if (e->n_computed && last->from + last->n == m->first) last->n += m->n_outputs;
+    else e->computed[e->n_computed++] = (EnginePiece){m->first, m->n_outputs};
 }
 
 /* List the components that are due, and what that means. */
 static void list_due(Engine *e) {
-    e->n_due = e->n_due_discrete = e->n_shown = e->n_reached = 0;
-    e->remembers = e->in_line = false;
+    e->n_due = e->n_due_discrete = e->n_published = e->n_computed = 0;
+    e->saves_previous = e->sequential = false;
     for (int32_t i = 0; i < e->n_components; i++) {
         const EngineComponent *m = &e->components[i];
         if (!e->due[m->clock]) continue;
         e->list[e->n_due++] = m;
-        if (m->stamp >= 0 || m->n_copies_before) e->remembers = true;
+        if (m->timestamp_slot >= 0 || m->n_copies_before) e->saves_previous = true;
         if (i < e->n_discrete) {
             e->n_due_discrete++;
             continue;
         }
-        if (m->check_before) e->in_line = true;
+        if (m->check_before) e->sequential = true;
         append(e, m);
     }
 }

@@ -53,12 +53,12 @@ typedef struct {
     uint32_t to, from, n;
 } EngineCopy;
 
-/* An input that is extrapolated: u[input] += (values[now] - values[before]) * ((t + shift - values[reached]) / period).
- */
+/* An input that is extrapolated:
+ * u[input] += (values[now] - values[before]) * ((t + shift - values[sample_time]) / period). */
 typedef struct {
-    uint32_t input, now, before, reached;
+    uint32_t input, now, before, sample_time;
     double period, shift;
-} EngineLine;
+} EngineExtrapolation;
 
 /* A component with its bound calls. */
 typedef struct {
@@ -66,15 +66,15 @@ typedef struct {
     int32_t clock;
     double step;                /* [s] */
     int32_t check_before;        /* continuous: it reads what those before it have just reached */
-    int32_t n_copies_before;    /* of `copies`: values that are remembered; the others show what has been reached */
+    int32_t n_copies_before;    /* of `copies`: into previous values; the others publish outputs */
     const EngineCopy *copies;   /* at an arrival */
     int32_t n_copies;
-    int64_t stamp;              /* slot of the time of the last arrival, or -1 */
+    int64_t timestamp_slot;     /* slot of the time of the last arrival, or -1 */
     const uint32_t *index;      /* u[i] = values[index[i]] * scale[i] + offset[i] */
     size_t n_inputs;            /* 0: there are none, or they are where u points to already */
     const double *scale, *offset; /* NULL: none is converted */
-    const EngineLine *lines;
-    size_t n_lines;
+    const EngineExtrapolation *extrapolations;
+    size_t n_extrapolations;
     double *u, *y;
     uint32_t first, n_outputs;  /* slots of the outputs, y = values + first */
     void *instance;
@@ -119,15 +119,15 @@ typedef struct {
     bool *due;                  /* of n_clocks: which are due now */
     const EngineComponent **list;  /* of n_components: those that are due, in their order */
     int32_t n_due, n_due_discrete;
-    bool remembers;             /* some of them have values to remember at their arrival */
-    bool in_line;               /* some of the continuous ones read what those before them have just reached */
-    EngineCopy *shown;          /* of all copies: what they show at their arrival */
-    int32_t n_shown;
-    EnginePiece *reached;       /* of n_components: where the outputs are that continuous ones compute */
-    int32_t n_reached;
+    bool saves_previous;        /* some of them save previous values at their arrival */
+    bool sequential;            /* some of the continuous ones read what those before them have just reached */
+    EngineCopy *published;      /* of all copies: the outputs that are published at an arrival */
+    int32_t n_published;
+    EnginePiece *computed;      /* of n_components: where the outputs are that continuous ones compute */
+    int32_t n_computed;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
-    bool look;                  /* at outputs, for what is not finite */
+    bool check_finite;          /* an output that is NaN or infinite ends the run */
     const uint32_t *recorded;   /* slots */
     size_t n_recorded;
     double *times, *rows;       /* of samples, row by row */

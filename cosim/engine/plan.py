@@ -29,14 +29,14 @@ class ComponentPlan:
     clock: int
     step: float
     check_before: bool
-    remember: tuple[Copy, ...]
-    show: tuple[Copy, ...]
-    stamp: int | None
+    previous: tuple[Copy, ...]
+    published: tuple[Copy, ...]
+    timestamp_slot: int | None
     index: Index
     in_place: bool
     scale: Array | None
     offset: Array | None
-    lines: tuple[tuple[int, int, int, int, float, float], ...]  # input, now, before, reached, period, shift
+    extrapolations: tuple[tuple[int, int, int, int, float, float], ...]  # input, now, before, sample_time, period, shift
     first: int  # slot of its first output
     n_outputs: int
 
@@ -75,23 +75,23 @@ def make_plan(exchange: Exchange) -> Plan:
 
 
 def _component(layout: Layout, component: SystemComponent, clock: int, seidel: bool) -> ComponentPlan:
-    place = layout.places[component]
-    remember, show = layout.copies(component)
+    port = layout.ports[component]
+    previous, published = layout.copies(component)
     return ComponentPlan(
         component=component,
         clock=clock,
         step=float(component.step),
         check_before=seidel,
-        remember=tuple(_runs(remember)),
-        show=tuple(_runs(show)),
-        stamp=layout.reached.get(component),
-        index=place.index,
-        in_place=place.in_place,
-        scale=place.scale,
-        offset=place.offset,
-        lines=tuple(place.extrapolated()),
-        first=place.first,
-        n_outputs=len(place.outputs),
+        previous=tuple(_runs(previous)),
+        published=tuple(_runs(published)),
+        timestamp_slot=layout.sample_times.get(component),
+        index=port.index,
+        in_place=port.in_place,
+        scale=port.scale,
+        offset=port.offset,
+        extrapolations=tuple(port.extrapolated()),
+        first=port.first,
+        n_outputs=len(port.outputs),
     )
 
 

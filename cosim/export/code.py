@@ -181,17 +181,17 @@ class SystemCode:
             n_values=self.plan.size,
             n_u=room_u.used,
             n_buffer=buffers.used,
-            n_shown=sum(len(p.show) for p in self.plan.components),
+            n_published=sum(len(p.published) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
         )
 
     def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
         m, part = p.component, self.parts[p.component]
-        place = self.exchange.layout.places[m]
+        port = self.exchange.layout.ports[m]
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
-        copies = [*p.remember, *p.show]
+        copies = [*p.previous, *p.published]
         return {
             "id": f"m{i}",
             "name": m.name,
@@ -206,18 +206,18 @@ class SystemCode:
             "step": c_number(p.step),
             "check_before": p.check_before,
             "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies],
-            "n_remembered": len(p.remember),
-            "stamp": -1 if p.stamp is None else p.stamp,
+            "n_previous": len(p.previous),
+            "timestamp_slot": -1 if p.timestamp_slot is None else p.timestamp_slot,
             "index": index,
             "in_place": p.in_place,
             "u": u,
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
-            "lines": [
-                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.lines
+            "extrapolations": [
+                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.extrapolations
             ],
-            "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.inputs)],
-            "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.outputs)],
+            "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.inputs)],
+            "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.outputs)],
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
@@ -249,7 +249,7 @@ class SystemCode:
         for slots in (layout.visible, layout.latest, layout.previous, layout.constants):
             for (component, variable), slot in slots.items():
                 names[slot] = f"{component.name}.{variable.name}"
-        for component, slot in layout.reached.items():
+        for component, slot in layout.sample_times.items():
             names[slot] = f"time of {component.name}"
         return names
 

@@ -435,8 +435,8 @@ def sampled_model(
     real = [c for c in schedule.connections if c.output.type == c.input.type == "real"]
     ports = {
         m: (
-            [*(v for v in layout.places[m].inputs if v.type == "real"), *(v for owner, v in inputs if owner is m)],
-            [v for v in layout.places[m].outputs if v.type == "real"],
+            [*(v for v in layout.ports[m].inputs if v.type == "real"), *(v for owner, v in inputs if owner is m)],
+            [v for v in layout.ports[m].outputs if v.type == "real"],
         )
         for m in schedule.components
     }

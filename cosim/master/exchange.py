@@ -165,8 +165,8 @@ class Exchange:
         return self._step_of[component]
 
     def _make_step(self, component: SystemComponent) -> Timed:
-        run, h, place = self.ports[component].run, float(component.step), self.layout.places[component]
-        take, index, u = self.values.take, place.index, place.u
+        run, h, port = self.ports[component].run, float(component.step), self.layout.ports[component]
+        take, index, u = self.values.take, port.index, port.u
         gather = self.layout.gather(component)
 
         def without_inputs(t: float) -> None:
@@ -180,7 +180,7 @@ class Exchange:
             gather(t)
             run(t, h)
 
-        return without_inputs if place.in_place else plain if place.plain else converted
+        return without_inputs if port.in_place else plain if port.plain else converted
 
     # Many instants.
 
@@ -243,7 +243,7 @@ class Exchange:
         If there are no previous values, the present instant is repeated from its beginning instead of completed: its
         arrival gives the same values.
         """
-        if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.reached:
+        if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.sample_times:
             self.recorder.count -= self.clocks[-1].due(self.tick)  # the provisional sample
             self.phase = Phase.NOTHING
         else:

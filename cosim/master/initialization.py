@@ -38,8 +38,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             told = float(stop + m.step if m.discrete and m.description.fmi_version else stop)
         m.implementation.enter_initialization(float(begin), told)
     for m in components:
-        place = exchange.layout.places[m]
-        exchange.ports[m] = m.implementation.bind(place.inputs, place.outputs, place.u, place.y)
+        port = exchange.layout.ports[m]
+        exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
     for m in restored:
@@ -53,7 +53,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for (m, variable), slot in exchange.layout.constants.items():
         if m in restored:
             exchange.values[slot] = float(m.implementation.get([variable])[0])
-    exchange.layout.show_everything()
+    exchange.layout.publish_everything()
     fresh = [m for m in components if m not in restored]
     unsettled = _settle(exchange, fresh)
     check_loops(exchange.schedule, fresh)
@@ -65,7 +65,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for m in fresh:
         m.implementation.exit_initialization()
         exchange.ports[m].get_outputs()
-    exchange.layout.show_everything()
+    exchange.layout.publish_everything()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
@@ -97,7 +97,7 @@ def _take(exchange: Exchange, state: SystemState) -> None:
             (continues and part != "constant") or (part == "previous" and component in state.components)
         ):
             exchange.values[slot] = stored[key]
-        elif continues and (part in ("previous", "reached") or (part == "visible" and component in within)):
+        elif continues and (part in ("previous", "sample_time") or (part == "visible" and component in within)):
             raise CosimError(
                 f"the state does not hold what {name} shows until the step of '{component}' ends: record or watch it "
                 "where the state is saved"
@@ -170,7 +170,7 @@ def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[s
             gather[m](0.0)
             exchange.ports[m].set_inputs()
             exchange.ports[m].get_outputs()
-            exchange.layout.show_everything()
+            exchange.layout.publish_everything()
         with np.errstate(invalid="ignore"):
             moved = np.abs(exchange.values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
         if not moved.any():
@@ -185,8 +185,8 @@ def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[s
 def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) -> None:
     """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
     for m in components:
-        place = exchange.layout.places[m]
-        for variable, value in zip(place.inputs, place.u, strict=True):
+        port = exchange.layout.ports[m]
+        for variable, value in zip(port.inputs, port.u, strict=True):
             if not variable.accepts(float(value)):
                 connection = next(c for c in exchange.schedule.connections if (c.target, c.input) == (m, variable))
                 raise WiringError(f"{connection}: the input {variable.refusal(float(value))}")

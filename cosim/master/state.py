@@ -30,7 +30,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 
 MAGIC = b"state of a co-simulation, version 1\n"
-_PARTS = ("visible", "latest", "previous", "reached", "constant")
+_PARTS = ("visible", "latest", "previous", "sample_time", "constant")
 _PHASES = {"arrived": Phase.ARRIVED, "sampled": Phase.SAMPLED}
 _FRACTION = re.compile(r"-?\d{1,40}(/\d{1,40})?")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")

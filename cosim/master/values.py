@@ -46,9 +46,9 @@ class PortLayout:
     index: Index
     scale: Array | None = None
     offset: Array | None = None
-    lines: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
-    periods: list[float] = field(default_factory=list)  # of the sources of `lines` [s]
-    since: list[float] = field(default_factory=list)  # from `time` of `lines` to when `now` was reached [s]
+    extrapolations: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
+    periods: list[float] = field(default_factory=list)  # of the sources of `extrapolations` [s]
+    since: list[float] = field(default_factory=list)  # from `time` of `extrapolations` to when `now` was reached [s]
     half: float = 0.0  # half of its own step [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
     first: int = 0  # slot of its first output
@@ -56,15 +56,15 @@ class PortLayout:
     @property
     def plain(self) -> bool:
         """Inputs are a bare copy of values."""
-        return self.scale is None and not self.lines
+        return self.scale is None and not self.extrapolations
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
         """Each extrapolated input: number, slots of now, previous and time, period of its source, and time ahead [s].
 
         The time ahead is from the slot's time to the middle of the next step.
         """
-        known = zip(self.lines, self.periods, self.since, strict=True)
-        return [(*line, period, self.half - since) for line, period, since in known]
+        known = zip(self.extrapolations, self.periods, self.since, strict=True)
+        return [(*extrapolation, period, self.half - since) for extrapolation, period, since in known]
 
 
 class Layout:
@@ -72,11 +72,11 @@ class Layout:
 
     def __init__(self) -> None:
         self.values: Array = np.empty(0)
-        self.places: dict[SystemComponent, PortLayout] = {}
+        self.ports: dict[SystemComponent, PortLayout] = {}
         self.visible: dict[tuple[SystemComponent, Variable], int] = {}
         self.latest: dict[tuple[SystemComponent, Variable], int] = {}
         self.previous: dict[tuple[SystemComponent, Variable], int] = {}
-        self.reached: dict[SystemComponent, int] = {}  # slot of the time at which the visible outputs were reached
+        self.sample_times: dict[SystemComponent, int] = {}  # slot of the time at which the visible outputs were reached
         self.constants: dict[
             tuple[SystemComponent, Variable], int
         ] = {}  # unconnected inputs that are recorded or watched
@@ -92,19 +92,19 @@ class Layout:
 
     def gather(self, component: SystemComponent) -> Timed:
         """Copies a component's inputs from the values to its buffer, converted and extrapolated."""
-        place, take = self.places[component], self.values.take
-        index, u, scale, offset = place.index, place.u, place.scale, place.offset
+        port, take = self.ports[component], self.values.take
+        index, u, scale, offset = port.index, port.u, port.scale, port.offset
         # A few scalars per step: plain floats through memoryviews are several times faster than arrays.
         values: Any = self.values.data
         u_view: Any = u.data
-        lines = place.extrapolated()
+        extrapolations = port.extrapolated()
 
         def gather(t: float) -> None:
-            if place.in_place:
+            if port.in_place:
                 return
             take(index, 0, u, "clip")
-            for to, now, before, reached, period, shift in lines:
-                u_view[to] += (values[now] - values[before]) * ((t + shift - values[reached]) / period)
+            for to, now, before, sample_time, period, shift in extrapolations:
+                u_view[to] += (values[now] - values[before]) * ((t + shift - values[sample_time]) / period)
             if scale is not None and offset is not None:
                 np.multiply(u, scale, u)
                 np.add(u, offset, u)
@@ -115,14 +115,14 @@ class Layout:
         """What raises NotFinite when an output that these components have just computed is NaN or infinite."""
         pieces: list[tuple[int, int, list[SystemComponent]]] = []  # begin and end in the values, whose
         for m in components:
-            outputs = self.places[m].outputs
+            outputs = self.ports[m].outputs
             if outputs:
                 begin = (self.visible if m.discrete else self.latest)[m, outputs[0]]
                 owners = [m]
                 if pieces and pieces[-1][1] == begin:
                     begin, _, before = pieces.pop()
                     owners = [*before, m]
-                pieces.append((begin, begin + sum(len(self.places[o].outputs) for o in owners), owners))
+                pieces.append((begin, begin + sum(len(self.ports[o].outputs) for o in owners), owners))
         return [self._finite_check(*piece) for piece in pieces]
 
     def _finite_check(self, begin: int, end: int, owners: Sequence[SystemComponent]) -> Timed:
@@ -134,7 +134,7 @@ class Layout:
         piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
         finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
 
-        def look(t: float) -> None:
+        def raise_first(t: float) -> None:
             culprit = self.not_finite(owners, t)
             if culprit is not None:
                 raise culprit
@@ -142,20 +142,20 @@ class Layout:
         def check_few(t: float) -> None:
             total = sum(view)
             if total - total:  # NaN unless finite
-                look(t)
+                raise_first(t)
 
         def check_many(t: float) -> None:
             isfinite(piece, finite)
             if 0 in found:
-                look(t)
+                raise_first(t)
 
         return check_few if end - begin <= _FEW else check_many
 
     def not_finite(self, components: Sequence[SystemComponent], t: float | None = None) -> NotFinite | None:
         """The first output of the components that is NaN or infinite, after a step from `t` or after initialization."""
         for m in components:
-            place = self.places[m]
-            for variable, value in zip(place.outputs, place.y.tolist(), strict=True):
+            port = self.ports[m]
+            for variable, value in zip(port.outputs, port.y.tolist(), strict=True):
                 if not math.isfinite(value):
                     reached = t if t is None or m.discrete else t + float(m.step)
                     return NotFinite(m.name, variable.name, value, reached)
@@ -167,7 +167,7 @@ class Layout:
         All copies read before any writes.
         """
         pairs = [pair for m in due for part in self.copies(m) for pair in part]
-        actions: list[Timed] = [self._stamp(slot) for component, slot in self.reached.items() if component in due]
+        actions: list[Timed] = [self._write_time(slot) for component, slot in self.sample_times.items() if component in due]
         if pairs:
             actions.append(self._copy(sorted(pairs)))
         return actions
@@ -177,11 +177,11 @@ class Layout:
 
         Published values become previous values, and reached values become published ones.
         """
-        remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is component]
-        show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is component]
-        return remember, show
+        previous = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is component]
+        published = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is component]
+        return previous, published
 
-    def show_everything(self) -> None:
+    def publish_everything(self) -> None:
         """Latest becomes visible becomes previous, everywhere: initial values."""
         for to, source in ((self.visible, self.latest), (self.previous, self.visible)):
             for key, slot in to.items():
@@ -190,27 +190,27 @@ class Layout:
 
     @cached_property
     def keys(self) -> tuple[Key, ...]:
-        """What each value is: which part, of which component, of which variable (of `reached` none)."""
+        """What each value is: which part, of which component, of which variable (of `sample_time` none)."""
         found: list[Key] = [("", "", "")] * len(self.values)
         parts = {"visible": self.visible, "latest": self.latest, "previous": self.previous, "constant": self.constants}
         for part, slots in parts.items():
             for (component, variable), slot in slots.items():
                 found[slot] = (part, component.name, variable.name)
-        for component, slot in self.reached.items():
-            found[slot] = ("reached", component.name, "")
+        for component, slot in self.sample_times.items():
+            found[slot] = ("sample_time", component.name, "")
         return tuple(found)
 
     def owners(self) -> list[str]:
         """Name of the component each value belongs to."""
         return [component for _, component, _ in self.keys]
 
-    def _stamp(self, slot: int) -> Timed:
+    def _write_time(self, slot: int) -> Timed:
         values = self.values
 
-        def stamp(t: float) -> None:
+        def write_time(t: float) -> None:
             values[slot] = t
 
-        return stamp
+        return write_time
 
     def _copy(self, pairs: list[tuple[int, int]]) -> Timed:
         values, count = self.values, len(pairs)
@@ -267,8 +267,8 @@ def make_layout(
         if (c.delay or c.extrapolate) and (c.source, c.output) not in layout.previous:
             layout.previous[c.source, c.output] = count
             count += 1
-        if c.extrapolate and c.source not in layout.reached:
-            layout.reached[c.source] = count
+        if c.extrapolate and c.source not in layout.sample_times:
+            layout.sample_times[c.source] = count
             count += 1
     for key in constants:
         layout.constants[key] = count
@@ -281,7 +281,7 @@ def make_layout(
         if v.fmi_type in WIDE
     }
     for m in schedule.components:
-        layout.places[m] = _place(layout, schedule, m, outputs[m])
+        layout.ports[m] = _port(layout, schedule, m, outputs[m])
     _recorded(layout, by_input, record, watch)
     return layout
 
@@ -291,12 +291,12 @@ def _storage_order(variable: Variable) -> tuple[str, int, int]:
     return variable.fmi_type, variable.reference, variable.index
 
 
-def _place(layout: Layout, schedule: Schedule, component: SystemComponent, outputs: list[Variable]) -> PortLayout:
+def _port(layout: Layout, schedule: Schedule, component: SystemComponent, outputs: list[Variable]) -> PortLayout:
     incoming = sorted((c for c in schedule.connections if c.target is component), key=lambda c: _storage_order(c.input))
     ahead = _ahead(schedule, component)
     slots = layout.visible if component.discrete else layout.latest
     first = slots[component, outputs[0]] if outputs else 0
-    lines: list[tuple[int, int, int, int]] = []
+    extrapolations: list[tuple[int, int, int, int]] = []
     periods: list[float] = []
     since: list[float] = []
     for i, c in enumerate(incoming):
@@ -305,14 +305,14 @@ def _place(layout: Layout, schedule: Schedule, component: SystemComponent, outpu
             # after what is visible: the line through both is interpolated.
             key, early = (c.source, c.output), c.source in ahead
             now, before = (layout.latest, layout.visible) if early else (layout.visible, layout.previous)
-            lines.append((i, now[key], before[key], layout.reached[c.source]))
+            extrapolations.append((i, now[key], before[key], layout.sample_times[c.source]))
             periods.append(float(c.source.step))
             since.append(float(c.source.step) if early else 0.0)
     scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
     index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
     begin = int(index[0]) if len(index) else 0
-    in_place = not converts and not lines and np.array_equal(index, begin + np.arange(len(index)))
+    in_place = not converts and not extrapolations and np.array_equal(index, begin + np.arange(len(index)))
     return PortLayout(
         inputs=[c.input for c in incoming],
         outputs=outputs,
@@ -321,7 +321,7 @@ def _place(layout: Layout, schedule: Schedule, component: SystemComponent, outpu
         index=index,
         scale=scale if converts else None,
         offset=offset if converts else None,
-        lines=lines,
+        extrapolations=extrapolations,
         periods=periods,
         since=since,
         half=float(component.step) / 2,

@@ -1,7 +1,7 @@
-"""Published statements, and how runs of ours judge them.
+"""Published statements, and how our runs judge them.
 
 A claim is judged on two things: whether what it says holds (the order of two controllers, the sign of a change), and,
-where the paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim,
+where the paper gives a number, whether our result lies in a band around it. So there are three verdicts on a published claim,
 and a fourth where the runs do not decide. Additional checks, which no paper states, are counted separately.
 """
 
@@ -24,15 +24,15 @@ Verdict = Literal[
 OUTCOMES: tuple[Verdict, ...] = ("reproduced", "trend reproduced, magnitude differs", "open", "not reproduced")
 """Verdicts on published claims, from the best to the worst; the two others belong to additional checks."""
 
-_SHARE = 0.10  # of a single published figure: how far ours may lie from it
+_SHARE = 0.10  # of a single published figure: how far our result may lie from it
 _LEVEL = 0.05  # of the sign test: chance of so many seeds on one side if both sides were equally likely
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One published statement (or, if `own`, a check of ours) beside what came out here.
+    """One published statement (or, if `own`, an additional check) beside what came out here.
 
-    `ours` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows
+    `result` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows
     from, `fitted` what was chosen with published figures in view. A claim that was not reproduced in full needs a
     reason.
     """
@@ -40,7 +40,7 @@ class Claim:
     id: str
     claim: str
     published: str
-    ours: str
+    result: str
     verdict: Verdict
     reason: str = ""
     source: str = ""
@@ -56,19 +56,19 @@ class Claim:
         check_text(where, claim=self.claim, published=self.published)
         assign(self, "value", plain_value(where, self.value))
         if self.value is not None and (isinstance(self.value, bool) or not isinstance(self.value, int | float)):
-            raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'ours'")
-        if not self.ours.strip() and self.value is None:
-            raise ValueError(f"{where} says nothing about our result; give 'ours' or 'value'")
-        if not self.well and not self.reason.strip():
+            raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'result'")
+        if not self.result.strip() and self.value is None:
+            raise ValueError(f"{where} says nothing about our result; give 'result' or 'value'")
+        if not self.passed and not self.reason.strip():
             raise ValueError(f"{where} has verdict '{self.verdict}'; say why in 'reason'")
 
     @property
     def own(self) -> bool:
-        """A check of ours, which no paper states."""
+        """An additional check, which no paper states."""
         return self.verdict in ("holds", "does not hold")
 
     @property
-    def well(self) -> bool:
+    def passed(self) -> bool:
         """Reproduced in full; for a check, that it holds."""
         return self.verdict in ("reproduced", "holds")
 
@@ -80,7 +80,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Band:
-    """Where a figure of ours counts as the published one: from `low` to `high`, both included.
+    """Where our figure counts as the published one: from `low` to `high`, both included.
 
     `reason` says why, where the band is not the usual one around a single published figure.
     """
@@ -282,7 +282,7 @@ class Claims(list[Claim]):
         id: str,
         claim: str,
         published: str,
-        ours: str,
+        result: str,
         holds: bool,
         reason: str,
         source: str,
@@ -302,7 +302,7 @@ class Claims(list[Claim]):
             claim: the statement.
             published: its figure or wording.
             source: where it is printed.
-            ours: our result, in words.
+            result: our result, in words.
             holds: whether the claim holds, leaving the published number aside.
             reason: why it does not hold, or not in that size (kept only then).
             value: our figure, kept to five significant digits; not a number counts as none.
@@ -327,14 +327,14 @@ class Claims(list[Claim]):
             share = f" in clearly most {over.of}" if over is not None and band.open else ""
             rules.append(f"magnitude {band.text(unit)}{share}" + (f" ({band.reason})" if band.reason else ""))
         reason = undecided or reason
-        self._add(id, claim, published, ours, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
+        self._add(id, claim, published, result, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
 
     def check(
         self,
         id: str,
         claim: str,
         expected: str,
-        ours: str,
+        result: str,
         holds: bool,
         reason: str,
         source: str,
@@ -344,16 +344,16 @@ class Claims(list[Claim]):
         criterion: str = "",
         fitted: str = "",
     ) -> None:
-        """Add a check of ours, which no paper states; arguments as those of `judge`."""
+        """Add an additional check, which no paper states; arguments as those of `judge`."""
         verdict: Verdict = "holds" if holds else "does not hold"
-        self._add(id, claim, expected, ours, verdict, reason, source, _figure(value), unit, criterion, fitted)
+        self._add(id, claim, expected, result, verdict, reason, source, _figure(value), unit, criterion, fitted)
 
     def _add(
         self,
         id: str,
         claim: str,
         published: str,
-        ours: str,
+        result: str,
         verdict: Verdict,
         reason: str,
         source: str,
@@ -364,4 +364,4 @@ class Claims(list[Claim]):
     ) -> None:
         unit = "" if number is None else unit
         reason = "" if verdict in ("reproduced", "holds") else reason
-        self.append(Claim(id, claim, published, ours, verdict, reason, source, number, unit, criterion, fitted))
+        self.append(Claim(id, claim, published, result, verdict, reason, source, number, unit, criterion, fitted))

@@ -102,7 +102,7 @@ def summary(report: Report) -> dict[str, Any]:
                 "id": c.id,
                 "claim": c.claim,
                 "published": c.published,
-                "ours": shown(c),
+                "result": shown(c),
                 "value": c.value,
                 "unit": c.unit,
                 "verdict": c.verdict,
@@ -174,7 +174,7 @@ def render(report: Report) -> str:
 
 def shown(claim: Claim) -> str:
     """Our result as text."""
-    return claim.ours if claim.ours.strip() else f"{number(claim.value)} {claim.unit}".strip()
+    return claim.result if claim.result.strip() else f"{number(claim.value)} {claim.unit}".strip()
 
 
 def number(value: Scalar, decimals: int | None = None) -> str:

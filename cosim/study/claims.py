@@ -40,13 +40,13 @@ class Evidence:
 class Finding:
     """What a study says of a statement.
 
-    `ours`: what came out, in words. `holds`: whether what is claimed holds, leaving the published number aside.
+    `result`: what came out, in words. `holds`: whether what is claimed holds, leaving the published number aside.
     `reason`: why it does not, or not in that size. `value` [`unit`], or `over`, the distribution that it is the
     median of: our figure, which counts as the published one inside of `band`. `criterion`: the rule of `holds` in
     words. `fitted`: what was chosen with published figures in view. `undecided`: why the runs do not decide.
     """
 
-    ours: str
+    result: str
     holds: bool
     reason: str
     value: float | None = None
@@ -66,7 +66,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement and the function that judges it; `own`: a check of ours, which no paper states.
+    """A statement and the function that judges it; `own`: an additional check, which no paper states.
 
     `text` is a function of the study where it names something that the FMUs which ran say; it finds words also if no
     run did.
@@ -114,7 +114,7 @@ class ClaimList:
         return self._add(id, text, published, source, own=False)
 
     def check(self, id: str, text: Text, *, expected: str, source: str = "own") -> Judging:
-        """Decorator of the function that judges a check of ours."""
+        """Decorator of the function that judges an additional check."""
         return self._add(id, text, expected, source, own=True)
 
     def _add(self, id: str, text: Text, published: str, source: str, *, own: bool) -> Judging:
@@ -146,7 +146,7 @@ class ClaimList:
                     s.id,
                     text,
                     s.published,
-                    f.ours,
+                    f.result,
                     f.holds,
                     f.reason,
                     s.source,
@@ -160,7 +160,7 @@ class ClaimList:
                     s.id,
                     text,
                     s.published,
-                    f.ours,
+                    f.result,
                     f.holds,
                     f.reason,
                     s.source,

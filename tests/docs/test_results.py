@@ -60,7 +60,7 @@ def test_the_readme_shows_one_number_of_each_paper_and_its_reproduced_claims() -
 def shows(text: str, claim: dict) -> bool:
     """Whether a cell has a claim's number to three digits, or its words where it has no number."""
     if claim["value"] is None:
-        return text == claim["ours"]
+        return text == claim["result"]
     number = float(re.match(r"[\d.]+", text)[0])  # type: ignore[index]
     return number == pytest.approx(claim["value"], rel=5e-3) and text.endswith(claim["unit"])
 
@@ -83,7 +83,7 @@ def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
     claim = next(
         (c for c in changed["claims"] if not c["own"]), changed["claims"][0]
     )  # of no paper: one of our own checks
-    claim["ours"], claim["verdict"] = "quite another figure", "does not hold" if claim["own"] else "not reproduced"
+    claim["result"], claim["verdict"] = "quite another figure", "does not hold" if claim["own"] else "not reproduced"
     assert "quite another figure" in WRITER["page"]([changed])
     assert ("quite another figure" in WRITER["one_table"]([changed])) == (not claim["own"])
 
@@ -117,7 +117,7 @@ def test_every_published_claim_is_in_the_one_table() -> None:
         "ride": "",
     }
     assert {name: WRITER["paper"](name) for name in NAMES} == papers
-    expected = {(papers[name], c["claim"], c["source"], c["published"], c["ours"], c["verdict"]) for name, c in claims}
+    expected = {(papers[name], c["claim"], c["source"], c["published"], c["result"], c["verdict"]) for name, c in claims}
     assert {tuple(row[:6]) for row in rows} == expected
     anchors = headings(ROOT / "docs" / "results.md")
     for number, *_, link in rows:

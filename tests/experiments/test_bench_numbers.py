@@ -493,7 +493,7 @@ def test_parameters(page: Report) -> None:
 
 
 def test_words_of_the_claims(study: Results) -> None:
-    assert {c.id: (c.verdict, c.ours, c.value) for c in CLAIMS.judge(study)} == {
+    assert {c.id: (c.verdict, c.result, c.value) for c in CLAIMS.judge(study)} == {
         "force-limit": ("reproduced", "at most 7.95 N in 39 runs", None),
         "lqr-force": ("reproduced", "8.60 N (0.5 s), 8.69 N (0.2 s)", 8.575),
         "bump-lqr": (

@@ -74,7 +74,7 @@ def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -
     report = make_report(runs, fmus)
     ids = {f.id for f in report.figures}
     assert ids == {"main-result", *(f"figure-{n}" for n in range(6, 13))}
-    assert all(c.reason for c in report.claims if not c.well)
+    assert all(c.reason for c in report.claims if not c.passed)
     assert all(c.criterion for c in report.claims)
     assert "motion_ratio" in next(c.fitted for c in report.claims if c.id == "open-loop-peak")
     assert write_report(report, tmp_path).is_file()

@@ -1030,7 +1030,7 @@ def test_words_of_the_claims(study: Study) -> None:
     order = "trend reproduced, magnitude differs"
     everywhere = "8 of 8 speeds"
     all_but_80 = "7 of 8 speeds (10, 20, 30, 40, 50, 60, 70 km/h)"
-    assert {c.id: (c.verdict, c.ours, c.value) for c in found} == {
+    assert {c.id: (c.verdict, c.result, c.value) for c in found} == {
         "open-loop-peak": ("reproduced", "50 km/h", 50.0),
         "sine-explicit": (
             "reproduced",
@@ -1230,7 +1230,7 @@ def test_rules_of_the_claims(study: Study) -> None:
 def test_words_without_a_match() -> None:
     paper = gpc_studies.paper_study()
     assert gpc_studies.change(paper.comparison, lambda r: {"matched": False} if "matched" in r else None)
-    found = {c.id: (c.ours, c.value) for c in CLAIMS.judge(Judge(paper)) if c.verdict == "not reproduced"}
+    found = {c.id: (c.result, c.value) for c in CLAIMS.judge(Judge(paper)) if c.verdict == "not reproduced"}
     none = "not comparable with explicit's at any speed"
     assert found == {
         "sine-explicit": (
@@ -1285,7 +1285,7 @@ def test_a_run_that_diverged_is_not_the_lowest() -> None:
         return {"diverged": True} if diverged else metrics(case)
 
     found = CLAIMS.judge(Judge(Study.of(made_up_runs(measured, seeds=range(4)))))
-    words = next(c.ours for c in found if c.id == "curb-peak")
+    words = next(c.result for c in found if c.id == "curb-peak")
     assert words.endswith("with R = 1e-7 for all three lowest in 3 of 4 seeds")
 
 

@@ -68,7 +68,7 @@ def seeds(*values: float) -> dict[int, float]:
 
 def test_a_study_as_the_paper_has_it_reproduces_everything(study) -> None:
     found = judged(study)
-    assert [(c.id, c.verdict) for c in found if not c.well] == []
+    assert [(c.id, c.verdict) for c in found if not c.passed] == []
     assert sum(c.own for c in found) == 2
     assert all(c.criterion for c in found)
 
@@ -155,7 +155,7 @@ class TestSpeeds:
         scale(study, lambda r: of("sine", "implicit")(r) and r["speed_kmh"] != 60, power=0.5)
         c = claim(study, "implicit-power")
         assert c.verdict == "not reproduced"
-        assert "more at 1 of 8 speeds (60 km/h)" in c.ours
+        assert "more at 1 of 8 speeds (60 km/h)" in c.result
 
     def test_effectiveness_per_power_falls_everywhere(self, study) -> None:
         change(study.sweep, lambda r: {"power": 0.5 * r["power"]} if (r["speed_kmh"], r["R"]) == (70, 5e-7) else None)

@@ -193,7 +193,7 @@ def test_nothing_over_nothing_is_open():
     found = judged(idle)["bump-saturation-pump"]
     assert found.verdict == "open"
     nothing = "neither with preview nor without does a valve saturate at 6 of 6 places of the bump"
-    assert found.ours == f"{nothing}; absorbed power passive 12.00, MPC 4.71, MPC with preview 4.01 W"
+    assert found.result == f"{nothing}; absorbed power passive 12.00, MPC 4.71, MPC with preview 4.01 W"
     assert (
         found.reason
         == f"{nothing}, so there is nothing to compare; holds with: 60 l/min at each actuator, not with 45 l/min"
@@ -210,7 +210,7 @@ def test_nothing_over_nothing_somewhere_hides_no_place_that_is_against():
     found = judged(idle, against)["bump-saturation-pump"]
     assert found.verdict == "not reproduced"
     assert "on the claimed side in 4 of 5" in found.reason
-    assert "nan" not in found.ours
+    assert "nan" not in found.result
 
 
 def test_a_verdict_that_changes_with_the_steps_is_open():
@@ -262,7 +262,7 @@ def test_checks_follow_the_numbers(name, change):
 
 def test_checks_count_and_say_what_is_amiss():
     over = judged(metric("travel_peak", 0.064, road="off-road", controller="mpc", variant=3))["off-road-travel-limit"]
-    assert "holds in 4 of 5" in over.ours
+    assert "holds in 4 of 5" in over.result
     unsolved = judged(metric("solver_failures", 1, road="bump", controller="mpc", variant=3))["solver"]
     assert unsolved.reason == "a sample was not solved"
     rough = judged(metric("solver_residual", 1e-3, road="bump", controller="mpc", variant=3))["solver"]
@@ -275,7 +275,7 @@ def test_steps_that_lower_a_number_count_as_those_that_raise_it():
             row["absorbed_power"] *= 0.95
 
     found = judged(change)["converged"]
-    assert (found.verdict, found.ours, found.value) == (
+    assert (found.verdict, found.result, found.value) == (
         "does not hold",
         "at most 5.00 % off, test track, LQR",
         pytest.approx(5.0, rel=1e-4),
@@ -438,7 +438,7 @@ def test_runs_of_a_corner_that_do_not_exist(choice, raises):
 
 
 def well(study: Results) -> dict[str, bool]:
-    return {c.id: c.well for c in TRACKING.judge(study)}
+    return {c.id: c.passed for c in TRACKING.judge(study)}
 
 
 def test_claims_on_force_tracking_follow_the_numbers():
@@ -526,10 +526,10 @@ def test_claims_on_the_preview_follow_the_numbers():
         generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [0.15, 0.3]},
     }
     found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), as_published))}
-    assert [i for i, c in found.items() if not c.well] == ["preview-rate"]
-    assert found["preview-dip"].ours == "-40 mm after a bump of 76 mm, -12 mm after 30 mm"
+    assert [i for i, c in found.items() if not c.passed] == ["preview-rate"]
+    assert found["preview-dip"].result == "-40 mm after a bump of 76 mm, -12 mm after 30 mm"
     assert found["preview-dip"].value == pytest.approx(40.0)  # its depth
-    assert found["preview-unstable"].ours.startswith(
+    assert found["preview-unstable"].result.startswith(
         "the error of the buffered road grows from 10.0 mm to 1.0 m in 20 s"
     )
     back = PREVIEW.judge(altered(made_up_study(), {long(PRINTED_FED): {"spread": [0.01, 0.2, 0.19]}}))

@@ -442,7 +442,7 @@ def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: Fmu
         | {c: {"absorbed_power": p} for c, p in zip(without, (10.0, 5.0, 3.0, 5.0, 5.0, 10.0), strict=True)},
     )
     found = report(changed, fmus)
-    assert next(c.ours for c in found.claims if c.id == "bump-preview").startswith("median 68 % ")
+    assert next(c.result for c in found.claims if c.id == "bump-preview").startswith("median 68 % ")
     assert "Preview takes 68 % off" in " ".join(p for s in found.sections for p in s.paragraphs)
 
 
@@ -1104,17 +1104,17 @@ def said(*changes: hmmwv_made_up.Change) -> dict[str, Claim]:
 def test_words_of_the_statements() -> None:
     found = said()
     assert (
-        found["track-lqr"].ours
+        found["track-lqr"].result
         == "median 2.30 times (2.30 to 2.31 times over 6 places of the bumps; holds in 6 of 6); absorbed power passive"
         " 12.00, LQR 5.21 W"
     )
-    assert found["track-zero"].ours == "2.35 times; absorbed power passive 12.00, zero force 5.10 W"
+    assert found["track-zero"].result == "2.35 times; absorbed power passive 12.00, zero force 5.10 W"
     assert (found["track-zero"].value, found["track-zero"].unit) == (2.3529, "times")
     assert found["track-mpc-best"].value == pytest.approx(100 * (1 - 4.8 * 1.0025 / 5.1), rel=1e-4)
-    assert found["off-road-travel"].ours.startswith("median 16.7 % (16.7 to 16.7 % over 5 stretches; holds in 5 of 5)")
-    assert found["off-road-mpc"].ours.startswith("median 5.0 W (5.0 to 5.0 W over 5 stretches; holds in 5 of 5)")
-    assert found["off-road-passive"].ours == "median 20.0 W (20.0 to 20.1 W over 5 stretches; holds in 5 of 5)"
-    assert found["bump-saturation"].ours.startswith("median 33 % (33 to 33 % over 6 places of the bump")
+    assert found["off-road-travel"].result.startswith("median 16.7 % (16.7 to 16.7 % over 5 stretches; holds in 5 of 5)")
+    assert found["off-road-mpc"].result.startswith("median 5.0 W (5.0 to 5.0 W over 5 stretches; holds in 5 of 5)")
+    assert found["off-road-passive"].result == "median 20.0 W (20.0 to 20.1 W over 5 stretches; holds in 5 of 5)"
+    assert found["bump-saturation"].result.startswith("median 33 % (33 to 33 % over 6 places of the bump")
     apart = said(hmmwv_made_up.watts(4.0, road="track", controller="skyhook"))["track-alike"]
     assert apart.value == pytest.approx(100 * (4.0 / (4.8 * 1.0025) - 1), rel=1e-4)
 
@@ -1149,13 +1149,13 @@ def test_words_of_the_checks() -> None:
         hmmwv_made_up.metric("solver_residual", 3e-7, road="bump", controller="mpc", variant=2),
     )
     assert (
-        found["off-road-kilonewton"].ours
+        found["off-road-kilonewton"].result
         == "5.01 W with up to 55 mm of travel and 1.23 % of the time beyond 60 mm, the LQR 8.02 W with up to 90 mm of"
         " travel and 3.45 % of the time beyond 60 mm; what MPC saves over it: median 37.5 % (37.5 to 37.5 % over 5"
         " stretches; holds in 5 of 5)"
     )
     assert (
-        found["off-road-travel-limit"].ours
+        found["off-road-travel-limit"].result
         == "largest travel median 50 mm (50 to 55 mm over 5 stretches; holds in 5 of 5); beyond the limit 1.23 % of the"
         " time, skyhook 20.00 %, LQR 5.00 %"
     )
@@ -1163,13 +1163,13 @@ def test_words_of_the_checks() -> None:
     limit = found["off-road-travel-limit"]
     assert (limit.claim, limit.published) == ("Off road: MPC keeps the travel within the printed 60 mm", "within 60 mm")
     over = said(hmmwv_made_up.metric("travel_peak", 0.064, road="off-road", controller="mpc", variant=3))
-    assert "holds in 4 of 5" in over["off-road-travel-limit"].ours
-    assert found["estimates-mpc"].ours == "test track +0 %, one 76 mm bump +17 %, off road +0 %"
+    assert "holds in 4 of 5" in over["off-road-travel-limit"].result
+    assert found["estimates-mpc"].result == "test track +0 %, one 76 mm bump +17 %, off road +0 %"
     assert found["estimates-mpc"].reason.endswith("+0 %")
     assert found["estimates-mpc"].value == pytest.approx(100 * (5.5 / (4.7 * 1.0025) - 1), rel=1e-4)
-    assert found["sensed-preview"].ours == "test track 33 %, one 76 mm bump 60 %, off road 40 %"
+    assert found["sensed-preview"].result == "test track 33 %, one 76 mm bump 60 %, off road 40 %"
     assert found["sensed-preview"].value == pytest.approx(100 * (1 - 3.2 / 4.8), rel=1e-4)
-    assert found["solver"].ours == "0 samples not solved, largest residual 3.0e-07"
+    assert found["solver"].result == "0 samples not solved, largest residual 3.0e-07"
 
 
 def test_words_of_force_tracking() -> None:
@@ -1185,20 +1185,20 @@ def test_words_of_force_tracking() -> None:
         case("square", notches=True): {"error": 0.0196},
     }
     found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
-    assert found["tracking-filter"].ours == "first at its final value after 26.5 ms; 10 to 90 % in 13.1 ms"
+    assert found["tracking-filter"].result == "first at its final value after 26.5 ms; 10 to 90 % in 13.1 ms"
     assert (found["tracking-filter"].value, found["tracking-filter"].verdict) == (26.5, "reproduced")
-    assert found["tracking-sweep"].ours == "4.2 % rms of the smoothed desired force"
+    assert found["tracking-sweep"].result == "4.2 % rms of the smoothed desired force"
     assert (
-        found["tracking-difference"].ours
+        found["tracking-difference"].result
         == "square 2.0 compared with 3.0 %, sweep 4.2 compared with 7.8 %, discrete sweep 2.0 compared with 3.0 %"
     )
     assert (
-        found["tracking-average"].ours
+        found["tracking-average"].result
         == "square 3 instead of 2.0 %, sweep 3 instead of 4.2 %, discrete sweep 55 instead of 2.0 %"
     )
     assert "jumps fall from 77 to 11 mV" in found["tracking-average"].reason
     assert "costs little (3.3 % on the square wave)" in found["tracking-average"].reason
-    assert found["tracking-notches"].ours.startswith("square 2.0 without, 2.0 % with, sweep 4.2 without, 3.0 % with")
+    assert found["tracking-notches"].result.startswith("square 2.0 without, 2.0 % with, sweep 4.2 without, 3.0 % with")
 
 
 def test_one_signal_that_is_followed_worse_decides() -> None:
@@ -1263,26 +1263,26 @@ def test_words_of_the_preview_chain() -> None:
         chains.generated(2.0): {"offsets": [0.15, 0.39]},
     }
     found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
-    assert found["preview-dip-compensated"].ours == "-6 mm are left, and a rise of 23 mm comes with it"
+    assert found["preview-dip-compensated"].result == "-6 mm are left, and a rise of 23 mm comes with it"
     assert (found["preview-dip-compensated"].value, found["preview-dip-compensated"].verdict) == (
         23.4,
         "not reproduced",
     )
     assert (
-        found["preview-fed"].ours
+        found["preview-fed"].result
         == "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the standard deviation of the error is at"
         " most 5.5 mm in any 4 s of 20"
     )
     assert (
-        found["preview-rate"].ours
+        found["preview-rate"].result
         == "error of the rate 0.300 m/s before, 0.120 m/s with the road fed back, 0.250 m/s with quarter cars"
     )
     assert (found["preview-rate"].value, found["preview-rate"].verdict) == (60.0, "reproduced")
     assert (found["generated-loads"].value, found["generated-loads"].verdict) == (100.0, "reproduced")
     assert (found["generated-drift"].value, found["generated-drift"].verdict) == (290.0, "reproduced")
-    assert found["generated-loads"].ours == "peaks -20 and +100 mm from the crests"
+    assert found["generated-loads"].result == "peaks -20 and +100 mm from the crests"
     assert (
-        found["generated-drift"].ours
+        found["generated-drift"].result
         == "a speedometer that shows 2 % too much: off by 170 mm at the first bump, 290 mm at the second"
     )
 
@@ -1302,7 +1302,7 @@ def test_finer_steps_are_run_at_every_place() -> None:
     assert fine.values == pytest.approx([(1.01 + 0.01 * k) * v for k, v in enumerate(coarse.values)])
     assert Averages(study, refined=True).power(Case("track", "mpc")) == Averages(study).power(Case("track", "mpc"))
     found = said(change)["converged"]
-    assert found.ours == "at most 6.00 % off, test track, LQR"
+    assert found.result == "at most 6.00 % off, test track, LQR"
     assert (found.value, found.unit) == (pytest.approx(6.0), "%")
 
 

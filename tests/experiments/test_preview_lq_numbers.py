@@ -409,20 +409,20 @@ def test_table_2(page: Report) -> None:
     assert rows[0] == {
         "design": "ride comfort",
         "printed [1/s]": "-28.22 + 72.25i",
-        "ours [1/s]": "-28.25 + 72.32i",
+        "computed [1/s]": "-28.25 + 72.32i",
         "distance [%]": 0.1,
     }
     assert [r["distance [%]"] for r in rows[:7]] == [0.1, 0.2, 0.3, 0.4, 6.0, 7.0, 0.5]
     assert rows[7] == {
         "design": "road holding",
         "printed [1/s]": None,
-        "ours [1/s]": "-42.33 + 108.38i",
+        "computed [1/s]": "-42.33 + 108.38i",
         "distance [%]": None,
     }
     assert rows[20] == {
         "design": "ride comfort, one entry missing of N",
         "printed [1/s]": "-3.51 + 4.52i",
-        "ours [1/s]": "-3.54 + 4.56i",
+        "computed [1/s]": "-3.54 + 4.56i",
         "distance [%]": 0.88,
     }
 
@@ -450,8 +450,8 @@ def test_table_3(page: Report) -> None:
     assert list(made_up.table(page, "table-3a")[0]) == HEADINGS
     assert [len(t) for t in tables.values()] == [10, 4, 10, 4]
     a, b, c, d = tables.values()
-    assert a[0] == ["passive", "ours", 100.0, 100.0, None, *[100.0] * 9]
-    assert a[1] == ["active", "ours", 71.0, 72.0, None, 74.0, 76.0, 75.0, 77.0, 78.0, 80.0, 79.0, 81.0, 70.0]
+    assert a[0] == ["passive", "computed", 100.0, 100.0, None, *[100.0] * 9]
+    assert a[1] == ["active", "computed", 71.0, 72.0, None, 74.0, 76.0, 75.0, 77.0, 78.0, 80.0, 79.0, 81.0, 70.0]
     assert a[2] == ["active", "printed", 49.6, 47.5, 100, 111.0, 141.0, 111.0, 1370.0, 149.0, 245.0, 159.0, 245.0, 72.7]
     assert a[3] == [
         "active",
@@ -471,8 +471,8 @@ def test_table_3(page: Report) -> None:
     ]
     assert a[5] == ["delay", "printed", 21.1, 52.4, 100, 108.0, 103.0, 114.0, 105.0, 156.0, 96.2, 159.0, 101.0, 58.9]
     assert a[9] == ["preview", "corrected", 20.3, 39.4, None, 78.3, 98.3, 84.6, 100.0, 66.6, 93.3, 65.7, 100.0, 48.3]
-    assert b[1][:5] == ["active", "ours", 71.1, 72.1, None]
-    assert c[4] == ["delay", "ours", 51.0, 52.0, 53.0, 54.0, 56.0, 55.0, 57.0, 58.0, 60.0, 59.0, 61.0, 50.0]
+    assert b[1][:5] == ["active", "computed", 71.1, 72.1, None]
+    assert c[4] == ["delay", "computed", 51.0, 52.0, 53.0, 54.0, 56.0, 55.0, 57.0, 58.0, 60.0, 59.0, 61.0, 50.0]
     assert c[2] == ["active", "printed", 50.7, 47.9, 31.2, 101.0, 123.0, 212.0, 154.0, 126.0, 140.0, 550, 482, 62.8]
     assert c[3][-4:] == [140.0, 5500.0, 4820.0, 62.8]
     assert c[6] == ["delay", "corrected", 21.4, 53.0, 12.0, 99.4, 109.0, 99.3, 71.4, 131.0, 64.8, 2630.0, 2210.0, 48.8]
@@ -704,7 +704,7 @@ def test_parameters_are_those_of_the_fmus(page: Report) -> None:
 
 
 def test_words_of_the_claims(study: Results) -> None:
-    judged = {c.id: (c.verdict, c.ours, c.value) for c in CLAIMS.judge(study)}
+    judged = {c.id: (c.verdict, c.result, c.value) for c in CLAIMS.judge(study)}
     assert judged["poles"] == ("reproduced", "within 0.5 %", None)
     assert judged["poles-low"] == ("not reproduced", "-5.63+6.51i, -4.28+5.42i", None)
     assert judged["index-both-active"] == ("reproduced", "70.0 %", 70.0)
@@ -769,12 +769,12 @@ def test_components_are_those_of_print_or_on_their_side_of_passive(study: Result
         row = {n: v * change.get(n, 1.0) for n, v in printed.items()}
         changed = altered(study, {case: row})
         claim = {c.id: c for c in CLAIMS.judge(changed)}["parts-left-preview"]
-        assert claim.ours.startswith(words)
+        assert claim.result.startswith(words)
         assert claim.verdict == verdict_
 
 
 @pytest.mark.parametrize(
-    ("id_", "change", "well"),
+    ("id_", "change", "passed"),
     [
         ("index-both-preview", {("both", "comfort", "preview"): {"J": 20 * 0.483 * 1.049}}, True),
         ("index-both-preview", {("both", "comfort", "preview"): {"J": 20 * 0.483 * 1.051}}, False),

@@ -560,7 +560,7 @@ def test_main_result_takes_the_fastest_of_the_laws(study: Results, fmus: FmuSet)
 
 
 def judged(study: Results) -> dict[str, tuple[bool, str]]:
-    return {c.id: (c.verdict == "holds", c.ours) for c in CLAIMS.judge(study)}
+    return {c.id: (c.verdict == "holds", c.result) for c in CLAIMS.judge(study)}
 
 
 def test_checks_hold(study: Results) -> None:

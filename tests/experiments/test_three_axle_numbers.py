@@ -313,7 +313,7 @@ def test_the_vehicle_is_said_to_be_fitted_beside_every_published_verdict(study: 
 
 
 def test_words_of_the_claims(study: Results) -> None:
-    assert {c.id: (c.verdict, c.ours) for c in CLAIMS.judge(study)} == {
+    assert {c.id: (c.verdict, c.result) for c in CLAIMS.judge(study)} == {
         "best-at-the-trench": ("reproduced", "smallest peak pitch error in 6 of 6"),
         "tenth-of-passive": ("reproduced", "within a tenth in 6 of 6; largest 0.0167 at 5 km/h, 0.15 m"),
         "tenth-of-blind": ("reproduced", "within a tenth in 6 of 6; largest 0.0500 at 5 km/h, 0.15 m"),
@@ -334,7 +334,7 @@ def test_words_of_the_claims(study: Results) -> None:
 
 def test_a_range_that_prints_as_one_figure_is_one(study: Results) -> None:
     changed = altered(study, {c: {"force_before_ramp_kN": 2.17} for c in study if c.controller == "mpc-preview"})
-    ours = {c.id: c.ours for c in CLAIMS.judge(changed)}["before-the-reference"]
+    ours = {c.id: c.result for c in CLAIMS.judge(changed)}["before-the-reference"]
     assert ours.startswith("force 2.17 kN before, ")
 
 
@@ -357,7 +357,7 @@ def test_a_range_that_prints_as_one_figure_is_one(study: Results) -> None:
 def test_one_place_decides(study: Results, controller: str, metric: str, value: float, lost: set[str]) -> None:
     """Every claim holds at all places or not at all."""
     changed = altered(study, {Case(20.0, 0.25, controller): {metric: value}})
-    before, after = ({c.id: c.well for c in CLAIMS.judge(s)} for s in (study, changed))
+    before, after = ({c.id: c.passed for c in CLAIMS.judge(s)} for s in (study, changed))
     assert {k for k in before if before[k] and not after[k]} == lost
 
 

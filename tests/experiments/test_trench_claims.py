@@ -268,8 +268,8 @@ class TestClaims:
         study = altered(invented(), {Case(1.2, 9.0, "passive"): {"cost": 1.0}})
         claim = {c.id: c for c in CLAIMS.judge(study)}["cost-below-passive"]
         assert claim.verdict == "not reproduced"
-        assert "nan" not in claim.ours
-        assert "not 1.2 m at 9 km/h" in claim.ours
+        assert "nan" not in claim.result
+        assert "not 1.2 m at 9 km/h" in claim.result
 
     def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(self):
         study = invented(published_only=False)

@@ -690,7 +690,7 @@ def test_a_study_of_the_published_runs_has_no_other_sections(fmus: FmuSet) -> No
 
 
 def test_words_of_the_claims(study: Results) -> None:
-    found = {c.id: (c.verdict, c.ours) for c in CLAIMS.judge(study)}
+    found = {c.id: (c.verdict, c.result) for c in CLAIMS.judge(study)}
     assert found == {
         "passive-verdicts": ("reproduced", "36 of 36 agree"),
         "passive-short": ("reproduced", "8 of 8"),
@@ -710,7 +710,7 @@ def test_words_of_the_claims(study: Results) -> None:
 
 def test_words_where_control_does_not_help(study: Results) -> None:
     worse = {Case(1.2, v): {"az": 99.0, "cost": 5000.0} for v in (1.0, 3.0)} | {Case(1.3, 9.0): {"ax": 99.0}}
-    found = {c.id: c.ours for c in CLAIMS.judge(altered(study, worse))}
+    found = {c.id: c.result for c in CLAIMS.judge(altered(study, worse))}
     assert found["peak-az"] == "34 of 36; not 1.2 m at 1, 3 km/h"
     assert found["peak-ax"] == "35 of 36; not 1.3 m at 9 km/h"
     assert found["cost-below-passive"].endswith("; not 1.2 m at 1, 3 km/h")
@@ -719,9 +719,9 @@ def test_words_where_control_does_not_help(study: Results) -> None:
 def test_words_where_many_crossings_do_not_count(study: Results) -> None:
     """Up to half of them are named, more are not."""
     some, many = ({Case(a, v): {"az": 99.0} for a in LENGTHS for v in speeds} for speeds in (SPEEDS[:2], SPEEDS[:3]))
-    found = {c.id: c.ours for c in CLAIMS.judge(altered(study, some))}["peak-az"]
+    found = {c.id: c.result for c in CLAIMS.judge(altered(study, some))}["peak-az"]
     assert found == f"18 of 36; not {', '.join(f'{a:g} m at 1, 3 km/h' for a in LENGTHS)}"
-    assert {c.id: c.ours for c in CLAIMS.judge(altered(study, many))}["peak-az"] == "9 of 36"
+    assert {c.id: c.result for c in CLAIMS.judge(altered(study, many))}["peak-az"] == "9 of 36"
 
 
 def test_nine_of_ten_verdicts_are_the_magnitude(study: Results) -> None:

@@ -19,7 +19,7 @@ def figure(identifier="f", *curves):
 
 
 def claim(**fields):
-    return Claim(**{"id": "c", "claim": "it", "published": "1", "ours": "1", "verdict": "reproduced", **fields})
+    return Claim(**{"id": "c", "claim": "it", "published": "1", "result": "1", "verdict": "reproduced", **fields})
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def claim(**fields):
         lambda: claim(verdict="trend reproduced, magnitude differs"),
         lambda: claim(verdict="open"),
         lambda: claim(verdict="does not hold"),
-        lambda: claim(ours=""),
+        lambda: claim(result=""),
         lambda: claim(value="1"),
         lambda: claim(id="../c"),
         lambda: claim(published=""),

@@ -233,7 +233,7 @@ class TestSummary:
         data = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
         assert (data["claims_reproduced"], data["claims_total"]) == (1, 2)
         assert data["claims"][0]["value"] == 52.5
-        assert data["claims"][0]["ours"] == "52.5 km/h"
+        assert data["claims"][0]["result"] == "52.5 km/h"
         assert data["claims"][1]["reason"] == "other road"
         assert data["parameters"]["body.mass"] == {"value": 2813.0, "unit": "kg", "source": "Table 1"}
         assert data["provenance"] == {"versions": {"casadi": "3.8.2"}, "seeds": [0, 1]}

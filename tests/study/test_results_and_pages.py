@@ -194,7 +194,7 @@ def test_what_a_claim_carries_to_the_report(raises) -> None:
     judged = claims.judge(results())
     assert len(claims) == 2
     size, done = judged
-    assert (size.id, size.claim, size.published, size.ours, size.verdict, size.reason, size.source) == (
+    assert (size.id, size.claim, size.published, size.result, size.verdict, size.reason, size.source) == (
         "size",
         "The size",
         "3 mm",
@@ -210,7 +210,7 @@ def test_what_a_claim_carries_to_the_report(raises) -> None:
         "the mass",
         False,
     )
-    assert (done.id, done.claim, done.published, done.ours, done.verdict, done.reason, done.source) == (
+    assert (done.id, done.claim, done.published, done.result, done.verdict, done.reason, done.source) == (
         "done",
         "All done",
         "6 runs",
@@ -292,7 +292,7 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
     claims.claim("one", "One", published="1", source="")(lambda study: Finding(f"{len(study)}", True, ""))
     page = report_of(experiment(claims=claims), results(), fmus)
     assert (page.experiment, page.title, page.lead) == ("ride", "Rides", "6 runs over speed, road.")
-    assert [c.ours for c in page.claims] == ["6"]
+    assert [c.result for c in page.claims] == ["6"]
     assert [s.title for s in page.sections] == ["Runs", "Dependence of the metrics", "Failed runs"]
     table = page.tables[0]
     assert (table.id, table.title) == ("runs", "All runs")

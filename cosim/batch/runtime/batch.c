@@ -45,10 +45,10 @@ static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
     lanes *const memory = (lanes *)(m->memory + m->stride * (size_t)g->group);
     const lanes *values = g->values;
     for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = values[m->index[i]];
-    for (size_t i = 0; i < m->n_lines; i++) {
-        const EngineLine *l = &m->lines[i];
+    for (size_t i = 0; i < m->n_extrapolations; i++) {
+        const EngineExtrapolation *l = &m->extrapolations[i];
         memory[m->to[l->input]] +=
-            (values[l->now] - values[l->before]) * ((t + l->shift - values[l->reached]) / l->period);
+            (values[l->now] - values[l->before]) * ((t + l->shift - values[l->sample_time]) / l->period);
     }
     if (m->scale)
         for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = memory[m->to[i]] * m->scale[i] + m->offset[i];
@@ -101,7 +101,7 @@ static void arrive(Group *g, double t) {
     lanes *const values = g->values;
     for (int32_t k = 0; k < g->n_due; k++) { /* what was visible until now */
         const BatchComponent *m = &b->components[g->w->list[k]];
-        if (m->stamp >= 0) values[m->stamp] = lanes_all(t);
+        if (m->timestamp_slot >= 0) values[m->timestamp_slot] = lanes_all(t);
         for (int32_t c = 0; c < m->n_copies_before; c++)
             memcpy(values + m->copies[c].to, values + m->copies[c].from, m->copies[c].n * sizeof(lanes));
     }

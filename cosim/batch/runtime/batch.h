@@ -13,12 +13,12 @@ typedef struct {
     double step;
     int32_t n_copies_before, n_copies;
     const EngineCopy *copies;
-    int64_t stamp;
+    int64_t timestamp_slot;
     const uint32_t *index;
     size_t n_inputs;
     const double *scale, *offset;
-    const EngineLine *lines;
-    size_t n_lines;
+    const EngineExtrapolation *extrapolations;
+    size_t n_extrapolations;
     uint32_t first, n_outputs;
     BatchStep run;           /* of lanes; NULL: scalar code */
     char *memory;            /* of lanes: of all groups */

@@ -18,7 +18,7 @@ from cosim.study import ClaimList, Distribution, Finding, Results, RunFailed
 from cosim.study.claims import Text
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
-ESTIMATES_COST = 10.0  # %, of the same with true states; ours
+ESTIMATES_COST = 10.0  # %, of the same with true states; our criterion
 REFINED = 1.0  # %, by which halving all steps may move a figure: a tenth of the band around a single published one
 RESIDUAL = 1e-6  # of a quadratic program
 ASSUMED = "noise of the sensors and of the road in the filter assumed"
@@ -47,7 +47,7 @@ def _at_both_steps(judge: Callable[[Averages], Finding], study: Results) -> Find
     coarse, fine = (judge(Averages(study, refined=r)) for r in (False, True))
     if coarse.verdict == fine.verdict:
         return coarse
-    both = f"as run {coarse.ours}: {coarse.verdict}; with half the steps {fine.ours}: {fine.verdict}"
+    both = f"as run {coarse.result}: {coarse.verdict}; with half the steps {fine.result}: {fine.verdict}"
     return replace(coarse, undecided=both)
 
 
@@ -92,10 +92,10 @@ def _state(s: Statement, suffix: str, at: Condition) -> None:
             reason += f" (on the claimed side in {found.count(s.side)} of {len(found.values)})"
         reason += holds
         if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
-            ours = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
-            return Finding(ours, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
-        ours = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
-        return Finding(ours, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
+            computed = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
+            return Finding(computed, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
+        computed = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
+        return Finding(computed, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
 
 
 for _statement in STATEMENTS:

@@ -42,10 +42,10 @@ def eigenvalues(study: Results, design: str) -> list[complex]:
 
 
 def matched(
-    ours: list[complex], printed: tuple[complex, ...] = PRINTED_EIGENVALUES
+    computed: list[complex], printed: tuple[complex, ...] = PRINTED_EIGENVALUES
 ) -> list[tuple[complex, complex, float]]:
-    """Triples (printed, ours, |difference| / |printed|), each of ours used once, nearest first."""
-    left = list(ours)
+    """Triples (printed, computed, |difference| / |printed|), each computed value used once, nearest first."""
+    left = list(computed)
     pairs = []
     for p in printed:
         best = min(left, key=lambda e: abs(e - p))
@@ -152,15 +152,15 @@ def _claims_of_table_3(input_: str, controller: str) -> None:
     )
     def _parts(study: Results) -> Finding:
         row = dict(zip((*PAPER_COLUMNS, "J"), relative(study, input_, "comfort", controller), strict=True))
-        ours = {c: o for c in both if (o := row[c]) is not None}
-        off = {c: o / both[c] - 1 for c, o in ours.items()}
+        computed = {c: o for c in both if (o := row[c]) is not None}
+        off = {c: o / both[c] - 1 for c, o in computed.items()}
         worst = max(off, key=lambda c: abs(off[c]))
         near = sum(abs(v) <= COMPONENT_TOLERANCE for v in off.values())
-        clear = [c for c in ours if abs(both[c] - 100) > 100 * COMPONENT_TOLERANCE]
+        clear = [c for c in computed if abs(both[c] - 100) > 100 * COMPONENT_TOLERANCE]
         return Finding(
             f"{near} of {len(off)} within {100 * COMPONENT_TOLERANCE:g} %; largest deviation {100 * off[worst]:+.0f} %"
             f" ({worst})",
-            all((ours[c] - 100) * (both[c] - 100) > 0 for c in clear),
+            all((computed[c] - 100) * (both[c] - 100) > 0 for c in clear),
             "the printed design lacks one entry of the cross weight N, which moves its low poles and what depends on"
             " them",
             100 * abs(off[worst]),

@@ -124,18 +124,18 @@ def _poles(study: Results) -> Section:
     """Closed-loop poles."""
     rows: list[list[Scalar]] = []
     for design in DESIGNS:
-        ours = eigenvalues(study, design)
+        computed = eigenvalues(study, design)
         if design.startswith("comfort"):
             rows += [
                 [_design(design), _complex(p), _complex(o), round(100 * distance, 2)]
-                for p, o, distance in matched(ours)
+                for p, o, distance in matched(computed)
             ]
         else:
-            rows += [[_design(design), None, _complex(o), None] for o in ours]
+            rows += [[_design(design), None, _complex(o), None] for o in computed]
     table = Table(
         "table-2",
         "Closed-loop eigenvalues, upper half plane (table 2 of the paper)",
-        ["design", "printed [1/s]", "ours [1/s]", "distance [%]"],
+        ["design", "printed [1/s]", "computed [1/s]", "distance [%]"],
         rows,
     )
     return Section(
@@ -164,8 +164,8 @@ def _table3(study: Results) -> Section:
     for (input_, weights), part in PARTS.items():
         rows: list[list[Scalar]] = []
         for c in CONTROLLERS:
-            ours = relative(study, input_, weights, c)
-            rows.append([c, "ours", *(None if v is None else round(v, 1) for v in ours)])
+            computed = relative(study, input_, weights, c)
+            rows.append([c, "computed", *(None if v is None else round(v, 1) for v in computed)])
             if weights == "comfort" and c != "passive":
                 rows.append([c, "printed", *PRINTED[input_, c]])
                 rows.append([c, "corrected", *corrected(input_, c)])
@@ -190,7 +190,7 @@ def _table3(study: Results) -> Section:
                 " t rr) are ten times too small; roll with both sides equal is 0/0, printed as 100."
             ),
             (
-                "Where ours and the printed components differ by more than a few per cent, the printed design differs"
+                "Where the computed and the printed components differ by more than a few per cent, the printed design differs"
                 " too: its two low pole pairs are off (see the poles)."
             ),
         ],

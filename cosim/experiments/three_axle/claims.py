@@ -52,8 +52,8 @@ def _best_at_the_trench(study: Results) -> Finding:
 def _tenth(other: str, id_: str, text: str) -> None:
     @CLAIMS.claim(id_, text, published="clearly smaller in every figure; no number", source="Figures 5.5 to 5.10")
     def judge(study: Results) -> Finding:
-        ours, theirs = (values(study, "peak_error_deg", c) for c in ("mpc-preview", other))
-        ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
+        preview, others = (values(study, "peak_error_deg", c) for c in ("mpc-preview", other))
+        ratios = [a / b for a, b in zip(preview, others, strict=True)]
         within, largest = sum(r <= RATIO for r in ratios), max(ratios)
         worst = place_text(places(study)[ratios.index(largest)])
         return Finding(

@@ -95,7 +95,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(c * sizeof(int64_t)),
         aligned(c * sizeof(bool)),
         aligned(n * sizeof(EngineComponent *)),
-        aligned(P->n_shown * sizeof(EngineCopy)),
+        aligned(P->n_published * sizeof(EngineCopy)),
         aligned(n * sizeof(EnginePiece)),
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
     };
@@ -132,7 +132,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     }
     self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
-                            .due = part[12], .list = part[13], .shown = part[14], .reached = part[15], .look = true};
+                            .due = part[12], .list = part[13], .published = part[14], .computed = part[15], .check_finite = true};
     self->state->mode = MODE_INSTANTIATED;
     return self;
 }
@@ -346,13 +346,13 @@ static void bind(FmuInstance *self) {
             .n_copies_before = p->n_copies_before,
             .copies = p->copies,
             .n_copies = p->n_copies,
-            .stamp = p->stamp,
+            .timestamp_slot = p->timestamp_slot,
             .index = p->index,
             .n_inputs = p->in_place ? 0 : p->n_inputs,
             .scale = p->scale,
             .offset = p->offset,
-            .lines = p->lines,
-            .n_lines = p->n_lines,
+            .extrapolations = p->extrapolations,
+            .n_extrapolations = p->n_extrapolations,
             .u = own,
             .y = y,
             .first = p->first,

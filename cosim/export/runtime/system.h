@@ -37,14 +37,14 @@ typedef struct {
     bool check_before;
     int32_t n_copies_before, n_copies;
     const EngineCopy *copies;
-    int64_t stamp;
+    int64_t timestamp_slot;
     const uint32_t *index;
     uint32_t n_inputs;
     bool in_place; /* inputs are values already, from `u` on; otherwise u is that much behind the values */
     uint32_t u;
     const double *scale, *offset;
-    const EngineLine *lines;
-    uint32_t n_lines;
+    const EngineExtrapolation *extrapolations;
+    uint32_t n_extrapolations;
     uint32_t first, n_outputs;
     const PlanTransfer *sets, *gets;
     int32_t n_sets, n_gets;
@@ -75,7 +75,7 @@ typedef struct {
     int32_t n_clocks;
     int64_t a, d;                    /* the tick is a / d seconds */
     uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
-    uint32_t n_shown;
+    uint32_t n_published;
     const char *const *owners;       /* of each value: "component.variable" */
     const PlanVariable *variables;
     int32_t n_variables;

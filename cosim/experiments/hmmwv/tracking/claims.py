@@ -8,8 +8,8 @@ from cosim.experiments.hmmwv.tracking.published import NOISE, PUBLISHED, RISE_MS
 from cosim.experiments.hmmwv.tracking.runs import FILTER, Case
 from cosim.study import Band, ClaimList, Finding, Results
 
-FOLLOWS = 0.10  # rms error over rms desired force; ours
-NEEDLESS = 0.05  # larger rms error up to which the notches are not needed; ours
+FOLLOWS = 0.10  # rms error over rms desired force; our criterion
+NEEDLESS = 0.05  # larger rms error up to which the notches are not needed; our criterion
 
 CLAIMS = ClaimList()
 
