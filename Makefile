@@ -63,7 +63,7 @@ test-judges: $(VENV)/.test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[judges]' || echo "not every package of the extra [judges] can be installed here"
 	$(BIN)/python -m pytest -m judges -rs tests/judges
 
-# Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
+# Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both color schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.
 test-pages: $(VENV)/.test
 	$(BIN)/python -m pytest -m pages -rs tests/report/test_browser.py tests/export/test_live_browser.py tests/docs/test_site_browser.py

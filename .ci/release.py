@@ -40,7 +40,7 @@ README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3
 {description}
 
 {reference} lists every variable, docs/how-to/other-tools.md says how to set them up in the tool that you have, and
-which platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts
+which platforms have been run and how. Each FMU has its sources, its documentation and the licenses of all its parts
 inside.
 {live}`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
 """

@@ -72,9 +72,9 @@ def measure() -> dict[str, float]:
                 "to_bytes": seconds(state.to_bytes, 200),
                 "from_bytes": seconds(lambda: SystemState.from_bytes(data), 200),
             }
-        travelled = SystemState.from_bytes(data)
+        traveled = SystemState.from_bytes(data)
         took["initialize"] = seconds(lambda: initialize(system), 20)
-        took["initialize with the state of another process"] = seconds(lambda: initialize(system, travelled), 20)
+        took["initialize with the state of another process"] = seconds(lambda: initialize(system, traveled), 20)
     return {
         "a simulated millisecond [us]": millisecond * 1e6,
         "bytes of the state": len(data),

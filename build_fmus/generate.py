@@ -347,7 +347,7 @@ def with_mathematics(files: dict[str, bytes]) -> dict[str, bytes]:
 
 
 def identity(component: Model, *, arrays: bool, clocks: bool = False) -> str:
-    """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
+    """Instantiation token of a component: a hash of everything that determines its behavior and interface."""
     files = {n: (RUNTIME_DIR / n).read_bytes() for n in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")}
     files |= solver_files(component) | profile_files(component)
     files["model.c"] = generate_c(component, arrays=arrays, token="", clocks=clocks).encode()

@@ -38,7 +38,7 @@ def math_files(sources: Iterable[bytes]) -> dict[str, bytes]:
 
 
 def copyright_notice() -> bytes:
-    """The licence of musl (MIT) with its list of authors and of the works that it is derived from."""
+    """The license of musl (MIT) with its list of authors and of the works that it is derived from."""
     return _read(f"{FOLDER}/COPYRIGHT")
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import description, generate, licences, reference, related
+from build_fmus import description, generate, licenses, reference, related
 from build_fmus.base import extras, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
@@ -89,11 +89,11 @@ def _pack(
         content["terminalsAndIcons/icon.png"] = icon
     result = reference.simulate(component)
     content |= _documentation(component, fmi, result)
-    parts = licences.of_sources(
+    parts = licenses.of_sources(
         files, generate.third_party(component), uses_casadi=generate.written_functions(component).uses_casadi
     )
-    parts += licences.of_windows(n for n in content if n.endswith(".dll"))
-    content |= licences.texts(component.name, parts)
+    parts += licenses.of_windows(n for n in content if n.endswith(".dll"))
+    content |= licenses.texts(component.name, parts)
     if component.provenance:
         provenance = json.dumps(dict(component.provenance), indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()

@@ -1,7 +1,7 @@
 """C sources of the QP solvers, from outside this project: OSQP from its installed wheel, DAQP from its sdist on PyPI.
 
 DAQP is downloaded by `pip` once per user, with the user's own index settings, and checked against a pinned hash.
-Nothing of either is part of this repository; their licences go into the FMU.
+Nothing of either is part of this repository; their licenses go into the FMU.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class SourceError(RuntimeError):
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """Sources of one solver: C files and headers by their path in the FMU's `sources/`, and its licence.
+    """Sources of one solver: C files and headers by their path in the FMU's `sources/`, and its license.
 
     Attributes:
-        spdx, licence: the licence's SPDX identifier and its text.
+        spdx, license: the license's SPDX identifier and its text.
         note: what it is and what was changed.
     """
 
@@ -44,19 +44,19 @@ class ThirdParty:
     version: str
     files: dict[str, bytes]
     spdx: str
-    licence: bytes
+    license: bytes
     note: str
 
 
-def licence_file(distribution: str) -> bytes:
-    """The licence that an installed package carries.
+def license_file(distribution: str) -> bytes:
+    """The license that an installed package carries.
 
     Raises:
         SourceError: a package without one.
     """
     found = next((f for f in metadata.files(distribution) or () if f.name.startswith("LICENSE")), None)
     if found is None or not (path := Path(str(found.locate()))).is_file():
-        raise SourceError(f"the installed package {distribution} has no licence file; install it from PyPI")
+        raise SourceError(f"the installed package {distribution} has no license file; install it from PyPI")
     return path.read_bytes()
 
 
@@ -98,8 +98,8 @@ def _from_sdist(data: bytes) -> ThirdParty:
         return _daqp_of(files, find("LICENSE"))
 
 
-def _daqp_of(files: dict[str, bytes], licence: bytes) -> ThirdParty:
-    return ThirdParty("DAQP", DAQP_VERSION, files, "MIT", licence, "Solver of quadratic programs, a part of it.")
+def _daqp_of(files: dict[str, bytes], license: bytes) -> ThirdParty:
+    return ThirdParty("DAQP", DAQP_VERSION, files, "MIT", license, "Solver of quadratic programs, a part of it.")
 
 
 def _daqp_sdist(chosen: Path | None) -> bytes:
@@ -198,7 +198,7 @@ def osqp() -> ThirdParty:
         "Solver of quadratic programs, a part of its embedded code. Changed by suspension-fmus: osqp_configure.h, which"
         " OSQP's build generates, is written by hand; the other files are unchanged."
     )
-    return ThirdParty("OSQP", metadata.version("osqp"), files, "Apache-2.0", licence_file("osqp"), note)
+    return ThirdParty("OSQP", metadata.version("osqp"), files, "Apache-2.0", license_file("osqp"), note)
 
 
 def identity() -> str:

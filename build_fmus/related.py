@@ -22,7 +22,7 @@ from lxml import etree
 
 from build_fmus.compile import CFLAGS, Toolchain
 from build_fmus.description import TOOL
-from build_fmus.licences import Part
+from build_fmus.licenses import Part
 
 NAME = "org.fmi-standard.fmi-ls-ref"
 FOLDER = f"extra/{NAME}"
@@ -165,7 +165,7 @@ def _library(part: Part, content: Mapping[str, bytes]) -> dict[str, Any]:
         "bom-ref": part.name,
         "name": part.name,
         **({"version": part.version} if part.version[:1].isdigit() else {"description": part.version}),
-        "licenses": [{"license": {"id": part.licence}}],
+        "licenses": [{"license": {"id": part.license}}],
         "components": [_file(n, content) for n in held],
     }
 

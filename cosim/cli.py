@@ -147,14 +147,13 @@ app.add_typer(
     typer.Typer(cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP),
     name="sweep",
 )
-app.add_typer(
-    typer.Typer(
-        cls=Searches,
-        help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"),
-        **GROUP,
-    ),
-    name="optimise",
+searches = typer.Typer(
+    cls=Searches,
+    help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"),
+    **GROUP,
 )
+app.add_typer(searches, name="optimise")
+app.add_typer(searches, name="optimize", hidden=True)
 app.add_typer(
     typer.Typer(
         cls=Exports,

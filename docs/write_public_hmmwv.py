@@ -98,7 +98,7 @@ def figures(x: np.ndarray, body: np.ndarray, seat: np.ndarray, window: tuple[flo
 
 
 def start_and_duration(course: str, speed: float, end: float) -> tuple[float, float]:
-    """Where a run begins [m], with a few metres of level road, and how long it lasts [s]."""
+    """Where a run begins [m], with a few meters of level road, and how long it lasts [s]."""
     start = 40.0 if "half" in course else 90.0
     return start, (end - start) / speed * 1.04 + 0.3
 

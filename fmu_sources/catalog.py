@@ -602,8 +602,8 @@ _PLAIN = {  # name -> module, maker, summary
     "RoadBenchBump": ("roads.bench", "road_bench_bump", "bump of the quarter-car bench over time"),
     "RoadBenchRandom": ("roads.bench", "road_bench_random", "random motion of the bench's plate over time"),
     "RideComfort": ("sensing", "ride_comfort", "absorbed power and ISO 2631-1 (paper 001)"),
-    "SpeedCommand": ("roads", "speed_command", "speed that follows a command, with travelled distance"),
-    "SpeedProfile": ("roads", "speed_profile", "constant speed or ramp, with travelled distance"),
+    "SpeedCommand": ("roads", "speed_command", "speed that follows a command, with traveled distance"),
+    "SpeedProfile": ("roads", "speed_profile", "constant speed or ramp, with traveled distance"),
     "PitchReference": (
         "controllers.trench.pitch_reference",
         "pitch_reference",

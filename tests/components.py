@@ -62,7 +62,7 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 
     c.output("corner.fl.lagged", w, "N", "lagged forces", display_unit="kN")
     quarter = c.constant("quarter", 0.25, "m", "length of a sector", source="none")
     slow = c.constant("slow", 1e-2, "m/s", "up to here the mass counts as at rest", source="none")
-    c.output("sector", ca.floor(x / quarter), None, "quarter metre the mass is in", type=int)
+    c.output("sector", ca.floor(x / quarter), None, "quarter meter the mass is in", type=int)
     c.output("moving", v * v > slow**2, None, "whether the mass moves", type=bool)
     c.reference_input(
         {

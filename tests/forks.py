@@ -89,8 +89,8 @@ def played(path: Path) -> System:
     for v in free:
         low = 0.0 if v.minimum is None else v.minimum
         high = np.inf if v.maximum is None else v.maximum
-        centre = v.start if isinstance(v.start, float) and low <= v.start <= high else low
-        ranges[v.name] = (centre, min(high, centre + (300.0 if v.name == "x" else 1e-2)))
+        center = v.start if isinstance(v.start, float) and low <= v.start <= high else low
+        ranges[v.name] = (center, min(high, center + (300.0 if v.name == "x" else 1e-2)))
     if ranges:
         system.add("player", Player(ranges), step="1 ms")
         system.connect_matching("player", "fmu")

@@ -1,4 +1,4 @@
-"""What both commands have in common towards people: help, version, tables, and how they end."""
+"""What both commands have in common toward people: help, version, tables, and how they end."""
 
 from __future__ import annotations
 

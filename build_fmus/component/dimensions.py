@@ -1,7 +1,7 @@
 """Whether expressions have the dimensions that their variables declare.
 
-An equation between quantities holds in all units. So when metres become a power of four larger, and every value that is
-measured in metres is given in the new ones, each start, derivative, update and output must come out in the new ones
+An equation between quantities holds in all units. So when meters become a power of four larger, and every value that is
+measured in meters is given in the new ones, each start, derivative, update and output must come out in the new ones
 too: multiplied by that power of four to the exponent that its unit has in m. What adds a length to a mass, drops a
 factor with a dimension or has one in a literal does not. Each base unit is tried by itself, with a power of four above
 1 and one below, at the operating points with fixed random values about them. Powers of four, and their roots, only move
@@ -306,10 +306,10 @@ class _Scaling:
         values = [np.array(v.start or ()) * self._scale([v], base, factor) for v in self.constants]
         fixed = [ca.DM(x.reshape(v.symbol.shape)) for x, v in zip(values, self.constants, strict=True)]
         fixed += [ca.DM.zeros(*s.shape) for s in self.programs]
-        metre = factor if base == "m" else 1.0
+        meter = factor if base == "m" else 1.0
         for q in self.d.profiles:
             heights = np.random.default_rng(7).standard_normal(q.symbol.numel())
-            fixed += [ca.DM(heights * metre), ca.DM(np.sqrt(q.lowest * q.highest) / metre)]
+            fixed += [ca.DM(heights * meter), ca.DM(np.sqrt(q.lowest * q.highest) / meter)]
         return fixed
 
     def report(self) -> Dimensions:

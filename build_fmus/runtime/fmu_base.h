@@ -1,4 +1,4 @@
-/* What an instance has towards its host, whatever is in it. */
+/* What an instance has toward its host, whatever is in it. */
 #ifndef FMU_BASE_H
 #define FMU_BASE_H
 

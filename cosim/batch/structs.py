@@ -132,7 +132,11 @@ class Structs:
         m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
         if plan.scale is not None and plan.offset is not None:
             m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
-        m.extrapolations = self._new("EngineExtrapolation[]", [list(line) for line in plan.extrapolations]) if plan.extrapolations else ffi.NULL
+        m.extrapolations = (
+            self._new("EngineExtrapolation[]", [list(line) for line in plan.extrapolations])
+            if plan.extrapolations
+            else ffi.NULL
+        )
         m.n_extrapolations, m.first, m.n_outputs = len(plan.extrapolations), plan.first, plan.n_outputs
         if plan.component not in self._lanes:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}

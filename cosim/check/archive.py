@@ -81,7 +81,7 @@ def zip_file(file: File) -> Found:
     fmi2="2.3 FMU Distribution (structure of the ZIP file)",
     fmi3="2.5.1 Structure of the ZIP file",
     advice=(
-        "Move data of your own into resources/ or extra/; give the documentation its index.html and the licences their"
+        "Move data of your own into resources/ or extra/; give the documentation its index.html and the licenses their"
         " entry file."
     ),
 )
@@ -93,13 +93,13 @@ def layout(file: File) -> Found:
     inside = {p for p in found if p.startswith("documentation/")}
     if any(p.count("/") == 1 for p in inside) and not inside & {"documentation/index.html", "documentation/_main.html"}:
         yield note("there is documentation, but no documentation/index.html, where readers begin")
-    licences = [p.lower() for p in inside if p.startswith("documentation/licenses/")]
+    licenses = [p.lower() for p in inside if p.startswith("documentation/licenses/")]
     entry = {f"documentation/licenses/license.{e}" for e in ("txt", "html", "spdx")}
-    if v == "3" and licences and not entry & set(licences):
+    if v == "3" and licenses and not entry & set(licenses):
         yield "documentation/licenses/ has no license.txt, license.html or license.spdx to begin with"
     wrong = [p for p in found if re.fullmatch(r"documentation/licen[cs]e(s?)\.(txt|html)|licenses?/.*", p)]
-    if v == "3" and wrong and not licences:
-        yield note(f"{wrong[0]}: licences belong into documentation/licenses/")
+    if v == "3" and wrong and not licenses:
+        yield note(f"{wrong[0]}: licenses belong into documentation/licenses/")
 
 
 @check(

@@ -211,7 +211,10 @@ class BoundEngine:
             m.index, m.n_inputs = self._slots(plan.index), len(plan.index)
         if plan.scale is not None and plan.offset is not None:
             m.scale, m.offset = self._pointer("double*", plan.scale), self._pointer("double*", plan.offset)
-        m.extrapolations, m.n_extrapolations = self._array("EngineExtrapolation", [list(line) for line in plan.extrapolations]), len(plan.extrapolations)
+        m.extrapolations, m.n_extrapolations = (
+            self._array("EngineExtrapolation", [list(line) for line in plan.extrapolations]),
+            len(plan.extrapolations),
+        )
         m.u, m.y = self._pointer("double*", port.u), self._pointer("double*", port.y)
         m.first, m.n_outputs = plan.first, plan.n_outputs
         self._calls.append(ports.fmi)

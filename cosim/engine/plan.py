@@ -36,7 +36,9 @@ class ComponentPlan:
     in_place: bool
     scale: Array | None
     offset: Array | None
-    extrapolations: tuple[tuple[int, int, int, int, float, float], ...]  # input, now, before, sample_time, period, shift
+    extrapolations: tuple[
+        tuple[int, int, int, int, float, float], ...
+    ]  # input, now, before, sample_time, period, shift
     first: int  # slot of its first output
     n_outputs: int
 

@@ -214,7 +214,8 @@ class SystemCode:
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
             "extrapolations": [
-                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.extrapolations
+                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}"
+                for line in p.extrapolations
             ],
             "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.inputs)],
             "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.outputs)],

@@ -66,7 +66,7 @@ class Part:
         own = {n.removeprefix("resources/"): d for n, d in self.files.items() if n.startswith("resources/")}
         return {f"{self.name}/{n}": d for n, d in own.items() if n != "provenance.json" or len(own) > 1}
 
-    def licences(self) -> dict[str, bytes]:
+    def licenses(self) -> dict[str, bytes]:
         """Its license texts, by path below `documentation/licenses/` of the system's FMU."""
         folders = ("documentation/licenses/", "licenses/")
         return {

@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import description as base
-from build_fmus import licences, package, related
+from build_fmus import licenses, package, related
 from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
@@ -111,12 +111,12 @@ class _Exporter:
                 content[path] = library.read_bytes()
         for part in self.distinct:
             content |= {f"resources/{n}": d for n, d in part.resource_files().items()}
-            content |= {f"{licences.FOLDER}/{n}": d for n, d in part.licences().items()}
+            content |= {f"{licenses.FOLDER}/{n}": d for n, d in part.licenses().items()}
         content["resources/components.json"] = shown(self.distinct).encode()
         content["documentation/schedule.txt"] = f"{self.schedule}\n".encode()
         content["documentation/index.html"] = self._page().encode()
         parts = self._licensed(files, content)
-        content |= self._licences(parts, content)
+        content |= self._licenses(parts, content)
         icon = icon_png(self.facts.kind)
         if self.fmi == 2:
             content["model.png"] = icon
@@ -155,21 +155,21 @@ class _Exporter:
         )
 
     @staticmethod
-    def _licensed(files: dict[str, bytes], content: dict[str, bytes]) -> list[licences.Part]:
+    def _licensed(files: dict[str, bytes], content: dict[str, bytes]) -> list[licenses.Part]:
         """Work of others in the system's own files."""
         own = {n: d for n, d in files.items() if "/" not in n or n.startswith("musl/")}
-        parts = licences.of_sources(own, [], uses_casadi=False)
-        return parts + licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
+        parts = licenses.of_sources(own, [], uses_casadi=False)
+        return parts + licenses.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
 
-    def _licences(self, parts: list[licences.Part], content: dict[str, bytes]) -> dict[str, bytes]:
+    def _licenses(self, parts: list[licenses.Part], content: dict[str, bytes]) -> dict[str, bytes]:
         """License files: the entry point and the texts for the system's own files; components have own folders."""
-        texts = licences.texts(self.name, parts)
+        texts = licenses.texts(self.name, parts)
         folders = sorted(
             {
-                n.removeprefix(f"{licences.FOLDER}/").split("/")[0]
+                n.removeprefix(f"{licenses.FOLDER}/").split("/")[0]
                 for p in self.distinct
                 for n in content
-                if n.startswith(f"{licences.FOLDER}/{p.name}/")
+                if n.startswith(f"{licenses.FOLDER}/{p.name}/")
             }
         )
         if folders:
@@ -178,7 +178,7 @@ class _Exporter:
                 + ", ".join(folders)
                 + "\n"
             )
-            texts[licences.ENTRY] += more.encode()
+            texts[licenses.ENTRY] += more.encode()
         return texts
 
     def _page(self) -> str:

@@ -68,7 +68,7 @@ class SystemState:
     ending: tuple[int, str] | None = None
     instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
-    )  # whose instances hold it; none when it travelled
+    )  # whose instances hold it; none when it traveled
     owner: weakref.ref[Exchange] | None = field(default=None, repr=False)
 
     @property

@@ -46,7 +46,9 @@ class PortLayout:
     index: Index
     scale: Array | None = None
     offset: Array | None = None
-    extrapolations: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
+    extrapolations: list[tuple[int, int, int, int]] = field(
+        default_factory=list
+    )  # extrapolated: input, now, previous, time
     periods: list[float] = field(default_factory=list)  # of the sources of `extrapolations` [s]
     since: list[float] = field(default_factory=list)  # from `time` of `extrapolations` to when `now` was reached [s]
     half: float = 0.0  # half of its own step [s]
@@ -167,7 +169,9 @@ class Layout:
         All copies read before any writes.
         """
         pairs = [pair for m in due for part in self.copies(m) for pair in part]
-        actions: list[Timed] = [self._write_time(slot) for component, slot in self.sample_times.items() if component in due]
+        actions: list[Timed] = [
+            self._write_time(slot) for component, slot in self.sample_times.items() if component in due
+        ]
         if pairs:
             actions.append(self._copy(sorted(pairs)))
         return actions

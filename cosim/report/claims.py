@@ -1,8 +1,8 @@
 """Published statements, and how our runs judge them.
 
 A claim is judged on two things: whether what it says holds (the order of two controllers, the sign of a change), and,
-where the paper gives a number, whether our result lies in a band around it. So there are three verdicts on a published claim,
-and a fourth where the runs do not decide. Additional checks, which no paper states, are counted separately.
+where the paper gives a number, whether our result lies in a band around it. So there are three verdicts on a published
+claim, and a fourth where the runs do not decide. Additional checks, which no paper states, are counted separately.
 """
 
 from __future__ import annotations

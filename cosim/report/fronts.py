@@ -60,7 +60,7 @@ def front_section(
     panels = []
     for x, y in combinations(range(len(names)), 2):
         series = [
-            Series(TRIED, points[~best, x], points[~best, y], color="grey", mode="markers"),
+            Series(TRIED, points[~best, x], points[~best, y], color="gray", mode="markers"),
             Series(FRONT, points[best, x], points[best, y], color="blue", mode="markers"),
         ]
         series += [Series(n, [row[names[x]]], [row[names[y]]], mode="markers") for n, row in (beside or {}).items()]

@@ -31,7 +31,7 @@ from cosim.report.checks import (
 from cosim.report.claims import Claim, Counts
 from cosim.report.maps import Map
 
-Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
+Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "gray"]
 Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
 Mode = Literal["line", "line+markers", "markers", "bar"]
 Scale = Literal["linear", "log"]

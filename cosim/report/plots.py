@@ -27,7 +27,7 @@ COLORS: dict[Color, str] = {
     "orange": "#e69f00",
     "sky": "#56b4e9",
     "black": "#000000",
-    "grey": "#767676",
+    "gray": "#767676",
 }
 DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
 PATTERNS: dict[str, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash": "-", "dot": "."}  # of bars
@@ -78,7 +78,7 @@ class Palette:
     """The look of every series name in some figures.
 
     Hints come first; the remaining names take the colors that no hint names, in order of appearance. Color and dash
-    differ together, so that curves stay apart on a grey print.
+    differ together, so that curves stay apart on a gray print.
     """
 
     def __init__(self, figures: Iterable[Figure]):
@@ -89,7 +89,7 @@ class Palette:
                     earlier = hints.get(series.name, (None, None))
                     hints[series.name] = (earlier[0] or series.color, earlier[1] or series.dash)
         hinted = {hint for hint, _ in hints.values()}
-        free: list[Color] = [color for color in COLORS if color not in hinted and color != "grey"] or [*COLORS]
+        free: list[Color] = [color for color in COLORS if color not in hinted and color != "gray"] or [*COLORS]
         colors = itertools.cycle(free)
         self._looks: dict[str, Look] = {}
         taken: set[tuple[Color, Dash]] = set()
@@ -186,7 +186,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
     columns = 1 if narrow else min(figure.columns, len(figure.panels))
     rows = math.ceil(len(figure.panels) / columns)
     groups = _shared_x(figure.panels)
-    labelled = [_has_x_label(groups, i, columns) for i in range(len(figure.panels))]
+    labeled = [_has_x_label(groups, i, columns) for i in range(len(figure.panels))]
 
     # rows from the top: title, panel, space for the x label where a panel of the row has one
     panel_height = NARROW_PANEL_HEIGHT if narrow else PANEL_HEIGHT.get(rows, MANY_PANELS_HEIGHT)
@@ -197,7 +197,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         tops.append(y)
         y += panel_height
         if row < rows - 1:
-            y += X_LABEL_HEIGHT if any(labelled[i] for i in cells) else 14
+            y += X_LABEL_HEIGHT if any(labeled[i] for i in cells) else 14
     total = y
     legend = _legend_height(figure, NARROW_LEGEND if narrow else WIDE_LEGEND)
     gap = 0.0 if columns == 1 else 0.11  # space for tick labels such as -10 000 and a label
@@ -237,7 +237,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
             "domain": [left, left + width],
             "anchor": _axis("y", i + 1),
             "hoverformat": ".5~g",
-            "showticklabels": labelled[i],
+            "showticklabels": labeled[i],
         }
         if panel.x_names:
             x_axis |= {
@@ -246,7 +246,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
                 "range": [-0.5, len(panel.x_names) - 0.5],
                 "ticks": "",
             }
-        if not labelled[i]:
+        if not labeled[i]:
             del x_axis["title"]
         if first != i:
             x_axis["matches"] = _axis("x", first + 1)

@@ -236,8 +236,8 @@ class _Found:
     def cg_height(self) -> float:
         """Of the CG above the road at rest [m]."""
         if self.knows("disc.radius"):  # body.cg_height counts from the wheels there
-            centres = [self.wheel_height(c) for c in self.corners]
-            return self.parameter("body.cg_height") + float(np.mean(centres))
+            centers = [self.wheel_height(c) for c in self.corners]
+            return self.parameter("body.cg_height") + float(np.mean(centers))
         return self.parameter("rest.height", "body.cg_height", default=self.looks.cg_height)
 
     @cached_property

@@ -425,11 +425,11 @@ def _angular_arch(x: float, top: float, sill: float, above: float, below: float)
     return [(x + below, sill), (x + above, top), (x - above, top), (x - below, sill)]
 
 
-def _round_arch(x: float, centre: float, radius: float, sill: float) -> list[tuple[float, float]]:
+def _round_arch(x: float, center: float, radius: float, sill: float) -> list[tuple[float, float]]:
     """From the front to the rear: an arc about the wheel's center, down to the sill."""
-    begin = math.asin((sill - centre) / radius)
+    begin = math.asin((sill - center) / radius)
     angles = np.linspace(begin, math.pi - begin, 12)
-    return [(x + radius * math.cos(a), centre + radius * math.sin(a)) for a in angles.tolist()]
+    return [(x + radius * math.cos(a), center + radius * math.sin(a)) for a in angles.tolist()]
 
 
 def _arch_liner(piece: tuple[tuple[float, float], tuple[float, float]], side: float) -> Face:

@@ -218,8 +218,8 @@ def label(case: Any) -> str:
     case.
     """
     pieces = [(f, getattr(case, f.attribute)) for f in fields(type(case))]
-    pieces = [(f, v) for f, v in pieces if _is_labelled(f, v) and not (f.option.only and not f.option.only[0](case))]
-    text = "-".join(_labelled(f, v) for f, v in pieces) or "default"
+    pieces = [(f, v) for f, v in pieces if _is_labeled(f, v) and not (f.option.only and not f.option.only[0](case))]
+    text = "-".join(_labeled(f, v) for f, v in pieces) or "default"
     exact = all(_is_exact(f, v) for f, v in pieces) and (text != "default" or not pieces) and not _HASHED.search(text)
     named = exact and _FILE_NAME.fullmatch(text) and len(text) <= LONGEST
     if named and _readings(type(case), text.lower()) == 1:  # type: ignore[arg-type]
@@ -245,13 +245,13 @@ def _with_hash(text: str, case: Any) -> str:
     return f"{re.sub(r'[^A-Za-z0-9_.+=, -]', '_', text)[:80]}-{digest}"
 
 
-def _is_labelled(f: Field, value: Any) -> bool:
+def _is_labeled(f: Field, value: Any) -> bool:
     if value is None:
         return f.default is not None
     return f.option.always or value != f.default
 
 
-def _labelled(f: Field, value: Any) -> str:
+def _labeled(f: Field, value: Any) -> str:
     form = f.option.label
     if value is None or value is False:
         return f"no-{f.name}"
@@ -268,11 +268,11 @@ def _labelled(f: Field, value: Any) -> str:
 
 def _is_exact(f: Field, value: Any) -> bool:
     """Whether no other value of the field has the same text, and a label can be split where it begins and ends."""
-    text = _labelled(f, value).lower()
+    text = _labeled(f, value).lower()
     if value is None or f.type is bool:
         return True
     if f.option.choices is not None:
-        texts = [_labelled(f, c).lower() for c in f.option.choices]
+        texts = [_labeled(f, c).lower() for c in f.option.choices]
         if value in f.option.choices:
             return texts.count(text) == 1
         return value == text + f.option.files and text not in texts and "-" not in text
@@ -285,7 +285,7 @@ def _is_exact(f: Field, value: Any) -> bool:
 def _scale(f: Field) -> Decimal | None:
     """The number in the text of the value 1, with which a format or function multiplies; None if there is not one."""
     try:
-        numbers = _NUMBER.findall(_labelled(f, f.type(1)))
+        numbers = _NUMBER.findall(_labeled(f, f.type(1)))
     except Exception:  # of the user's function
         return None
     return Decimal(numbers[0]) if len(numbers) == 1 else None
@@ -316,12 +316,12 @@ def _may_be(f: Field, text: str) -> bool:
     if (f.optional or f.type is bool) and text == f"no-{f.name}".lower():
         return True
     if f.type is bool:
-        return text == _labelled(f, True).lower()
+        return text == _labeled(f, True).lower()
     if f.option.choices is not None:
-        return bool(f.option.files and "-" not in text) or text in (_labelled(f, c).lower() for c in f.option.choices)
+        return bool(f.option.files and "-" not in text) or text in (_labeled(f, c).lower() for c in f.option.choices)
     if f.type is str:
         return "-" not in text
-    return _scale(f) is not None and _NUMBER.sub("#", text) == _NUMBER.sub("#", _labelled(f, f.type(1)).lower())
+    return _scale(f) is not None and _NUMBER.sub("#", text) == _NUMBER.sub("#", _labeled(f, f.type(1)).lower())
 
 
 def values(case: Any) -> dict[str, Any]:

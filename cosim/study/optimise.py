@@ -1,4 +1,4 @@
-"""Optimisation by Optuna, ask and tell: of anything that gives numbers for values, with one objective or several.
+"""Optimization by Optuna, ask and tell: of anything that gives numbers for values, with one objective or several.
 
     found = optimise(evaluate, {"damping": (3e3, 24e3)}, {"comfort": "min", "grip": "min"}, trials=60,
     storage="ride.log")

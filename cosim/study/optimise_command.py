@@ -50,11 +50,11 @@ Log = Annotated[
 ]
 Minimise = Annotated[
     list[str] | None,
-    typer.Option("--minimise", metavar="METRIC", help="minimize this metric (repeatable)"),
+    typer.Option("--minimise", "--minimize", metavar="METRIC", help="minimize this metric (repeatable)"),
 ]
 Maximise = Annotated[
     list[str] | None,
-    typer.Option("--maximise", metavar="METRIC", help="maximize this metric (repeatable)"),
+    typer.Option("--maximise", "--maximize", metavar="METRIC", help="maximize this metric (repeatable)"),
 ]
 Trials = Annotated[
     int,

@@ -141,7 +141,7 @@ def _entry(job: JobContext, experiment: Experiment, fmus: FmuSet, name: str, tas
 
 
 # ---------------------------------------------------------------------------------------------- FMUs that have
-# travelled
+# traveled
 
 
 def _places(hashes: Mapping[str, str], contents: Mapping[str, bytes]) -> tuple[dict[str, str], list[str]]:

@@ -48,11 +48,11 @@ class Policy:
 def train(generations: int, seed: int = 0) -> np.ndarray:
     """Parameters after so many generations.
 
-    All of a generation drive the same road, and the next centre is their weighted mean.
+    All of a generation drive the same road, and the next center is their weighted mean.
     """
     random = np.random.default_rng(seed)
     envs = gymnasium.make_vec("suspension/QuarterCar-v0", num_envs=POPULATION, vectorization_mode="vector_entry_point")
-    centre = np.concatenate([0.1 * random.standard_normal(5 * HIDDEN), np.zeros(HIDDEN)])
+    center = np.concatenate([0.1 * random.standard_normal(5 * HIDDEN), np.zeros(HIDDEN)])
     best = POPULATION // 4
     ranks = np.log(best + 0.5) - np.log(np.arange(1, best + 1))  # weights of the best, as usual in evolution strategies
     ranks /= ranks.sum()
@@ -60,18 +60,18 @@ def train(generations: int, seed: int = 0) -> np.ndarray:
         spread = SPREAD * (LAST_SPREAD / SPREAD) ** (generation / generations)
         noise = random.standard_normal((POPULATION // 2, Policy.size))
         noise = np.concatenate([noise, -noise])
-        policy, total = Policy(centre + spread * noise), np.zeros(POPULATION)
+        policy, total = Policy(center + spread * noise), np.zeros(POPULATION)
         states, _ = envs.reset(options={"road.offset": float(random.uniform(*OFFSETS))})
         running = np.ones(POPULATION, dtype=bool)
         while running.any():
             states, rewards, terminated, truncated, _ = envs.step(policy(states))
             total += running * rewards
             running &= ~(terminated | truncated)
-        centre = centre + spread * ranks @ noise[np.argsort(-total)[:best]]
+        center = center + spread * ranks @ noise[np.argsort(-total)[:best]]
         if generation % 20 == 19:
             print(f"generation {generation + 1}: mean cost {-total.mean() / 500:.4f}", flush=True)
     envs.close()
-    return centre
+    return center
 
 
 def index(states: np.ndarray, force: np.ndarray) -> float:

@@ -7,7 +7,7 @@ With load pressure P = F / A_p, its desired value P_d and the errors e = P - P_d
     (1.12)
 
 Unlike the print: the divisor of (1.10) is the flow per spool stroke, so it has no spool position in it; k is in volts
-per metre of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the requested flow.
+per meter of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the requested flow.
 
 The desired force is smoothed by (1.16). That filter is strictly proper, so its rate is one of its states, and dP_d/dt
 needs no difference.
@@ -260,7 +260,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
 def _notch(
     c: Component, name: str, signal: Any, enabled: Any, frequency: Any, width: Any, left: Any, period: Any
 ) -> Any:
-    """Second-order notch, bilinear and exact at its centre; transposed direct form II."""
+    """Second-order notch, bilinear and exact at its center; transposed direct form II."""
     g = ca.tan(math.pi * frequency * period)
     wide, narrow = width * g, width * left * g
     a0 = 1 + wide + g * g

@@ -3,7 +3,7 @@
 Gives the positions of wheel, arms, spring and damper at every travel of the wheel.
 
 Two arms turn about axes of the chassis, the upright hangs on their ball joints, and a rod of fixed length holds its
-steering arm: one degree of freedom. Its coordinate is the travel of the wheel centre, vertical and relative to the
+steering arm: one degree of freedom. Its coordinate is the travel of the wheel center, vertical and relative to the
 chassis, positive upwards, 0 at design. The left side is computed; the right one is its mirror image. Axes are ISO 8855:
 x forward, y left, z up.
 
@@ -57,7 +57,7 @@ class Position:
     """The mechanism at one travel.
 
     Attributes:
-        wheel: wheel centre (3,) [m].
+        wheel: wheel center (3,) [m].
         turn: rotation of the upright since design (3, 3).
         upper_ball, lower_ball: ball joints (3,) [m].
         lower_turn, upper_turn: rotations of the arms since design (3, 3).
@@ -155,7 +155,7 @@ class DoubleWishbone:
         return Position(wheel, turn, upper, lower, upper_turn, lower_turn, spring, damper)
 
     def _closed(self, travel: float, wheel: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Wheel centre and rotation of the upright at a travel, by Newton's method from those near by."""
+        """Wheel center and rotation of the upright at a travel, by Newton's method from those near by."""
         p, design = self.points, self.points["wheel_centre"]
         rods = [(f"{arm}_{end}", f"{arm}_ball") for arm in ("upper", "lower") for end in ("front", "rear")]
         rods.append(("tierod_inner", "tierod_outer"))
@@ -215,10 +215,10 @@ class Arm:
         return _rotation(angle * self.axis)
 
     def lumps(self, mass: float, inertia: float) -> tuple[float, float, float]:
-        """Point masses [kg] at the ball joint, at the centre of mass and at the axis that move as the arm does.
+        """Point masses [kg] at the ball joint, at the center of mass and at the axis that move as the arm does.
 
         They have its mass, its first moment about the axis, and its moment of inertia about the axis (`inertia` [kg
-        m2] is that about the parallel through the centre of mass), where the centre of mass lies on the way from the
+        m2] is that about the parallel through the center of mass), where the center of mass lies on the way from the
         axis to the ball joint.
         """
         part = float(self.from_axis(self.com) @ self.from_axis(self.ball)) / self.reach**2
@@ -276,7 +276,7 @@ class WheelMotion:
 
     Attributes:
         spline: knots.
-        forward, outward: motion of the wheel centre along x and y [m].
+        forward, outward: motion of the wheel center along x and y [m].
         roll, pitch, yaw: rotation vector of the upright [rad]: camber, caster and toe.
         spring, damper: lengths [m].
         error: largest distance [m] between the splines and the mechanism, of points or lengths.

@@ -1,6 +1,6 @@
 """Contact of a tire with a road that is uneven within the length of the contact.
 
-A wheel that touches a half-round does not follow the profile below its centre: it rests on whatever its circumference
+A wheel that touches a half-round does not follow the profile below its center: it rests on whatever its circumference
 reaches. The rule is that of the published open multibody models: the area of the tire's disc below the profile is
 turned into the depth at which the same disc has that area below a flat road, and this depth bears the load. The profile
 is known at equal steps along the disc, so areas are sums of strips, on the road as on the flat road that they are
@@ -17,10 +17,10 @@ import numpy as np
 
 CONTACT_STEP, CONTACT_COUNT = 0.03, 31
 """Distance [m] between the heights below a disc and their number, an odd one: 0.45 m to either side of the wheel
-centre.
+center.
 """
 SLOPE_BASE = 0.05
-"""Length [m] ahead of the wheel centre over which the direction of the road's normal is taken, as in the public model.
+"""Length [m] ahead of the wheel center over which the direction of the road's normal is taken, as in the public model.
 """
 
 
@@ -44,7 +44,7 @@ class Disc:
     def area(self, height: Any, profile: Any) -> Any:
         """Area [m2] of the disc below a profile.
 
-        `height` of the disc's centre [m] is above the middle of the profile, whose heights count from there.
+        `height` of the disc's center [m] is above the middle of the profile, whose heights count from there.
         """
         lowest = height - self.radius
         return self.step * sum(ca.fmax(0, profile[i] - lowest - self._rise(n)) for i, n in enumerate(self._offsets))

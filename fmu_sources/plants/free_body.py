@@ -111,7 +111,7 @@ def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any)
 
 
 def course_steering(gains: Any, body: FreeBody, target_y: Any) -> Any:
-    """The driver's steering angle [rad] towards `target_y` [m].
+    """The driver's steering angle [rad] toward `target_y` [m].
 
     `gains` are parameters of lateral offset, heading and yaw rate.
     """

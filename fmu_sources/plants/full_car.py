@@ -68,7 +68,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     start_spin = target_speed / p.wheel.radius
     corners.each(
         z=lambda k: c.state(
-            f"wheel.{k}.z", "m", "wheel centre above its static height", start=k.rest, nominal=0.1, **shown
+            f"wheel.{k}.z", "m", "wheel center above its static height", start=k.rest, nominal=0.1, **shown
         ),
         vz=lambda k: c.state(f"wheel.{k}.vz", "m/s", "vertical velocity of the wheel", **shown),
         spin=lambda k: c.state(

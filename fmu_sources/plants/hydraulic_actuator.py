@@ -90,7 +90,7 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
     def root(pressure: Any) -> Any:
         return pressure / ca.sqrt(ca.sqrt(pressure**2 + p.valve.smoothing**2))
 
-    # Parts of the two spool halves, so that everything is continuous where the spool crosses its centre.
+    # Parts of the two spool halves, so that everything is continuous where the spool crosses its center.
     supply = ca.if_else(running, p.supply.pressure, 0.0)
     gradient = p.valve.discharge * p.valve.width / ca.sqrt(p.fluid.density)
     extending = gradient * ca.fmax(spool, 0.0) * root(supply - load)  # from the pump
@@ -164,7 +164,7 @@ _NOTES = (
         " the pair diverges at 0.5 and 1 ms."
     ),
     (
-        "The command saturates at valve.max_voltage; valve.saturated says so. A spool at its centre closes the"
+        "The command saturates at valve.max_voltage; valve.saturated says so. A spool at its center closes the"
         " cylinder: only leakage lets the piston move, the strut is nearly locked."
     ),
     (
@@ -185,7 +185,7 @@ _NOTES = (
         " for the same voltage."
     ),
     (
-        "Model Exchange: all forces and flows are continuous, with kinks where the spool crosses its centre and where"
+        "Model Exchange: all forces and flows are continuous, with kinks where the spool crosses its center and where"
         " command and pump saturate; CVode needs no events there. It does need the inputs read wherever derivatives are"
         " evaluated, or held with an event at each change: in a tool that does neither the force is off by some percent"
         " of its range at any tolerance."

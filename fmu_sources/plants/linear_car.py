@@ -38,7 +38,7 @@ WITHOUT_SLIP = {"tire.slip_stiffness": 0.0, "tire.cornering_stiffness": 0.0}
 """Parameters of a nonlinear car whose tires press on the road only."""
 _EXACT = 1e-9  # of the largest number of a row, by which what was left out may change it
 _DIGITS = 12  # of the largest number of a row; what is below is rounding
-_COMPUTED = "computed: linearisation of the car of the vehicle file at rest"
+_COMPUTED = "computed: linearization of the car of the vehicle file at rest"
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
         name,
         kind="continuous",
         description=f"Linear ride car, 7 degrees of freedom, of the nonlinear car near rest: {vehicle.name}",
-        source="linearisation of the nonlinear car of the same vehicle file, in the source of this component",
+        source="linearization of the nonlinear car of the same vehicle file, in the source of this component",
         solver="rk4",
         solver_step=5e-4,
         notes=(*_NOTES, SEAT_NOTE),

@@ -1,7 +1,7 @@
 """Obstacle outlines in the vertical plane of one side: what discs, points and corners touch, and how deep.
 
 An outline is a chain of points along the road with the ground below it. Straight pieces between two concave corners
-form one convex solid; a disc touches each solid at most once, at the point closest to its centre. For a trench these
+form one convex solid; a disc touches each solid at most once, at the point closest to its center. For a trench these
 solids are the two quarter-planes beside it and its floor. All of it is found from the points at run time, so an outline
 is a parameter of an FMU.
 
@@ -41,23 +41,23 @@ class Outline:
     """The ground of one side.
 
     Args:
-        x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbours apart. Before the first
+        x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbors apart. Before the first
             point and after the last one the ground is level.
-        metre: the length of 1 m, a constant where x and z are symbols of a component.
+        meter: the length of 1 m, a constant where x and z are symbols of a component.
     """
 
-    def __init__(self, x: list[Any], z: list[Any], metre: Any = 1.0) -> None:
-        self._metre, self._far = metre, FAR * metre
-        tiny = _TINY * metre**2
+    def __init__(self, x: list[Any], z: list[Any], meter: Any = 1.0) -> None:
+        self._metre, self._far = meter, FAR * meter
+        tiny = _TINY * meter**2
         self.points = list(zip(x, z, strict=True))
         ends = [(x[0] - self._far, z[0]), *self.points, (x[-1] + self._far, z[-1])]
         self._from = ends[:-1]
         self._way = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(ends)]
         self._inverse = [1 / (dx * dx + dz * dz + tiny) for dx, dz in self._way]
-        self._inverse[-1] = 1 / (FAR * FAR + _TINY) / metre**2  # a number: its dx is FAR exactly
+        self._inverse[-1] = 1 / (FAR * FAR + _TINY) / meter**2  # a number: its dx is FAR exactly
         turn = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(self._way)]
-        self.concave = [t > 1e-9 * metre**2 for t in turn]  # at each point
-        self.convex = [t < -1e-9 * metre**2 for t in turn]
+        self.concave = [t > 1e-9 * meter**2 for t in turn]  # at each point
+        self.convex = [t < -1e-9 * meter**2 for t in turn]
 
     def _offsets(self, x: Any, z: Any) -> list[tuple[Any, Any]]:
         """From the closest point of each straight piece to (x, z)."""
@@ -76,7 +76,7 @@ class Outline:
         return height
 
     def disc(self, x: Any, z: Any, radius: Any) -> list[Touch]:
-        """Possible contacts of a disc centred above the ground at (x, z), one for each straight piece."""
+        """Possible contacts of a disc centered above the ground at (x, z), one for each straight piece."""
         offsets = self._offsets(x, z)
         last = len(offsets) - 1
         solids: list[tuple[Any, Any, Any, Any]] = []  # closed here?, depth, nx, nz

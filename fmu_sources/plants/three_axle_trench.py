@@ -42,7 +42,7 @@ class _Small:
 
     stiffness: Any
     load: Any
-    metre: Any
+    meter: Any
     speed: Any
     friction_time: Any
     progress_time: Any
@@ -57,8 +57,8 @@ class _Small:
             load=c.constant(
                 "least.load", 1e-3, "N", "by which at least moments of contact forces are divided", source="own"
             ),
-            metre=c.constant(
-                "metre", 1.0, "m", "1 m, in which lengths of the obstacle's geometry are given", source="own"
+            meter=c.constant(
+                "meter", 1.0, "m", "1 m, in which lengths of the obstacle's geometry are given", source="own"
             ),
             speed=c.constant(
                 "least.speed", 0.01, "m/s", "target.speed above which the vehicle can be stuck", source="own"
@@ -107,7 +107,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     wheels.each(below=lambda w: height - (p.disc.radius - w.compression))
     tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
 
-    grounds, markers = _obstacle(c, tip, tip - tail, small.metre)
+    grounds, markers = _obstacle(c, tip, tip - tail, small.meter)
     c.check(
         ca.vertcat(*(w.static_load for w in wheels)),
         "every strut must carry load at rest: move body.cg_offset or wheel.*.x so that the CG lies between the axles",
@@ -199,17 +199,17 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     actuator_power: Any = 0.0
     for w in wheels:
         s, ds = w.travel, w.travel_rate
-        centre = ca.vertcat(*place(w.x, w.y, -(w.below + s)))
-        by_base, by_travel = ca.jacobian(centre, q), ca.jacobian(centre, s)  # 3 x 4, 3 x 1; by_travel has length 1
+        center = ca.vertcat(*place(w.x, w.y, -(w.below + s)))
+        by_base, by_travel = ca.jacobian(center, q), ca.jacobian(center, s)  # 3 x 4, 3 x 1; by_travel has length 1
         velocity = by_base @ dq + by_travel * ds
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
-        touches = grounds[_side(w)].disc(centre[0], centre[2], p.disc.radius)
+        touches = grounds[_side(w)].disc(center[0], center[2], p.disc.radius)
         total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven, small)
         strut, stored = _strut(p, w, gas, s, ds, small)
         along = total.fx * ahead[0] + total.fz * ahead[1]
         w.hub_fx, w.hub_fz = along, total.fx * up[0] + total.fz * up[1]
-        w.centre, w.velocity, w.contact = centre, velocity, total
+        w.center, w.velocity, w.contact = center, velocity, total
         w.clearance = grounds[_side(w)].clearance(touches)
 
         outer = ca.vertcat(total.fx, 0, total.fz - w.mass * g)
@@ -228,7 +228,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         drive_power += total.traction * target_speed
         actuator_power += w.force * ds
         kinetic += w.mass * ca.dot(velocity, velocity) / 2
-        potential += w.mass * g * centre[2] + stored + total.energy
+        potential += w.mass * g * center[2] + stored + total.energy
 
     # ------------------------------------------------------------------------------------------------ body contact
 
@@ -261,8 +261,8 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         ("belly", rear - o.belly_distance, o.belly_height),
     ]
     knee = (front + o.knee_distance, o.knee_height), (rear - o.knee_distance, o.knee_height)
-    face = partial(_face, metre=small.metre)
-    overlap = 0.1 * small.metre  # of bumper and belly
+    face = partial(_face, meter=small.meter)
+    overlap = 0.1 * small.meter  # of bumper and belly
     solids = [  # convex parts of the body: points on their faces, inward normals, to which part the face belongs
         [
             (*face(knee[1], vertices[3][1:]), *_PART["rear"]),
@@ -324,11 +324,11 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     at_seat = by_body @ ca.vertcat(*acceleration) + ca.jtimes(by_body @ dq, q, dq)
     seat_outputs(c, at_seat[0], at_seat[2])
     for w in wheels:
-        centre, total = w.centre, w.contact
-        c.output(f"hub.{w}.x", centre[0], "m", "position of the wheel centre along the road")
-        c.output(f"hub.{w}.z", centre[2], "m", "height of the wheel centre above the road")
+        center, total = w.center, w.contact
+        c.output(f"hub.{w}.x", center[0], "m", "position of the wheel center along the road")
+        c.output(f"hub.{w}.z", center[2], "m", "height of the wheel center above the road")
         c.output(
-            f"wheel.{w}.z", centre[2] - (p.disc.radius - w.compression), "m", "wheel centre above its static height"
+            f"wheel.{w}.z", center[2] - (p.disc.radius - w.compression), "m", "wheel center above its static height"
         )
         c.output(f"wheel.{w}.vz", w.velocity[2], "m/s", "vertical velocity of the wheel")
         c.output(f"wheel.{w}.az", w.acceleration[2], "m/s2", "vertical acceleration of the wheel")
@@ -343,9 +343,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"hub.{w}.fz", w.hub_fz, "N", "force of the tire on the hub across the body", display_unit="kN")
         c.output(f"contact.{w}.fx", total.fx, "N", "longitudinal force of the ground on the tire", display_unit="kN")
         c.output(f"contact.{w}.fz", total.fz, "N", "vertical force of the ground on the tire", display_unit="kN")
-        c.output(f"contact.{w}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
-        at = centre[2] + total.pz
-        at = ca.if_else(ca.fabs(at) < 1e-9 * small.metre, 0, at)  # rounding on level road is no height
+        c.output(f"contact.{w}.x", center[0] + total.px, "m", "where the ground force acts, along the road")
+        at = center[2] + total.pz
+        at = ca.if_else(ca.fabs(at) < 1e-9 * small.meter, 0, at)  # rounding on level road is no height
         c.output(f"contact.{w}.z", at, "m", "where the ground force acts, height")
     c.output(
         "bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN"
@@ -409,7 +409,7 @@ def _side(w: Corner) -> str:
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Sum of the ground forces on one tire; `px`, `pz` from the wheel centre to where it acts."""
+    """Sum of the ground forces on one tire; `px`, `pz` from the wheel center to where it acts."""
 
     fx: Any
     fz: Any
@@ -465,7 +465,7 @@ def _strut(p: Any, w: Corner, gas: Any, s: Any, ds: Any, small: _Small) -> tuple
     # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n, from a fifth of its length on
     # linear.
     n = p.strut.gas_exponent
-    column = ca.fmax(n * w.static_load / (w.strut.stiffness + small.stiffness), 1e-6 * small.metre)
+    column = ca.fmax(n * w.static_load / (w.strut.stiffness + small.stiffness), 1e-6 * small.meter)
     stretch = ca.fmax(LEAST_COLUMN, 1 + s / column)
     beyond = ca.fmax(0, (LEAST_COLUMN - 1) * column - s)
     gas_force = w.static_load * stretch**-n
@@ -498,10 +498,10 @@ def _least(rows: list[tuple[Any, ...]]) -> tuple[Any, ...]:
     return best
 
 
-def _face(a: tuple[Any, Any], b: tuple[Any, Any], metre: Any) -> tuple[Any, Any, Any, Any]:
+def _face(a: tuple[Any, Any], b: tuple[Any, Any], meter: Any) -> tuple[Any, Any, Any, Any]:
     """Face through two points of the lower outline, the second ahead of the first: a point of it, its inward normal."""
     dx, dz = b[0] - a[0], b[1] - a[1]
-    length = ca.sqrt(dx**2 + dz**2 + 1e-12 * metre**2)
+    length = ca.sqrt(dx**2 + dz**2 + 1e-12 * meter**2)
     return a[0], a[1], -dz / length, dx / length
 
 
@@ -523,7 +523,7 @@ def _solve(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
     return x
 
 
-def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str, Outline], dict[str, tuple[Any, Any]]]:
+def _obstacle(c: Component, tip: Any, length: Any, meter: Any) -> tuple[dict[str, Outline], dict[str, tuple[Any, Any]]]:
     """Declare the obstacle; the ground of each side, and the places the lidar looks at."""
     assumed = "assumed"
     shape = c.parameter("obstacle.shape", 1, None, "0 level road, 1 trench, 2 outline.*", min=0, max=2, source=assumed)
@@ -589,7 +589,7 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
         ox, oz = [px[0]], [pz[0]]
         for k in range(1, POINTS):
             counts = count > k
-            ox.append(ca.if_else(counts, px[k], ox[-1] + metre))
+            ox.append(ca.if_else(counts, px[k], ox[-1] + meter))
             oz.append(ca.if_else(counts, pz[k], oz[-1]))
         gaps = ca.vertcat(*(b - a for a, b in pairwise(ox)))
         rises = ca.vertcat(*(b - a for a, b in pairwise(oz)))
@@ -600,7 +600,7 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
         )
         c.check(
             ca.if_else(is_outline, gaps**2 + rises**2 - 1e-6, 1),
-            f"{name}.x and {name}.z have two neighbouring points in one place: leave one out, or set outline.points",
+            f"{name}.x and {name}.z have two neighboring points in one place: leave one out, or set outline.points",
         )
         c.check(
             ca.if_else(is_outline, 1e-6 - ca.fabs(oz[0]), 1),
@@ -612,14 +612,14 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
         )
         begin = start + (0 if sign > 0 else skew)
         trench_x, trench_z = [begin, begin, begin + wide, begin + wide], [0, -deep, -deep, 0]
-        trench_x += [begin + wide + k * metre for k in range(1, POINTS - 3)]
+        trench_x += [begin + wide + k * meter for k in range(1, POINTS - 3)]
         trench_z += [0] * (POINTS - 4)
-        level = [begin + k * metre for k in range(POINTS)]
+        level = [begin + k * meter for k in range(POINTS)]
         gx = [
             ca.if_else(is_outline, a, ca.if_else(is_trench, b, f)) for a, b, f in zip(ox, trench_x, level, strict=True)
         ]
         gz = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, 0)) for a, b in zip(oz, trench_z, strict=True)]
-        grounds[side] = Outline(gx, gz, metre)
+        grounds[side] = Outline(gx, gz, meter)
         if sign > 0:
             end_x, end_z = ox[0], oz[0]
             for k in range(1, POINTS):
@@ -632,7 +632,7 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
 
 
 def _reference_inputs() -> dict[str, Any]:
-    """Wheels drive towards the trench while the front axle is retracted, for the reference result."""
+    """Wheels drive toward the trench while the front axle is retracted, for the reference result."""
     signals: dict[str, Any] = {"target.speed": lambda t: 2.5}
     for n in ("a1l", "a1r"):
         signals[f"force.{n}"] = lambda t: -2e4 if t > 0.05 else 0.0
@@ -648,10 +648,10 @@ _NOTES = (
     ),
     (
         "Wheels are discs. The ground below the outline of an obstacle is taken as convex solids that meet in its"
-        " concave corners; a wheel touches each solid at the point closest to its centre, the force acts along the line"
+        " concave corners; a wheel touches each solid at the point closest to its center, the force acts along the line"
         " between both, and the forces of several solids add up (at obtuse corners less, so that a nearly straight road"
         " pushes once). A tire has a stiffness, a second one from bottoming on, and a damper that sets in with the"
-        " first millimetres."
+        " first millimeters."
     ),
     (
         "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and"

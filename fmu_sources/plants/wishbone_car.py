@@ -3,7 +3,7 @@
 Suspension tables and enveloping tires belong to it.
 
 Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where
-the wheel centre is and how the upright is turned are functions of q, splines that
+the wheel center is and how the upright is turned are functions of q, splines that
 `fmu_sources.models.double_wishbone` computes from the hardpoints. With them the kinetic energy of wheel, upright
 and arms is
 
@@ -152,7 +152,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     for k in corners:
         _move(k, k.q)
         _inertia(k, p)
-        for of in ("centre", "spring_length", "damper_length"):
+        for of in ("center", "spring_length", "damper_length"):
             c.value(f"{of}_{k}", getattr(k, of), source=f"{k} wheel: splines of its travel")
         k.momentum = k.spindle * (p.wheel.spin_inertia + p.wheel.shaft_inertia) * k.spin
 
@@ -180,9 +180,9 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         k.along = k.strut - k.force - g * ca.dot(k.first_d, up)  # generalized force of the travel
 
         # Tire, vertical.
-        k.from_cg = turn @ k.centre
-        k.hub_rate = v + ca.cross(w, k.centre) + k.centre_d * k.dq  # body axes
-        hub_velocity = c.value(f"hub_velocity_{k}", turn @ k.hub_rate, source=f"{k} wheel centre, road axes")
+        k.from_cg = turn @ k.center
+        k.hub_rate = v + ca.cross(w, k.center) + k.center_d * k.dq  # body axes
+        hub_velocity = c.value(f"hub_velocity_{k}", turn @ k.hub_rate, source=f"{k} wheel center, road axes")
         k.height = height + k.from_cg[2]
         k.depth = c.value(
             f"tire_depth_{k}",
@@ -203,9 +203,9 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         against = turn.T @ normal  # body axes
         below = (p.tire.radius - k.depth) * (
             ca.dot(against, k.spindle) * k.spindle - against
-        )  # from the centre to the contact
-        patch_d = k.centre_d + ca.cross(k.turning, below)
-        patch_rate = v + ca.cross(w, k.centre + below) + patch_d * k.dq
+        )  # from the center to the contact
+        patch_d = k.center_d + ca.cross(k.turning, below)
+        patch_rate = v + ca.cross(w, k.center + below) + patch_d * k.dq
         rolling = ca.dot(hub_velocity, forward)
         pace = ca.sqrt(rolling**2 + low_speed**2)
         k.slip_x_rate = (k.spin * (p.tire.radius - k.depth / 3) - rolling - pace * k.slip_x) / p.tire.relaxation
@@ -220,8 +220,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         at_hub = turn.T @ (grip * drive * forward)
         at_patch = turn.T @ (k.load * normal + grip * side * sideways)
         force += at_hub + at_patch
-        moment += ca.cross(k.centre, at_hub) + ca.cross(k.centre + below, at_patch)
-        k.along += ca.dot(k.centre_d, at_hub) + ca.dot(patch_d, at_patch)
+        moment += ca.cross(k.center, at_hub) + ca.cross(k.center + below, at_patch)
+        k.along += ca.dot(k.center_d, at_hub) + ca.dot(patch_d, at_patch)
         resistance = p.tire.rolling_resistance * k.load * p.tire.radius * ca.tanh(k.spin * p.tire.radius / low_speed)
         k.spin_torque = torque - grip * drive * (p.tire.radius - k.depth) - resistance
     c.value("body_force", force, source="all forces from outside, body axes")
@@ -272,14 +272,14 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     body_outputs(c, body, acceleration, angular, turn @ w, p.seat)
     for k in corners:
         rest = getattr(p.rest, k.axle)
-        moved = ca.cross(angular, k.centre) + ca.cross(w, ca.cross(w, k.centre) + 2 * k.centre_d * k.dq)
-        moved += k.centre_d * k.ddq + k.centre_dd * k.dq**2
+        moved = ca.cross(angular, k.center) + ca.cross(w, ca.cross(w, k.center) + 2 * k.center_d * k.dq)
+        moved += k.center_d * k.ddq + k.center_dd * k.dq**2
         c.output(
-            f"wheel.{k}.z", k.height - rest.wheel_height, "m", "wheel centre above its static height", display_unit="mm"
+            f"wheel.{k}.z", k.height - rest.wheel_height, "m", "wheel center above its static height", display_unit="mm"
         )
-        c.output(f"wheel.{k}.vz", (turn @ k.hub_rate)[2], "m/s", "vertical velocity of the wheel centre")
+        c.output(f"wheel.{k}.vz", (turn @ k.hub_rate)[2], "m/s", "vertical velocity of the wheel center")
         c.output(
-            f"wheel.{k}.az", acceleration[2] + (turn @ moved)[2], "m/s2", "vertical acceleration of the wheel centre"
+            f"wheel.{k}.az", acceleration[2] + (turn @ moved)[2], "m/s2", "vertical acceleration of the wheel center"
         )
         c.output(
             f"wheel.{k}.camber",
@@ -290,7 +290,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         )
         c.output(f"wheel.{k}.toe", k.side * k.lean[2], "rad", "toe since design, positive outwards", display_unit="deg")
         c.output(
-            f"wheel.{k}.half_track", k.side * k.centre[1], "m", "distance of the wheel centre to the side of the CG"
+            f"wheel.{k}.half_track", k.side * k.center[1], "m", "distance of the wheel center to the side of the CG"
         )
         c.output(
             f"suspension.{k}.deflection", rest.travel - k.q, "m", "body height minus wheel height", display_unit="mm"
@@ -341,16 +341,16 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
         axle, symbols = getattr(vehicle.suspension, name), getattr(p.suspension, name)
         mechanism, motion = axle.mechanism, axle.motion
         origin = np.array([axle.reference.value, 0.0, 0.0]) - _cg(vehicle)
-        centre = mechanism.points["wheel_centre"]
+        center = mechanism.points["wheel_centre"]
         at, of = f"suspension.{name}", f"of the left {name} wheel"
-        symbols.centre = number(
-            f"{at}.wheel", origin + centre, "m", f"wheel centre {of} at design, from the CG", nominal=1.0
+        symbols.center = number(
+            f"{at}.wheel", origin + center, "m", f"wheel center {of} at design, from the CG", nominal=1.0
         )
         symbols.upright = number(
             f"{at}.upright",
-            mechanism.points["upright_com"] - centre,
+            mechanism.points["upright_com"] - center,
             "m",
-            f"centre of mass of the upright {of} from its centre",
+            f"center of mass of the upright {of} from its center",
             nominal=0.1,
         )
         for which in ("upper", "lower"):
@@ -361,16 +361,16 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
             part = SimpleNamespace()
             part.ball = number(
                 f"{at}.{which}_arm.ball",
-                arm.ball - centre,
+                arm.ball - center,
                 "m",
-                f"{which} ball joint {of} at design, from its centre",
+                f"{which} ball joint {of} at design, from its center",
                 nominal=0.1,
             )
             part.com = number(
                 f"{at}.{which}_arm.com",
-                arm.com - centre,
+                arm.com - center,
                 "m",
-                f"centre of mass of the {which} arm {of} at design, from its centre",
+                f"center of mass of the {which} arm {of} at design, from its center",
                 nominal=0.1,
             )
             part.share = number(
@@ -391,7 +391,7 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
                 f"{at}.{which}_arm.com_mass",
                 at_com,
                 "kg",
-                f"mass of the {which} arm that moves as its centre of mass does",
+                f"mass of the {which} arm that moves as its center of mass does",
             )
             setattr(symbols, which, part)
         spline = motion.spline
@@ -402,8 +402,8 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
             f"{at}.knots.step", spline.step, "m", f"distance between the knots of the splines {of}", min=1e-4, max=1.0
         )
         rows = {
-            "forward": ("m", "motion of the wheel centre forward"),
-            "outward": ("m", "motion of the wheel centre outward"),
+            "forward": ("m", "motion of the wheel center forward"),
+            "outward": ("m", "motion of the wheel center outward"),
             "roll": ("rad", "rotation of the upright about x (camber)"),
             "pitch": ("rad", "rotation of the upright about y (caster)"),
             "yaw": ("rad", "rotation of the upright about z (toe)"),
@@ -428,13 +428,13 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
         mass=number(
             "fixed.mass", total, "kg", "steering gear and the parts of the arms at their axes: fixed to the body"
         ),
-        position=number("fixed.position", place, "m", "their centre of mass from the CG", nominal=0.1),
+        position=number("fixed.position", place, "m", "their center of mass from the CG", nominal=0.1),
         inertia=number("fixed.inertia", second, "kg.m2", "their inertia about the CG", nominal=100.0),
     )
 
 
 def _cg(vehicle: WishboneCar) -> np.ndarray:
-    """Centre of mass of the chassis body in the chassis frame [m]."""
+    """Center of mass of the chassis body in the chassis frame [m]."""
     return np.array([vehicle.body.com_x.value, 0.0, vehicle.body.com_z.value])
 
 
@@ -450,7 +450,7 @@ def _at(p: Any, path: str) -> Any:
 def _move(k: Corner, q: Any) -> None:
     """Give a corner the values that its travel decides, with first and second derivatives `_d`, `_dd`.
 
-    They are `centre` of the wheel from the CG, `lean` of the upright (rotation vector), `turning` (angular
+    They are `center` of the wheel from the CG, `lean` of the upright (rotation vector), `turning` (angular
     velocity per travel rate), direction of the `spindle`, lengths of spring and damper. Beyond the knots everything
     continues along its tangent.
     """
@@ -473,10 +473,10 @@ def _move(k: Corner, q: Any) -> None:
 
     mirror = k.side
     forward, outward = three("forward"), three("outward")
-    design = ca.vertcat(axle.centre[0], mirror * axle.centre[1], axle.centre[2])
-    k.centre = design + ca.vertcat(forward[0], mirror * outward[0], q)
-    k.centre_d = ca.vertcat(forward[1], mirror * outward[1], 1)
-    k.centre_dd = ca.vertcat(forward[2], mirror * outward[2], 0)
+    design = ca.vertcat(axle.center[0], mirror * axle.center[1], axle.center[2])
+    k.center = design + ca.vertcat(forward[0], mirror * outward[0], q)
+    k.center_d = ca.vertcat(forward[1], mirror * outward[1], 1)
+    k.center_dd = ca.vertcat(forward[2], mirror * outward[2], 0)
     lean = [
         ca.vertcat(mirror * a, b, mirror * d)
         for a, b, d in zip(three("roll"), three("pitch"), three("yaw"), strict=True)
@@ -510,9 +510,9 @@ def _inertia(k: Corner, p: Any) -> None:
     k.first, k.first_d, k.first_dd, k.turn_d, k.turn_dd = (ca.SX.zeros(3) for _ in range(5))
     k.inertia, k.inertia_d = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3)
     for m, what, share in solids:
-        if isinstance(what, SimpleNamespace):  # centre of mass of an arm: moves as its ball joint does, less
+        if isinstance(what, SimpleNamespace):  # center of mass of an arm: moves as its ball joint does, less
             r, d, dd = _on_upright(k, what.ball)
-            place = ca.vertcat(axle.centre[0], k.side * axle.centre[1], axle.centre[2])
+            place = ca.vertcat(axle.center[0], k.side * axle.center[1], axle.center[2])
             ball, com = (_mirrored(k, v) for v in (what.ball, what.com))
             r, d, dd = place + com + share * (r - place - ball), share * d, share * dd
         else:
@@ -544,7 +544,7 @@ def _mirrored(k: Corner, place: Any) -> Any:
 def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
     """Position of a point of the upright from the CG, and its first and second derivative by the travel.
 
-    `place`: of the point from the wheel centre, at design, on the left side.
+    `place`: of the point from the wheel center, at design, on the left side.
     """
     arm = _mirrored(k, place)
     a, b, d = k.lean, k.lean_d, k.lean_dd
@@ -552,7 +552,7 @@ def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
     turned = arm + cross(a, arm) + cross(a, cross(a, arm)) / 2
     first = cross(b, arm) + (cross(b, cross(a, arm)) + cross(a, cross(b, arm))) / 2
     second = cross(d, arm) + (cross(d, cross(a, arm)) + cross(a, cross(d, arm))) / 2 + cross(b, cross(b, arm))
-    return k.centre + turned, k.centre_d + first, k.centre_dd + second
+    return k.center + turned, k.center_d + first, k.center_dd + second
 
 
 def _body_inertia(p: Any) -> tuple[Any, Any, Any]:
@@ -642,7 +642,7 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
                 f"rest.{axle}.wheel_height",
                 heights[i],
                 "m",
-                f"height of the {axle} wheel centres at rest, from which wheel.*.z counts",
+                f"height of the {axle} wheel centers at rest, from which wheel.*.z counts",
             ),
             travel=known(
                 f"rest.{axle}.travel",
@@ -666,7 +666,7 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
 
 
 def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
-    """Residuals of the rest on a level road, heights of the wheel centres, and deflections of the tires.
+    """Residuals of the rest on a level road, heights of the wheel centers, and deflections of the tires.
 
     The residuals vanish at rest: vertical force, pitch moment, generalized forces of front and rear travel.
     `unknown`: height of the CG, pitch, travels. A rolling tire that toes in presses against the road.
@@ -682,17 +682,17 @@ def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
         _move(k, unknown[2 + i])
         _inertia(k, p)
         _strut(k, p, moving=False)
-        centre = height + (turn @ k.centre)[2]
-        depth = p.tire.radius - centre
+        center = height + (turn @ k.center)[2]
+        depth = p.tire.radius - center
         load = linear_table(depth, p.tire.deflection, p.tire.force, beyond=True)
         below = (p.tire.radius - depth) * (ca.dot(up, k.spindle) * k.spindle - up)
-        patch_d = k.centre_d + ca.cross(k.turning, below)
+        patch_d = k.center_d + ca.cross(k.turning, below)
         force += 2 * (load - k.mass * g)
-        moment += 2 * (ca.cross(k.centre + below, load * up)[1] + ca.cross(k.first, -g * up)[1])
+        moment += 2 * (ca.cross(k.center + below, load * up)[1] + ca.cross(k.first, -g * up)[1])
         side = p.tire.cornering_stiffness * ca.sin(k.lean[2]) * speed / ca.sqrt(speed**2 + 1)
         sideways = load * side / _saturation(p, 0, side) * patch_d[1]
         along.append(k.strut - g * ca.dot(k.first_d, up) + load * ca.dot(patch_d, up) + sideways)
-        wheels.append(centre)
+        wheels.append(center)
         depths.append(depth)
     return ca.vertcat(force, moment, *along), ca.vertcat(*wheels), depths
 
@@ -707,7 +707,7 @@ class _Plane:
 def _plane(corners: Corners, p: Any) -> _Plane:
     """How the given road heights lift and turn the car at rest: the plane through the means of axles and sides."""
     fl, fr, rl, rr = corners.all("road")
-    front, rear = p.suspension.front.centre, p.suspension.rear.centre
+    front, rear = p.suspension.front.center, p.suspension.rear.center
     base = front[0] - rear[0]
     slope = (fl + fr - rl - rr) / 2 / base
     twist = (fl - fr + rl - rr) / 2 / (front[1] + rear[1])
@@ -756,7 +756,7 @@ _NOTES = (
         " is held, and the horizontal forces of the tires are those of a friction ellipse."
     ),
     (
-        "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the"
+        "wheel.*.travel is the coordinate of the suspension; paths of the wheel centers, camber, caster, toe and the"
         " lengths of springs and dampers are cubic B-splines over it, twice continuously differentiable, whose"
         " coefficients are parameters (suspension.*.kinematics.*). They are computed from the hardpoints of the vehicle"
         " file when the FMU is built. Beyond the knots everything continues along its tangent."
@@ -768,7 +768,7 @@ _NOTES = (
     ),
     (
         "Tires envelop what is shorter than their contact: contact.* are the heights of the road along each tire,"
-        " contact.step apart and counted from road.*.height, the middle one under the wheel centre. The area of the"
+        " contact.step apart and counted from road.*.height, the middle one under the wheel center. The area of the"
         " tire's disc below them decides the depth. Roads that are made for this vehicle have these outputs; without a"
         " connection they are 0 and the tires touch a level road at road.*.height, which is right for roads that are"
         " long and smooth."

@@ -13,7 +13,7 @@
 - `half_cylinder`: half-round obstacle as it is, for tires that envelop it
 - `proving_ground`: RMS courses and half-round under one car
 - `random_road`: random roads with class, seed and length as parameters
-- `enveloping`: what the centre of a rolling wheel follows
+- `enveloping`: what the center of a rolling wheel follows
 - `shallow_trench`: shallow trench under the 6x6 (paper 003)
 - `bench`: motion of the bench's plate over time (paper 002)
 - `user_file`: a road from a user's file

@@ -1,4 +1,4 @@
-"""What the centre of a rolling wheel follows: the path of a rigid disc over a profile, less its radius.
+"""What the center of a rolling wheel follows: the path of a rigid disc over a profile, less its radius.
 
 A point follower would meet the wall of a short obstacle as a step, which no tire does: a half-round of 8 inches is
 shorter than its contact. A disc rolls onto it instead, and bridges waves shorter than itself. Tires also give way at an

@@ -144,7 +144,7 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
         source="004 numerical simulation: hole followed by a bump; lengths found from its Table 3",
         notes=(
             (
-                "A step is a ramp of step.edge metres up and another one down, so that height, slope and rate agree; 1"
+                "A step is a ramp of step.edge meters up and another one down, so that height, slope and rate agree; 1"
                 " mm is the shortest. An edge longer than half of the hole or bump makes a triangle of it."
             ),
             (

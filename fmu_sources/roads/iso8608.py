@@ -161,7 +161,7 @@ def road_iso8608(
                 " stretches that do not overlap are as good as independent."
             ),
             *(smoothed if contact else ()),
-            "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
+            "The road is flat for the first flat meters, then grows over ramp meters, so that a run starts at rest.",
         ),
         reference_start=40.0,
     )

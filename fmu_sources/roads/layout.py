@@ -61,7 +61,7 @@ class RoadContact:
     """What a tire that envelops short obstacles touches.
 
     `count` heights `step` m apart along it, the middle one under the wheel. The slope under such a wheel is that
-    over the next `slope_base` metres.
+    over the next `slope_base` meters.
     """
 
     step: float

@@ -125,7 +125,7 @@ def road_random(
                 " waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is assumed."
                 " contact takes means over that length."
             ),
-            "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
+            "The road is flat for the first flat meters, then grows over ramp meters, so that a run starts at rest.",
         ),
         reference_start=40.0,
     )

@@ -39,10 +39,10 @@ class Shape(Protocol):
 
 @dataclass(frozen=True)
 class Profile:
-    """Heights at nodes `0 .. last`, `step` metres apart from `start` on; linear in between, held outside.
+    """Heights at nodes `0 .. last`, `step` meters apart from `start` on; linear in between, held outside.
 
     `height(node, side)` gives the heights [m] at a column of whole node numbers for `"left"` or `"right"`.
-    `step`, `last` and `start` may be parameters of the component; numbers become constants in metres.
+    `step`, `last` and `start` may be parameters of the component; numbers become constants in meters.
     `alike`: both tracks have the same heights, so that those under two wheels of one axle are computed once.
     """
 
@@ -179,7 +179,7 @@ def _contact(
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, Any]]]:
     """Heights along the tire by corner, and height and slope under the wheel.
 
-    Those along the tire [m] are above that under the wheel [m]; the slope is over the next metres.
+    Those along the tire [m] are above that under the wheel [m]; the slope is over the next meters.
     """
     offsets = (np.arange(contact.count) - contact.count // 2) * contact.step
     places = c.constant("contact.places", offsets, "m", "heights along a tire", source="road layout")
@@ -203,7 +203,7 @@ def _surface(shape: Shape, x: Any, side: str) -> Any:
 
 _CONTACT_NOTE = (
     "contact.* are what tires touch that envelop short obstacles: heights of the surface along each tire, contact.step"
-    " apart, the middle one under the wheel centre, counted from there. Under such wheels road.*.slope is that over the"
+    " apart, the middle one under the wheel center, counted from there. Under such wheels road.*.slope is that over the"
     " next 50 mm."
 )
 _SCAN_NOTE = (

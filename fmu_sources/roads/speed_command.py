@@ -17,7 +17,7 @@ def speed_command(name: str = "SpeedCommand") -> Component:
         name,
         kind="discrete",
         sample_time=1e-3,
-        description="Speed that follows a command with limited acceleration, with travelled distance",
+        description="Speed that follows a command with limited acceleration, with traveled distance",
         source="own",
         notes=(
             (

@@ -14,7 +14,7 @@ def speed_profile(name: str = "SpeedProfile") -> Component:
         name,
         kind="discrete",
         sample_time=1e-3,
-        description="Constant speed or one ramp, with travelled distance",
+        description="Constant speed or one ramp, with traveled distance",
         source="own",
         notes=(
             "speed is start.speed until ramp.start, then changes by ramp.change within ramp.duration (0: at once) and "

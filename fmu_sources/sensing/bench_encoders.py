@@ -1,4 +1,4 @@
-"""Encoders of the quarter-car bench: quantised positions, and velocities by a filter (paper 002)."""
+"""Encoders of the quarter-car bench: quantized positions, and velocities by a filter (paper 002)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def bench_encoders(name: str = "BenchEncoders") -> Component:
         name,
         kind="discrete",
         sample_time=SAMPLE_TIME,
-        description="Encoders of the quarter-car bench: quantised positions and estimated velocities (paper 002)",
+        description="Encoders of the quarter-car bench: quantized positions and estimated velocities (paper 002)",
         source="002 section IV; resolution and filter assumed",
         notes=(
             (

@@ -34,7 +34,7 @@ def preview_buffer(
     cells: int = CELLS,
     max_speed: float = MAX_SPEED,
 ) -> Component:
-    """Circular memory of each track's heights, one cell per `cell` metres of road, read ahead of each wheel.
+    """Circular memory of each track's heights, one cell per `cell` meters of road, read ahead of each wheel.
 
     Args:
         layout: wheels, and number and spacing [s] of the preview heights, as for the road that it stands in for.
@@ -247,8 +247,8 @@ def _written(
     index = first + ca.DM(np.arange(_FILL))
     slots = _slot(index, cells)
     stored, sure = memory[slots], measured[slots]
-    span, metre = here - last_place, tiny / _TINY
-    part = (index * cell - last_place) / ca.if_else(ca.fabs(span) > tiny, span, metre)
+    span, meter = here - last_place, tiny / _TINY
+    part = (index * cell - last_place) / ca.if_else(ca.fabs(span) > tiny, span, meter)
     drawn = last_height + ca.fmax(0, ca.fmin(1, part)) * (value - last_height)
     again = ca.logic_and(index <= foremost, sure > 0.5)
     mixed = drawn + ca.if_else(again, forgetting, 0) * (stored - drawn)

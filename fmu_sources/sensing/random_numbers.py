@@ -26,7 +26,7 @@ _ROUNDS = 16
 def white_noise(c: Component, seed: Any, count: int) -> list[Any]:
     """`count` independent standard normal numbers, new ones at every sample of `c`; adds six hidden states.
 
-    `seed`: whole number from 0 on (a parameter of the component); neighbouring seeds give unrelated numbers.
+    `seed`: whole number from 0 on (a parameter of the component); neighboring seeds give unrelated numbers.
     """
     start = _start(seed)
     states = [c.state(f"random.s{i}", "1", "memory of the noise", start=s, nominal=1e9) for i, s in enumerate(start)]

@@ -169,7 +169,7 @@ _NOTES = (
     (
         "iso2631.rms and vdv use weighting Wk (vertical, seated or standing) with a multiplying factor of 1, for the"
         " one input. The standard judges the acceleration at the seat; that of the body differs from it by the seat."
-        " Run the vehicle for as long as the judgement is meant to hold: both run from the start, the transient of the"
+        " Run the vehicle for as long as the judgment is meant to hold: both run from the start, the transient of the"
         " filters included."
     ),
     (

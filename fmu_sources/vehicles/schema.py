@@ -312,7 +312,7 @@ class ThreeAxleCar(Vehicle):
 
 class _TrenchBody(_RideBody):
     cg_height: Quantity = quantity(
-        "m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0
+        "m", "height of the CG above the mean of the wheel centers at rest", min=0.0, max=5.0
     )
     cg_offset: Quantity = quantity(
         "m",
@@ -409,7 +409,7 @@ class _Body(Section):
 class _Wheel(Section):
     mass: Quantity = quantity("kg", "unsprung mass of one corner", min=1.0, max=1e5)
     radius: Quantity = quantity("m", "rolling radius", min=0.05, max=3.0)
-    hub_height: Quantity = quantity("m", "height of the wheel centre above the road at rest", min=0.05, max=3.0)
+    hub_height: Quantity = quantity("m", "height of the wheel center above the road at rest", min=0.05, max=3.0)
     spin_inertia: Quantity = quantity("kg.m2", "spin inertia of one wheel and its share of driveline", min=0.1, max=1e4)
 
 
@@ -548,16 +548,16 @@ def _point(what: str) -> Any:
 
 
 class _Hardpoints(Section):
-    wheel_centre: Numbers = _point("wheel centre")
-    upright_com: Numbers = _point("centre of mass of the upright")
+    wheel_centre: Numbers = _point("wheel center")
+    upright_com: Numbers = _point("center of mass of the upright")
     upper_front: Numbers = _point("front pivot of the upper arm")
     upper_rear: Numbers = _point("rear pivot of the upper arm")
     upper_ball: Numbers = _point("upper ball joint")
-    upper_com: Numbers = _point("centre of mass of the upper arm")
+    upper_com: Numbers = _point("center of mass of the upper arm")
     lower_front: Numbers = _point("front pivot of the lower arm")
     lower_rear: Numbers = _point("rear pivot of the lower arm")
     lower_ball: Numbers = _point("lower ball joint")
-    lower_com: Numbers = _point("centre of mass of the lower arm")
+    lower_com: Numbers = _point("center of mass of the lower arm")
     damper_top: Numbers = _point("damper on the chassis")
     damper_bottom: Numbers = _point("damper on the lower arm")
     spring_top: Numbers = _point("spring on the chassis")
@@ -624,19 +624,19 @@ class _Wishbones(Section):
 class _FramedBody(Section):
     mass: Quantity = quantity("kg", "mass of the chassis body", min=10.0, max=1e6)
     com_x: Quantity = quantity(
-        "m", "its centre of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1
+        "m", "its center of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1
     )
     com_z: Quantity = quantity(
-        "m", "its centre of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1
+        "m", "its center of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1
     )
     roll_inertia: Quantity = quantity(
-        "kg.m2", "roll inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+        "kg.m2", "roll inertia of the chassis body about its center of mass", min=1.0, max=1e8
     )
     pitch_inertia: Quantity = quantity(
-        "kg.m2", "pitch inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+        "kg.m2", "pitch inertia of the chassis body about its center of mass", min=1.0, max=1e8
     )
     yaw_inertia: Quantity = quantity(
-        "kg.m2", "yaw inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+        "kg.m2", "yaw inertia of the chassis body about its center of mass", min=1.0, max=1e8
     )
 
 
@@ -660,7 +660,7 @@ class _SolidWheel(Section):
 class _Solid(Section):
     mass: Quantity = quantity("kg", "mass", min=0.0, max=1e5)
     inertia: Numbers = numbers(
-        "kg.m2", "moments of inertia about its centre of mass, along its axes", min=0.0, max=1e6, size=3
+        "kg.m2", "moments of inertia about its center of mass, along its axes", min=0.0, max=1e6, size=3
     )
 
 

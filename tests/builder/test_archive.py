@@ -66,7 +66,7 @@ def test_same_inputs_same_bytes(tmp_path: Path) -> None:
 
 
 def test_identity_follows_content() -> None:
-    """The instantiation token changes with anything that changes behaviour or interface, and with nothing else."""
+    """The instantiation token changes with anything that changes behavior or interface, and with nothing else."""
 
     def changed(**parameter: object) -> str:
         c = oscillator()

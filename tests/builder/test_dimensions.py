@@ -242,7 +242,7 @@ UNCHECKED = {
 
 UNSEEN = {
     "BenchEncoders": "the second element of a start is 0",
-    "PreviewLqTunable": "nothing rises towards the first node of the road",
+    "PreviewLqTunable": "nothing rises toward the first node of the road",
     "RoadBumps": "the points lie beside some bumps",
     "RoadHoleBump": "the points lie beside the bump in some previews",
     "RoadCurb": "the points lie beside the steps, 0.1 m long",

@@ -27,10 +27,10 @@ def test_binaries_of_every_platform(name: str, fmi: int) -> None:
         folder = platform.fmi2_name if fmi == 2 else platform.name
         binary = binaries.read(z.read(f"binaries/{folder}/ProbeDiscrete{platform.suffix}"))
         header = z.read(f"sources/fmi{fmi}Functions.h").decode()
-        licences = {n.rpartition("/")[2]: z.read(n) for n in z.namelist() if n.startswith("documentation/licenses/")}
+        licenses = {n.rpartition("/")[2]: z.read(n) for n in z.namelist() if n.startswith("documentation/licenses/")}
     assert binary.exported == set(re.findall(rf"^#define (fmi{fmi}[A-Z]\w+) +fmi{fmi}FullName\(", header, re.MULTILINE))
     assert len(binary.exported) > 40
-    assert ("MinGW-w64.txt" in licences) == platform.is_windows
+    assert ("MinGW-w64.txt" in licenses) == platform.is_windows
     if platform.suffix == ".so":
         assert (0, 0) < binary.glibc <= (2, 17)
         assert binary.libraries == {"libc.so.6"}
@@ -40,8 +40,8 @@ def test_binaries_of_every_platform(name: str, fmi: int) -> None:
         assert binary.name == "@rpath/ProbeDiscrete.dylib"
     else:
         assert binary.name == "ProbeDiscrete.dll"
-        assert b"(c) 2009 - 2013 by the mingw-w64 project" in licences["MinGW-w64.txt"]
-        assert f"    binaries/{folder}/ProbeDiscrete.dll\n" in licences["license.txt"].decode()
+        assert b"(c) 2009 - 2013 by the mingw-w64 project" in licenses["MinGW-w64.txt"]
+        assert f"    binaries/{folder}/ProbeDiscrete.dll\n" in licenses["license.txt"].decode()
         assert all(
             re.match(r"kernel32\.dll|ucrtbase\.dll|msvcrt\.dll|api-ms-win-crt-", x, re.I) for x in binary.libraries
         )

@@ -181,8 +181,8 @@ def test_sources_and_licences_go_into_the_fmu() -> None:
     c = sampled()
     declare(c, backend=Osqp())
     files = package.source_files(c.model(), 3)
-    assert b"Apache License" in generate.third_party(c.model())[0].licence
-    assert b"CHANGED by suspension-fmus" in files["osqp/osqp_configure.h"]  # section 4b of that licence
+    assert b"Apache License" in generate.third_party(c.model())[0].license
+    assert b"CHANGED by suspension-fmus" in files["osqp/osqp_configure.h"]  # section 4b of that license
     assert {"qp.c", "qp_osqp.c", "qp_data.c", "osqp/osqp_api.c", "osqp/osqp_configure.h"} <= files.keys()
     assert not any(n.startswith(("daqp/", "qp_daqp")) for n in files)
 

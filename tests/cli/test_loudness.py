@@ -64,7 +64,7 @@ def test_a_curve_on_the_screen_is_that_of_the_file(tmp_path: Path) -> None:
     assert labels == [f"{v:.4g}" for v in (recording["car.body.az"].max(), recording["car.body.az"].min())]
     missing = run(tmp_path, "cosim", *RUN, "--plot", "car.body.ay2")
     assert "'car.body.ay2' was not recorded" in missing.stderr
-    assert "\x1b" not in done.stdout  # no colours into a pipe
+    assert "\x1b" not in done.stdout  # no colors into a pipe
 
 
 def test_what_fmus_log_goes_to_the_logger_of_python(caplog) -> None:

@@ -102,8 +102,8 @@ def test_documentation_and_icon(fmu: Library) -> None:
     assert (fmu.folder / icon).read_bytes().startswith(PNG)
 
 
-# What a text under a licence contains at least, by SPDX identifier
-LICENCES = {
+# What a text under a license contains at least, by SPDX identifier
+LICENSES = {
     "BSD-2-Clause": (
         "Copyright (C) 2008-2011 MODELISAR",
         "Redistributions in binary form must reproduce the above copyright",
@@ -116,21 +116,21 @@ LICENCES = {
 }
 
 
-def test_every_file_by_others_has_its_licence(fmu: Library) -> None:
-    """Files that are neither of our runtime nor generated are listed with a licence whose text is there.
+def test_every_file_by_others_has_its_license(fmu: Library) -> None:
+    """Files that are neither of our runtime nor generated are listed with a license whose text is there.
 
     Nothing else is listed.
     """
     folder = fmu.folder / "documentation" / "licenses"
     entry = (folder / "license.txt").read_text()
     own, *parts = re.split(r"^(?=\S.*, [\w.-]+: \S+\.txt$)", entry, flags=re.MULTILINE)
-    assert all(x in own for x in LICENCES["BSD-3-Clause"])
+    assert all(x in own for x in LICENSES["BSD-3-Clause"])
     listed: list[str] = []
     texts = {"license.txt"}
     for part in parts:
-        licence, text = re.search(r", ([\w.-]+): (\S+\.txt)$", part, re.MULTILINE).groups()
+        license, text = re.search(r", ([\w.-]+): (\S+\.txt)$", part, re.MULTILINE).groups()
         content = (folder / text).read_text()
-        assert all(x in content for x in LICENCES[licence]), f"{text} is not {licence}"
+        assert all(x in content for x in LICENSES[license]), f"{text} is not {license}"
         texts.add(text)
         listed += re.findall(r"^    ((?:sources|binaries)/\S+)$", part, re.MULTILINE)
     assert {p.name for p in folder.iterdir()} == texts
@@ -333,19 +333,19 @@ def test_other_validators_find_the_reference_result(fmu: Library) -> None:
 
 
 def test_bill_of_materials(fmu: Library) -> None:
-    """CycloneDX: judged by its own library; it lists what the licences list, and the binary with its compiler."""
+    """CycloneDX: judged by its own library; it lists what the licenses list, and the binary with its compiler."""
     text = (fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref" / "bill-of-materials.cdx.json").read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     bill = json.loads(text)
     libraries = {c["name"]: c for c in bill["components"] if c["type"] == "library" and not c["name"].endswith(".fmu")}
-    licences = fmu.folder / "documentation" / "licenses"
+    licenses = fmu.folder / "documentation" / "licenses"
     assert {n.replace(" ", "-") for n in libraries} - {"suspension-fmus"} == {
-        p.stem for p in licences.iterdir() if p.is_file() and p.name != "license.txt"
+        p.stem for p in licenses.iterdir() if p.is_file() and p.name != "license.txt"
     }
-    entry = (licences / "license.txt").read_text()
+    entry = (licenses / "license.txt").read_text()
     for name, library in libraries.items():
-        (licence,) = library["licenses"]
-        assert licence["license"]["id"] in entry
+        (license,) = library["licenses"]
+        assert license["license"]["id"] in entry
         assert name == "suspension-fmus" or f"{name} {library.get('version', library.get('description'))}, " in entry
     files = [f for c in libraries.values() for f in c.get("components", [])]
     binaries = [c for c in bill["components"] if c["type"] == "file"]

@@ -34,7 +34,7 @@ LEFT_OUT = {
     "test_further_descriptions_follow_their_schemas": "systems have no terminals",
     "test_terminals_hold_every_signal_once_under_its_name": "systems have no terminals",
     "test_sources_are_complete": "the sources of members lie in folders of theirs and are included by others",
-    "test_every_file_by_others_has_its_licence": "those of members have folders of theirs",
+    "test_every_file_by_others_has_its_license": "those of members have folders of theirs",
     "test_build_options_are_for_compilers_that_know_them": "their sources compile without options",
     "test_foreign_states_are_refused": "the others are the components of the tests",
     "test_other_validators_find_the_reference_result": "systems have no reference result",

@@ -138,7 +138,7 @@ def test_average_of_the_two_before(paper):
 
 @pytest.mark.parametrize(("mode", "frequency"), [("heave_pitch", 2.0), ("roll", 4.0)])
 def test_notches(paper, mode, frequency):
-    """Half is left at the centre, nearly all far from it, and a constant passes from the first sample on."""
+    """Half is left at the center, nearly all far from it, and a constant passes from the first sample on."""
     for at, expected in ((frequency, 0.5), (0.0, 1.0), (10 * frequency, 1.0)):
         law, plain = Law(paper, {f"notch.{mode}.enabled": True}), Law(paper)
         n = 1500 if at else 20

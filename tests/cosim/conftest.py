@@ -85,7 +85,7 @@ class Refuses2(Fmi2Slave):
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         if kwargs["instance_name"] == "strut":
-            raise RuntimeError("the licence of 100 % of the springs has expired")
+            raise RuntimeError("the license of 100 % of the springs has expired")
 
     def do_step(self, t, h):
         return True

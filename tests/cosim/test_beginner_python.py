@@ -114,9 +114,9 @@ def test_a_stop_time_before_the_start(raises) -> None:
 
 def test_an_unknown_unit() -> None:
     class Wrong(Spring):
-        inputs = ("z [metre]",)
+        inputs = ("z [meter]",)
 
-    assert "'metre'" in message(Wrong)
+    assert "'meter'" in message(Wrong)
 
 
 def test_a_unit_without_a_blank_before_it() -> None:

@@ -186,7 +186,7 @@ def test_the_binaries_of_an_fmu_without_one_for_this_platform_are_named(foreign,
 def test_a_refused_instantiation_gives_the_reason(foreign):
     system = System()
     system.add("strut", foreign["Refuses2"], step=1)
-    with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: .*'strut':.*licence of 100 %"):
+    with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: .*'strut':.*license of 100 %"):
         system.run(1)
 
 

@@ -311,7 +311,7 @@ def test_the_sampled_law_is_what_was_declared(small, version):
 
 
 def test_the_sampled_model_is_that_of_theory(small):
-    """Mass under a PI law, 4 ms: discretised by hand. The law acts at once on what it reads."""
+    """Mass under a PI law, 4 ms: discretized by hand. The law acts at once on what it reads."""
     with closed_loop(small) as system:
         model = system.linearize(outputs=["mass.body.x", "law.force"], discrete="8 ms")
     names = [model.names[n] for n in model.state_labels]

@@ -131,7 +131,7 @@ def test_arrays_are_wired_and_set_by_element(native, name):
 
 
 class Source(PythonComponent):
-    """7 metres."""
+    """7 meters."""
 
     kind = "discrete"
     default_step = "1 ms"

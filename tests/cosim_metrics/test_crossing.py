@@ -51,8 +51,8 @@ def test_the_table_has_every_row_and_what_is_missing_is_missing_on_purpose():
         "score",
         "passive cost",
         "controlled cost",
-        "passive normalised cost",
-        "controlled normalised cost",
+        "passive normalized cost",
+        "controlled normalized cost",
         "improvement [%]",
     }
 
@@ -89,12 +89,12 @@ def test_passive_cost(key):
 
 
 @pytest.mark.parametrize("key", COST_KEYS)
-def test_normalised_cost_improvement_and_score(key):
+def test_normalized_cost_improvement_and_score(key):
     row = ROWS[key]
     costs = [float(ROWS[k][f"{s} cost"]) for k in COST_KEYS for s in ("passive", "controlled")]
     for system in ("passive", "controlled"):
-        found = possible(lambda c: mc.normalised(c, costs), row[f"{system} cost"])
-        assert overlaps(found, span(row[f"{system} normalised cost"]))
+        found = possible(lambda c: mc.normalized(c, costs), row[f"{system} cost"])
+        assert overlaps(found, span(row[f"{system} normalized cost"]))
     low, high = min(costs), max(costs)
     share = possible(
         lambda c, p: mc.improvement_percent((c - low) / (high - low), (p - low) / (high - low)),
@@ -193,7 +193,7 @@ class TestCrossing:
         with pytest.raises(ValueError, match="hub force 2 is inf at sample 3"):
             mc.crossing(x, x, x, np.where(np.arange(30).reshape(5, 6) == 19, math.inf, 0.0))
 
-    def test_equal_costs_cannot_be_normalised(self, raises):
+    def test_equal_costs_cannot_be_normalized(self, raises):
         with raises(ValueError):
             mc.scores([3.0, 3.0])
         assert math.isnan(mc.reduction_percent(1.0, 0.0))

@@ -116,15 +116,15 @@ class TestRatios:
     def test_values(self):
         assert metrics.improvement(0.43, 1.0) == pytest.approx(0.57)
         assert metrics.improvement(3.0, 2.0) == pytest.approx(-0.5)
-        assert metrics.force_normalised_effectiveness(0.57, 5700.0) == pytest.approx(1e-4)
-        assert metrics.power_normalised_effectiveness(0.5, 250.0) == pytest.approx(2e-3)
+        assert metrics.force_normalized_effectiveness(0.57, 5700.0) == pytest.approx(1e-4)
+        assert metrics.power_normalized_effectiveness(0.5, 250.0) == pytest.approx(2e-3)
 
     def test_undefined_is_nan(self):
         undefined = metrics.improvement(0.0, 0.0)
         assert math.isnan(undefined)
-        assert math.isnan(metrics.force_normalised_effectiveness(0.0, 0.0))
-        assert math.isnan(metrics.power_normalised_effectiveness(0.2, 0.0))
-        assert math.isnan(metrics.force_normalised_effectiveness(undefined, 10.0))
+        assert math.isnan(metrics.force_normalized_effectiveness(0.0, 0.0))
+        assert math.isnan(metrics.power_normalized_effectiveness(0.2, 0.0))
+        assert math.isnan(metrics.force_normalized_effectiveness(undefined, 10.0))
 
     @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
     def test_refuses_what_no_run_can_give(self, bad, raises):
@@ -133,13 +133,13 @@ class TestRatios:
         with raises(ValueError):
             metrics.improvement(1.0, bad)
         with raises(ValueError):
-            metrics.force_normalised_effectiveness(0.1, bad)
+            metrics.force_normalized_effectiveness(0.1, bad)
         with raises(ValueError):
-            metrics.power_normalised_effectiveness(0.1, bad)
+            metrics.power_normalized_effectiveness(0.1, bad)
 
     def test_refuses_infinite_improvement(self, raises):
         with raises(ValueError):
-            metrics.force_normalised_effectiveness(-math.inf, 1.0)
+            metrics.force_normalized_effectiveness(-math.inf, 1.0)
 
 
 class TestPeak:

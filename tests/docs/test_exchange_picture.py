@@ -37,7 +37,7 @@ def test_who_reads_what(drawing: dict[str, Any], group: bool) -> None:
 
 
 def test_arrows_go_from_where_a_value_is_of_to_where_it_is_read(drawing: dict[str, Any]) -> None:
-    """With a colour for its age, and the same in words for those who do not see it."""
+    """With a color for its age, and the same in words for those who do not see it."""
     root = etree.parse(IMAGES / "exchange.svg").getroot()
     panels = root.findall("{*}g")
     assert [p.findtext("{*}text") for p in panels] == list(drawing["TITLES"].values())

@@ -117,7 +117,9 @@ def test_every_published_claim_is_in_the_one_table() -> None:
         "ride": "",
     }
     assert {name: WRITER["paper"](name) for name in NAMES} == papers
-    expected = {(papers[name], c["claim"], c["source"], c["published"], c["result"], c["verdict"]) for name, c in claims}
+    expected = {
+        (papers[name], c["claim"], c["source"], c["published"], c["result"], c["verdict"]) for name, c in claims
+    }
     assert {tuple(row[:6]) for row in rows} == expected
     anchors = headings(ROOT / "docs" / "results.md")
     for number, *_, link in rows:

@@ -91,7 +91,7 @@ def test_the_start_page_is_the_beginning_of_the_readme() -> None:
 
 
 def test_there_is_a_picture_of_every_live_page_and_report() -> None:
-    """In both schemes of colours and at both widths, and none of what there is no more."""
+    """In both schemes of colors and at both widths, and none of what there is no more."""
     pictures = WRITE["PICTURES"]
     expected = {job["out"] for job in pictures["jobs"](ROOT, ROOT)}
     assert len(expected) == 4 * len(shown()) + len(EXPERIMENTS)

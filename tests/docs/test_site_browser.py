@@ -1,6 +1,6 @@
 """The documentation site as readers have it.
 
-In Chromium at two widths and in both colour schemes, from a folder, without a network.
+In Chromium at two widths and in both color schemes, from a folder, without a network.
 
 `make test-pages` runs these; see `browsers`.
 """
@@ -55,7 +55,7 @@ def test_everyone_can_read_it(found: dict[str, Any]) -> None:
 def test_it_says_and_asks_nothing_and_fits(found: dict[str, Any]) -> None:
     assert [(v["page"], v["errors"], v["asked"]) for v in found["views"] if v["errors"] or v["asked"]] == []
     assert [(v["page"], v["width"], v["overflow"]) for v in found["views"] if v["overflow"] > 0] == []
-    assert len({(v["scheme"], v["dark"]) for v in found["views"]}) == 2  # it follows the colours that are asked for
+    assert len({(v["scheme"], v["dark"]) for v in found["views"]}) == 2  # it follows the colors that are asked for
 
 
 def test_the_start_page_fits_three_screens_of_a_phone(found: dict[str, Any]) -> None:

@@ -157,4 +157,4 @@ def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:
 def test_metrics_of_the_passive_car(runner: Runner) -> None:
     m = runner.metrics(Case("curb", 50.0, "passive"))
     assert m["force"] == m["power"] == 0.0
-    assert np.isnan(metrics.force_normalised_effectiveness(0.0, m["force"]))
+    assert np.isnan(metrics.force_normalized_effectiveness(0.0, m["force"]))

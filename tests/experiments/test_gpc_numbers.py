@@ -123,7 +123,7 @@ def test_metrics_of_the_passive_car() -> None:
 def test_a_run_that_did_not_arrive_or_ended_with_an_error() -> None:
     early = recording(Case(), stopped_by=None)
     assert measure(early)["diverged"]
-    assert runs.remarks(early) == ["the run ended before its way was travelled"]
+    assert runs.remarks(early) == ["the run ended before its way was traveled"]
     assert runs.remarks(recording(Case())) == []
     assert runs.diverged(Case(), ValueError("x is not finite")) == {"diverged": True, "reason": "x is not finite"}
 
@@ -806,12 +806,12 @@ LABELS = {
     "Response improvement (23)": "improvement [-]",
     "Actuator force (22b)": "force [kN]",
     "Actuator power (22c)": "power [W]",
-    "Force-normalised effectiveness (24a)": "improvement per force [1/kN]",
-    "Power-normalised effectiveness (24b)": "improvement per power [1/kW]",
+    "Force-normalized effectiveness (24a)": "improvement per force [1/kN]",
+    "Power-normalized effectiveness (24b)": "improvement per power [1/kW]",
 }
 PANELS = dict(zip(LABELS, ("response", "improvement", "force", "power", "per_force", "per_power"), strict=True))
 LOOKS = {
-    "passive": ("grey", "solid"),
+    "passive": ("gray", "solid"),
     "implicit": ("orange", "dot"),
     "explicit": ("blue", "dash"),
     "preview": ("green", "solid"),

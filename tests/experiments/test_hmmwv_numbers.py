@@ -1111,7 +1111,9 @@ def test_words_of_the_statements() -> None:
     assert found["track-zero"].result == "2.35 times; absorbed power passive 12.00, zero force 5.10 W"
     assert (found["track-zero"].value, found["track-zero"].unit) == (2.3529, "times")
     assert found["track-mpc-best"].value == pytest.approx(100 * (1 - 4.8 * 1.0025 / 5.1), rel=1e-4)
-    assert found["off-road-travel"].result.startswith("median 16.7 % (16.7 to 16.7 % over 5 stretches; holds in 5 of 5)")
+    assert found["off-road-travel"].result.startswith(
+        "median 16.7 % (16.7 to 16.7 % over 5 stretches; holds in 5 of 5)"
+    )
     assert found["off-road-mpc"].result.startswith("median 5.0 W (5.0 to 5.0 W over 5 stretches; holds in 5 of 5)")
     assert found["off-road-passive"].result == "median 20.0 W (20.0 to 20.1 W over 5 stretches; holds in 5 of 5)"
     assert found["bump-saturation"].result.startswith("median 33 % (33 to 33 % over 6 places of the bump")

@@ -104,7 +104,7 @@ def test_the_optical_sensor_works_too(bench):
 def test_generated_preview(bench):
     """Loads peak near the crests.
 
-    A speedometer that shows too much moves the prediction ahead, more with every metre.
+    A speedometer that shows too much moves the prediction ahead, more with every meter.
     """
     exact, wrong = (bench.metrics(generated(e))["offsets"] for e in (0.0, 2.0))
     assert np.abs(exact).max() < BUMP_LENGTH

@@ -68,7 +68,7 @@ def test_averaging_quietens_the_command(bench):
     assert plain["error"] > bench.metrics(Case())["error"]
 
 
-def test_too_high_a_density_destabilises_and_too_low_does_not(bench):
+def test_too_high_a_density_destabilizes_and_too_low_does_not(bench):
     rows = {d: bench.metrics(robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
     assert rows[1.0]["late"] < 0.001
     assert rows[0.7]["late"] < rows[0.7]["early"] / 2

@@ -571,7 +571,7 @@ def test_figure_3(page: Report) -> None:
 
 
 LOOKS = {
-    "passive": ("grey", "solid"),
+    "passive": ("gray", "solid"),
     "active": ("orange", "dot"),
     "delay": ("blue", "dash"),
     "preview": ("green", "solid"),

@@ -35,7 +35,7 @@ def test_every_car_under_every_law_is_on_the_courses(fmus: FmuSet, car: str, law
         assert "half_round.height" in road.description.parameters
         assert (road.values["course"], road.values["seed"], road.values["alike"]) == (NUMBER["2in"], 3, False)
         first = max(float(road.description.parameters[f"wheel.{k}.x"].start) for k in CARS[car].corners)  # type: ignore[arg-type]
-        assert system["speed"].values["start.x"] + first == pytest.approx(-11.0)  # a metre before the ramp
+        assert system["speed"].values["start.x"] + first == pytest.approx(-11.0)  # a meter before the ramp
         previews = [t for t in made if t.startswith("controller.preview.")]
         assert bool(previews) == (
             law in ("mpc-preview", "preview") or (car, law) == ("6x6", "mpc") or (car == "sedan" and law != "passive")

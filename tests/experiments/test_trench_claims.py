@@ -264,7 +264,7 @@ class TestClaims:
         assert verdicts(study)["passive-verdicts"] == "reproduced"  # 35 of 36 without it
 
     def test_where_the_passive_vehicle_is_the_cheapest_there_is_no_share(self):
-        """Its normalised cost is 0: nothing to relate to, once a figure of nan per cent."""
+        """Its normalized cost is 0: nothing to relate to, once a figure of nan per cent."""
         study = altered(invented(), {Case(1.2, 9.0, "passive"): {"cost": 1.0}})
         claim = {c.id: c for c in CLAIMS.judge(study)}["cost-below-passive"]
         assert claim.verdict == "not reproduced"
@@ -306,8 +306,8 @@ def test_tasks_cover_the_matrix_once():
 def test_bands_keep_the_power():
     t = np.arange(20000) / 1000
     frequency, density = psd(2.0 * np.sin(2 * np.pi * 10.0 * t))
-    centre, mean = bands(frequency, density)
-    assert centre[int(np.argmax(mean))] == pytest.approx(10.0, rel=0.15)
+    center, mean = bands(frequency, density)
+    assert center[int(np.argmax(mean))] == pytest.approx(10.0, rel=0.15)
 
 
 @pytest.mark.parametrize(

@@ -487,14 +487,14 @@ def test_cells_of_the_costs(page: Report) -> None:
         "passive, thesis": 19597.1,
         "controlled": 1175,
         "controlled, thesis": 1177.5,
-        "passive, normalised": 1.0,
-        "controlled, normalised": 0.13,
+        "passive, normalized": 1.0,
+        "controlled, normalized": 0.13,
         "improvement [%]": 87.0,
         "improvement, thesis [%]": 100.0,
         "score": 1.0,
         "score, thesis": 5.0,
     }
-    assert (rows[0]["controlled, normalised"], rows[0]["passive, normalised"], rows[0]["score"]) == (0.0, 0.741, 5.0)
+    assert (rows[0]["controlled, normalized"], rows[0]["passive, normalized"], rows[0]["score"]) == (0.0, 0.741, 5.0)
     assert rows[GRID.index((1.6, 3.0))]["score, thesis"] is None
 
 

@@ -92,14 +92,14 @@ def data(page: Path) -> dict[str, Any]:
 
 
 def test_one_file_that_asks_for_nothing(page: Path) -> None:
-    text = re.sub(r"<pre>.*?</pre>", "", page.read_text(), flags=re.DOTALL)  # licences name addresses
+    text = re.sub(r"<pre>.*?</pre>", "", page.read_text(), flags=re.DOTALL)  # licenses name addresses
     assert not re.findall(r"(?:src|href)\s*=\s*\"(?!data:,)", text)
     assert not re.findall(r"\b(?:fetch|XMLHttpRequest|import)\s*\(|https?://|url\(", text)
     assert "On &lt;bumps&gt; &amp; more." in text
     assert page.stat().st_size < 1e6
 
 
-def test_it_carries_the_licences(page: Path) -> None:
+def test_it_carries_the_licenses(page: Path) -> None:
     text = page.read_text()
     assert "musl" in text
     assert "Permission is hereby granted" in text

@@ -81,7 +81,7 @@ def _reference(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
     files["documentation/Faulty_ref.csv"] = reference(1.02).encode()
 
 
-def _licence(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+def _license(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
     files["documentation/licenses/readme.txt"] = b"see elsewhere"
 
 
@@ -188,7 +188,7 @@ STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
 FAULTS = {
     # -------------------------------------------------------------------------------------------- description, archive
     "schema": Fault(
-        ("description.schema",), spoil=_replaced("<DefaultExperiment ", '<DefaultExperiment colour="blue" ')
+        ("description.schema",), spoil=_replaced("<DefaultExperiment ", '<DefaultExperiment color="blue" ')
     ),
     "version": Fault(
         ("description.version",),
@@ -277,7 +277,7 @@ FAULTS = {
         ("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)
     ),
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),
-    "licence": Fault(("archive.layout",), versions=(3,), spoil=_licence),
+    "license": Fault(("archive.layout",), versions=(3,), spoil=_license),
     "sources": Fault(("archive.sources",), spoil=_sources),
     "terminals": Fault(
         ("archive.terminals",),

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 
 
 def beside(follower: Path, culprit: Path, engine: str) -> Recording:
-    """What a neighbour computes whose numbers depend on rounding, in a run with that FMU before it."""
+    """What a neighbor computes whose numbers depend on rounding, in a run with that FMU before it."""
     with System() as system:
         system.add("culprit", culprit)
         system.add("neighbour", follower, step="1 ms", start={"u": 1.0})

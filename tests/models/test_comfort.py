@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from fmu_sources.models import comfort
 
 RATE = 1000.0
-# ISO 2631-1, table 3: factors of Wk (x 1000) at the nominal third-octave centres [Hz].
+# ISO 2631-1, table 3: factors of Wk (x 1000) at the nominal third-octave centers [Hz].
 WK = {
     0.5: 418, 0.63: 459, 0.8: 477, 1: 482, 1.25: 484, 1.6: 494, 2: 531, 2.5: 631, 3.15: 804, 4: 967, 5: 1039, 6.3: 1054,
     8: 1036, 10: 988, 12.5: 902, 16: 768, 20: 636, 25: 513, 31.5: 405, 40: 314, 50: 246, 63: 186, 80: 132,
@@ -106,7 +106,7 @@ class TestBothDefinitions:
 
 class TestWk:
     def test_table_of_the_standard(self):
-        """The analog weighting rounds to the table (within a digit at one centre), the digital one is within 0.2 dB."""
+        """The analog weighting rounds to the table (within a digit at one center), the digital one is within 0.2 dB."""
         f, table = np.array([*WK]), np.array([*WK.values()]) / 1000
         analog = np.abs(analog_response(comfort.WEIGHTING_WK, f))
         assert np.abs(analog - table).max() <= 1.01e-3

@@ -72,7 +72,7 @@ def test_joints_stay_closed(suspension, axle, travel):
 
 
 def test_position_is_that_of_another_solver(suspension):
-    """The same rods by least squares over wheel centre and rotation vector, from the design position."""
+    """The same rods by least squares over wheel center and rotation vector, from the design position."""
     mechanism = suspension.front.mechanism
     p, travel = mechanism.points, -0.08
     rods = [

@@ -301,7 +301,7 @@ class _Sites:
         self._becomes("condition", node, ast.IfExp(node.test, node.orelse, node.body))
 
     def _name(self, node: ast.expr) -> None:
-        """A text that names something, and becomes the name of its neighbour in the file."""
+        """A text that names something, and becomes the name of its neighbor in the file."""
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in self._names:
             at = self._names.index(node.value)
             if len(self._names) > 1:

@@ -58,7 +58,7 @@ def theorem2_lq(
     error: npt.ArrayLike | None = None,
     errors: Sequence[str] | None = None,
 ) -> OutputErrorLq:
-    """Minimise the mean of y' Q1y y + 2 x' N u + u' R u + 2 x' Q12 w, (19), for y = C x + D u + F w + error v.
+    """Minimize the mean of y' Q1y y + 2 x' N u + u' R u + 2 x' Q12 w, (19), for y = C x + D u + F w + error v.
 
     `error` (ny, nv) is F of (20), the way of the measurement error v into y; without it there is no v. `plant.F`, the
     direct way of the road into y, is 0 in the paper and is allowed here. N (n, nu), R (nu, nu) and Q12 (n, nw).

@@ -53,7 +53,7 @@ class MultibodyCar:
     """The car over a road.
 
     `force` (4,) [N]: of the actuators, at all times; `speed` [m/s] at the start, which the driver keeps.
-    `shifted`: the road bears the tire where the code of the public model has it, not below the wheel centre along the
+    `shifted`: the road bears the tire where the code of the public model has it, not below the wheel center along the
     normal: at the point of the road (radius - depth) times the normal away, so behind the wheel where it climbs, with
     the normal that the road has there.
     """
@@ -101,7 +101,7 @@ class MultibodyCar:
                 **more,
             )
 
-        # The steering gear is fixed to the chassis: one body about the common centre of mass.
+        # The steering gear is fixed to the chassis: one body about the common center of mass.
         parts = [
             (
                 body.mass.value,
@@ -138,15 +138,15 @@ class MultibodyCar:
             forward, left, up = getattr(axle.points, name).value
             return np.asarray(self.frame + mirror * [forward + axle.reference.value, left, up])
 
-        centre = at("wheel_centre")
+        center = at("wheel_centre")
         wheel = vehicle.wheel
         spin = self.speed / (vehicle.tire.radius.value - 0.005)
         turning = np.diag(
             [wheel.tilt_inertia.value, wheel.spin_inertia.value + wheel.shaft_inertia.value, wheel.tilt_inertia.value]
         )
-        disc = rigid(wheel.mass.value, turning, centre, initialAngularVelocity=[0, spin, 0])
+        disc = rigid(wheel.mass.value, turning, center, initialAngularVelocity=[0, spin, 0])
         upright = rigid(vehicle.upright.mass.value, np.diag(vehicle.upright.inertia.value), at("upright_com"))
-        mbs.CreateGenericJoint(itemNumbers=[upright, disc], position=list(centre), constrainedAxes=[1, 1, 1, 1, 0, 1])
+        mbs.CreateGenericJoint(itemNumbers=[upright, disc], position=list(center), constrainedAxes=[1, 1, 1, 1, 0, 1])
         arms = {}
         for which in ("upper", "lower"):
             solid = getattr(vehicle, f"{which}_arm")
@@ -197,7 +197,7 @@ class MultibodyCar:
         self.wheels.append(disc)
 
     def _actuators(self) -> None:
-        """Forces along the vertical of the chassis between it and the wheel centres.
+        """Forces along the vertical of the chassis between it and the wheel centers.
 
         In the form that connectors to the ground want.
         """

@@ -229,7 +229,7 @@ def test_pump_off_is_a_damper(actuator):
 
 
 def test_bypass_is_a_variable_damper(actuator):
-    """Spool centred: C_d2 a sqrt(2 P/rho) + C_tm P = A_p v; a wider bypass damps less."""
+    """Spool centered: C_d2 a sqrt(2 P/rho) + C_tm P = A_p v; a wider bypass damps less."""
     forces = []
     for area in (1e-5, 2e-5, 5e-5):
         run = Run(actuator).set(bypass_area=area, piston_velocity=0.4).settle(0.3)

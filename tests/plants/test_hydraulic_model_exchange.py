@@ -153,7 +153,7 @@ def test_linear_inputs_converge_on_an_independent_solution(
 
 
 def test_kinks_need_no_events(name: str, path: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The valve's step, its saturation and the spool's crossing of its centre inside a solver step.
+    """The valve's step, its saturation and the spool's crossing of its center inside a solver step.
 
     No event anywhere.
     """

@@ -35,7 +35,7 @@ def by_solids(x: float, z: float) -> np.ndarray:
 @settings(max_examples=150, deadline=None)
 @given(x=st.floats(-2.0, 3.5), z=st.floats(-DEPTH + 0.05, 1.0))
 def test_a_disc_against_a_trench(x: float, z: float) -> None:
-    assume(z >= 0.02 or 0.02 < x < LENGTH - 0.02)  # otherwise the centre is inside the ground
+    assume(z >= 0.02 or 0.02 < x < LENGTH - 0.02)  # otherwise the center is inside the ground
     np.testing.assert_allclose(pushes(TRENCH, x, z).sum(axis=0), by_solids(x, z), atol=1e-7)
 
 

@@ -247,7 +247,7 @@ def drive(built_fmus, road, duration=1.6, **parameters):
         )
 
 
-def test_tires_envelop_the_half_round_before_their_centre_is_there(built_fmus):
+def test_tires_envelop_the_half_round_before_their_center_is_there(built_fmus):
     result = drive(built_fmus, "RoadHalfRoundHmmwvPublic")
     place = load_wishbone_car("hmmwv_public").wheel_place("front")[0]
     force, ahead = np.array(result["car.tire.fl.force"]), 12.0 - 8 * INCH - np.array(result["car.x"]) - place
@@ -258,7 +258,7 @@ def test_tires_envelop_the_half_round_before_their_centre_is_there(built_fmus):
 
 
 def test_rolls_on_roads_of_other_cars_too(built_fmus):
-    """Without contact.* its tires follow the height below their centres: on a level road that is the same."""
+    """Without contact.* its tires follow the height below their centers: on a level road that is the same."""
     level = drive(built_fmus, "RoadSine", 0.5)
     assert np.abs(np.array(level["car.body.az"])).max() < 0.05
 

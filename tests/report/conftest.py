@@ -22,7 +22,7 @@ def make_report():
                     "time [s]",
                     "pitch [deg]",
                     [
-                        Series("passive", [0, 1, 2], [0.0, 0.5, NAN], color="grey"),
+                        Series("passive", [0, 1, 2], [0.0, 0.5, NAN], color="gray"),
                         Series("explicit", [0, 1, 2], [0.1, 0.2, 0.3]),
                     ],
                 ),

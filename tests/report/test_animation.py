@@ -72,7 +72,7 @@ def test_series_survive_packing():
         for name, error in names.items():
             np.testing.assert_allclose(unpacked(theirs[name]), getattr(ours, name), atol=error * 1.001)
     np.testing.assert_array_equal(unpacked(data["phase"]["index"]), T > 0.3)
-    assert [data["forces"][0][n]["decimals"] for n in ("x", "z")] == [2, 2]  # a centimetre: a pixel of a page 900 wide
+    assert [data["forces"][0][n]["decimals"] for n in ("x", "z")] == [2, 2]  # a centimeter: a pixel of a page 900 wide
     assert data["wheels"][0]["turn"]["decimals"] == 2
     assert (data["readings"][0]["quantity"], data["readings"][0]["unit"]) == ("pitch", "deg")
     assert made.ground == data["ground"] == ((-5.0, 0.0), (5.0, 0.0))
@@ -155,7 +155,7 @@ def test_a_minute_at_50_hz_stays_small():
 
 
 def test_the_page_draws_forces_to_one_scale_at_their_full_length(tmp_path) -> None:
-    """As many newtons to a metre as are said, 1e5 by default; nothing in the script shortens an arrow."""
+    """As many newtons to a meter as are said, 1e5 by default; nothing in the script shortens an arrow."""
     assert animation_data(animation())["forceScale"] == animation().force_scale == 1e5
     page = write_report(
         Report("e", "T", "", sections=[Section("S", animations=[replace(animation(), force_scale=3e4)])]), tmp_path

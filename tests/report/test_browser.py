@@ -1,4 +1,4 @@
-"""Reports as readers have them: in Chromium at two widths and in both colour schemes, their downloads, and on paper.
+"""Reports as readers have them: in Chromium at two widths and in both color schemes, their downloads, and on paper.
 
 `make test-pages` runs these. They need Node.js with npm, and Chromium (`CHROMIUM` names another one); what is
 missing is said.

@@ -64,7 +64,7 @@ def test_panels_and_rows_of_a_front() -> None:
     ]
     assert figure.columns == 2
     assert {s.name: (s.color, s.mode) for s in figure.panels[0].series} == {
-        "tried": ("grey", "markers"),
+        "tried": ("gray", "markers"),
         "front": ("blue", "markers"),
     }
     assert found.paragraphs[0].startswith("3 of 4 trials are Pareto-optimal")

@@ -35,7 +35,7 @@ def test_a_name_looks_the_same_in_every_figure(make_report):
                 looks.setdefault(trace.name, set()).add((trace.line.color, trace.line.dash, trace.marker.symbol))
     assert set(looks) == {"passive", "explicit", "preview"}
     assert all(len(look) == 1 for look in looks.values())
-    assert palette["passive"].color == COLORS["grey"]
+    assert palette["passive"].color == COLORS["gray"]
 
 
 def test_different_names_look_different():
@@ -56,7 +56,7 @@ def test_a_name_that_brings_its_dash_does_not_look_like_another():
         looks = Palette([Figure("f", "F", "", [Panel("", "time [s]", "force [N]", curves)])])
         assert looks["held"].dash == mine
         assert len({(looks[c.name].color, looks[c.name].dash) for c in curves}) == len(curves)
-    hinted = [Series(f"h{c}", [0, 1], [0, 1], color=c) for c in ("black", "grey", "orange", "blue", "green")]
+    hinted = [Series(f"h{c}", [0, 1], [0, 1], color=c) for c in ("black", "gray", "orange", "blue", "green")]
     curves = [*hinted, *(Series(n, [0, 1], [0, 1]) for n in "abcd"), Series("held", [0, 1], [0, 1], dash="dash")]
     for swapped in range(5):
         order = curves[swapped:] + curves[:swapped]
@@ -158,7 +158,7 @@ BARS = Figure(
             "road [?]",
             "power [W]",
             [
-                Series("passive", [0, 1], [46.0, 18.0], color="grey", dash="dash", mode="bar"),
+                Series("passive", [0, 1], [46.0, 18.0], color="gray", dash="dash", mode="bar"),
                 Series("MPC", [0, 1], [5.0, 4.0], [4.0, 3.5], [5.75, 4.5], mode="bar"),
                 Series("limit", [-0.5, 1.5], [6.0, 6.0]),
             ],
@@ -256,7 +256,7 @@ def test_colors_of_a_dark_page_can_be_seen_and_told_apart():
 
 
 def test_every_color_of_a_figure_has_a_dark_one(make_report):
-    """A colour that is forgotten stays as it is, which may be black on black."""
+    """A color that is forgotten stays as it is, which may be black on black."""
     dark = dark_colors()
     for figure in make_report().figures:
         found = set(re.findall(r'"(#[0-9a-f]{6}|rgba\([^)]*\))"', plotly_figure(figure).to_json())) - {"rgba(0,0,0,0)"}
@@ -279,7 +279,7 @@ def test_a_colour_that_is_asked_for_is_nobody_elses():
         curves = [Series("asked", [0, 1], [0, 1], color=color), *(Series(n, [0, 1], [0, 1]) for n in "abc")]
         looks = Palette([Figure("f", "F", "", [Panel("", "time [s]", "force [N]", curves)])])
         assert looks["asked"].color == COLORS[color]
-        assert not {COLORS[color], COLORS["grey"]} & {looks[n].color for n in "abc"}
+        assert not {COLORS[color], COLORS["gray"]} & {looks[n].color for n in "abc"}
 
 
 def test_a_legend_has_as_many_rows_as_its_widest_name_needs():

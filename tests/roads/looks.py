@@ -30,7 +30,7 @@ def check_preview(
     within: float,
     **parameters: Any,
 ) -> None:
-    """Check that the preview shows what each wheel meets later, to `within` metres.
+    """Check that the preview shows what each wheel meets later, to `within` meters.
 
     The places are counted from 0 and `step` seconds apart.
     """

@@ -94,7 +94,7 @@ def test_class_scales_and_decay_and_contact_do_as_for_tables(road):
 
 
 def test_seeds_are_unrelated(road):
-    """Also neighbours and the largest; phases are even over the circle."""
+    """Also neighbors and the largest; phases are even over the circle."""
     slopes = [np.diff(tracks(road, seed=s)[0]) for s in (0, 1, 2, 1000, 2**31 - 2, 2**31 - 1)]
     correlation = np.corrcoef(slopes) - np.eye(len(slopes))
     assert np.abs(correlation).max() < 0.05

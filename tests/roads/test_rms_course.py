@@ -179,7 +179,7 @@ def test_a_users_file_is_rolled_over_too(tmp_path, layout):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_smoothest_course_has_more_short_waves_than_the_next(seed: int) -> None:
-    """What the study says where a car that rides on its tires is slower on it; waves of less than a metre."""
+    """What the study says where a car that rides on its tires is slower on it; waves of less than a meter."""
 
     def short(course: str) -> float:
         heights = course_heights(course, seed, TRACK)[0][:-1]

@@ -132,8 +132,8 @@ def test_perryman_follows_its_recipe():
 
 def test_perryman_is_the_same_everywhere():
     table = perryman3_table()
-    micrometres = np.rint(1e6 * np.concatenate([table.left[1000:1004], table.right[1000:1004]])).astype(int)
-    assert micrometres.tolist() == [49729, 46437, 32436, 28396, -28157, -16398, -22380, -31704]
+    micrometers = np.rint(1e6 * np.concatenate([table.left[1000:1004], table.right[1000:1004]])).astype(int)
+    assert micrometers.tolist() == [49729, 46437, 32436, 28396, -28157, -16398, -22380, -31704]
 
 
 def test_perryman_says_that_it_is_synthetic(layout):
@@ -394,7 +394,7 @@ SIDES = "LONG_SECTION_V_RIGHT = {}\nLONG_SECTION_V_LEFT = {}\nLONG_SECTION_V_INC
         ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file", "other.crg", "not there"]),
         (crg([[0, 0]] * 3, TWO, increment="1.e"), ["REFERENCE_LINE_INCREMENT is '1.e'", "not a number"]),
         (crg([[0, 0]] * 3, TWO, increment="1e999"), ["REFERENCE_LINE_INCREMENT is inf"]),
-        (crg([[0, 0]] * 3, TWO, increment="half a metre"), ["REFERENCE_LINE_INCREMENT is 'half a metre'"]),
+        (crg([[0, 0]] * 3, TWO, increment="half a meter"), ["REFERENCE_LINE_INCREMENT is 'half a meter'"]),
         (crg([[0, 0]] * 3, TWO, increment=1e-300), ["2e-300 m long"]),
         (
             crg([[0, 0]] * 3, TWO, head="REFERENCE_LINE_START_S = 1e308\n"),

@@ -1,4 +1,4 @@
-"""The page's script without a page: V8, a canvas that notes what is drawn on it, and the colours of the style sheet."""
+"""The page's script without a page: V8, a canvas that notes what is drawn on it, and the colors of the style sheet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cosim.export.web.scene import Scene, scene_data
 
 ASSETS = Path(__file__).parents[2] / "cosim" / "export" / "web" / "assets"
 COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", (ASSETS / "scene.css").read_text()))
-"""Names with both colours, light and dark."""
+"""Names with both colors, light and dark."""
 
 _PAGE = """
 var scheme = "light";

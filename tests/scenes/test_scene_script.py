@@ -178,15 +178,15 @@ def vehicle_bodies() -> Iterator[tuple[str, list[Face]]]:
 
 
 @pytest.mark.parametrize("faces", [pytest.param(f, id=n) for n, f in vehicle_bodies()])
-@pytest.mark.parametrize("towards", [(-0.1, -0.99, 0.07), (0.53, -0.79, 0.3), (-0.99, 0.01, 0.13), (0.4, 0.6, 0.69)])
+@pytest.mark.parametrize("toward", [(-0.1, -0.99, 0.07), (0.53, -0.79, 0.3), (-0.99, 0.01, 0.13), (0.4, 0.6, 0.69)])
 def test_the_nearest_face_is_drawn_last(
-    browser: Browser, faces: list[Face], towards: tuple[float, float, float]
+    browser: Browser, faces: list[Face], toward: tuple[float, float, float]
 ) -> None:
     """Rays through a body.
 
     What was drawn last at a place is the nearest face there, of all faces as they were declared.
     """
-    d = np.array(towards) / np.linalg.norm(towards)
+    d = np.array(toward) / np.linalg.norm(toward)
     right = np.cross([0, 0, 1.0], d)
     right /= np.linalg.norm(right)
     up = np.cross(d, right)
@@ -252,11 +252,11 @@ def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> 
         for y, s in ((0.91, "left"), (-0.91, "right"))
     ]
 
-    def order(towards: list[float]) -> list[Any]:
+    def order(toward: list[float]) -> list[Any]:
         """Names of wheels, and faces as (material, points), as they are drawn."""
         return browser.run(
             f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)),"
-            f" {towards}, {json.dumps(wheels)}, (f) => list.push([f.material, f.points]), (w) => list.push(w.n));"
+            f" {toward}, {json.dumps(wheels)}, (f) => list.push([f.material, f.points]), (w) => list.push(w.n));"
             " return list; })()"
         )
 
@@ -266,18 +266,18 @@ def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> 
         ]
 
     side, inner = axles[0].outside, 0.91 - 0.16 - 0.06
-    for towards in ([0.0, -1.0, 0.07], [0.53, -0.79, 0.3]):
-        drawn = order(towards)
+    for toward in ([0.0, -1.0, 0.07], [0.53, -0.79, 0.3]):
+        drawn = order(toward)
         for wheel in ("front right", "rear right"):
             assert max(upright_at(drawn, -inner)) < drawn.index(wheel) < min(upright_at(drawn, -side))
         assert max(upright_at(drawn, side)) < drawn.index("front left") < min(upright_at(drawn, inner))
     for across in (-1e-3, 0.0, 1e-3):
         drawn = order([-0.99, across, 0.13])
-        for wheel, centre in (("front left", 0.91), ("front right", -0.91)):
+        for wheel, center in (("front left", 0.91), ("front right", -0.91)):
             hidden_by = [
                 i
                 for i, one in enumerate(drawn)
-                if not isinstance(one, str) and one[0] == "body" and _is_tail(one[1], centre)
+                if not isinstance(one, str) and one[0] == "body" and _is_tail(one[1], center)
             ]
             assert hidden_by
             assert drawn.index(wheel) < min(hidden_by)

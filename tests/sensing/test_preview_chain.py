@@ -147,7 +147,7 @@ def wave(x):
 
 
 def drive(buffer, steps, *, speed=SPEED, ahead=3.7, shape=wave, place=None, valid=None, start=5.0, **parameters):
-    """Outputs per step of a car that senses `shape` `ahead` metres away.
+    """Outputs per step of a car that senses `shape` `ahead` meters away.
 
     `place(k, x)`, `valid(k)` change that.
     """

@@ -98,7 +98,7 @@ def test_noise_is_white_and_channels_are_independent(noise):
 
 
 def test_seeds(suite):
-    """The same seed gives the same numbers, others unrelated ones; also neighbours and the largest."""
+    """The same seed gives the same numbers, others unrelated ones; also neighbors and the largest."""
     seeds = [0, 1, 2, 3, 1000, 67108859, 67108860, 2**31 - 1]
     runs = [run(suite, [{}] * 400, **{"noise.seed": s})["hub.fl.az"] / 0.5 for s in seeds]
     again = run(suite, [{}] * 400, **{"noise.seed": 2})["hub.fl.az"] / 0.5

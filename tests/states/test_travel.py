@@ -531,14 +531,14 @@ def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
 def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, raises):
     with wired_pair(follower) as system, system.initialize(record=["b.y"]) as simulation:
         simulation.advance(0.5)
-        travelled = SystemState.from_bytes(simulation.save().to_bytes())
+        traveled = SystemState.from_bytes(simulation.save().to_bytes())
         gc.collect()
         assert not system["a"].implementation._states
-        assert travelled.owner is None
-        assert not travelled.instances
+        assert traveled.owner is None
+        assert not traveled.instances
         with raises(CosimError):
-            simulation.restore(travelled)
-        fork = system.initialize(record=["b.y"], state=travelled)  # in the system where it comes from
+            simulation.restore(traveled)
+        fork = system.initialize(record=["b.y"], state=traveled)  # in the system where it comes from
         fork.advance(0.6)
         assert not system["a"].implementation._states
         assert all(tells_no_roll_back(system))

@@ -158,7 +158,7 @@ def test_imports_wherever_they_stand(tmp_path: Path) -> None:
     } <= names
 
 
-def test_a_users_neighbours_and_data_count(tmp_path: Path) -> None:
+def test_a_users_neighbors_and_data_count(tmp_path: Path) -> None:
     """Modules beside a user's file, relative imports, and the data files that it names; nothing else of its folder."""
     (tmp_path / "mine.py").write_text(
         "import helper\nfrom .part import x\nTABLE = 'road.csv'\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n "

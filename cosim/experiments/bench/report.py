@@ -38,7 +38,7 @@ _RANDOM_IS = (
     f"Random: {_FIRST:g} to {_FIRST + LENGTH['random']:g} s of the random motion, the first of its {len(STRETCHES)}"
     " stretches."
 )
-_LOOKS = {"passive": "grey", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
+_LOOKS = {"passive": "gray", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
 
 
 def report(study: Results, fmus: FmuSet) -> Report:
@@ -184,7 +184,7 @@ def _comparison(study: Results) -> Section:
         "Comparison",
         [
             (
-                "The LQR minimises an index of states and force without end and without limit; the MPC minimises the"
+                "The LQR minimizes an index of states and force without end and without limit; the MPC minimizes the"
                 f" same index over {HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the"
                 f" same controller but for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms)."
                 " Equation (16) of the paper weighs the changes of the force instead: that is another"

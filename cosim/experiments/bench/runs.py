@@ -58,7 +58,7 @@ class Case(Stepped):
         help="height of the bump",
         label="{:g}mm",
     )
-    encoders: bool = option(False, help="states from quantised encoders")
+    encoders: bool = option(False, help="states from quantized encoders")
     offset: float = option(
         0.0,
         unit="s",

@@ -560,7 +560,7 @@ def _weight_power(j: Judge) -> Finding:
         f"falls from weight to weight {at_speeds(falls, j.speeds)}",
         falls == list(j.speeds),
         "elsewhere a smaller weight is not always less effective per power: improvement is small or negative there, or"
-        " two neighbouring weights are about equally effective",
+        " two neighboring weights are about equally effective",
         criterion=f"lower at each smaller one of the {len(WEIGHTS)} weights, clearly over the seeds, at every speed",
         evidence=seen,
     )

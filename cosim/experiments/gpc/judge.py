@@ -28,7 +28,7 @@ CONVERGED = 0.005  # relative, the tolerance to which responses are matched
 
 EXCITATION = (
     f"the level of the excitation, {IdentificationSettings().excitation / 1e3:g} kN per actuator, which the paper does"
-    " not give, was chosen with the published behaviour in view"
+    " not give, was chosen with the published behavior in view"
 )
 MATCHING = "the weights of implicit and preview are matched to explicit's response, seed by seed"
 STAND_IN = {"perryman3": "the measured course is not public: the road is synthetic, with the published character"}

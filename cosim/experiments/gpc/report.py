@@ -27,7 +27,7 @@ _ROAD_FIGURES = {"sine": ("7", "8"), "perryman3": ("9", "10"), "curb": ("11", "1
 _NAMES = {"sine": "sine", "perryman3": "Perryman 3", "curb": "curb"}  # in tables
 _TITLES = {"sine": "Sine road", "perryman3": "Perryman 3 road (synthetic)", "curb": "Curb"}
 _LOOKS = {
-    "passive": ("grey", "solid"),
+    "passive": ("gray", "solid"),
     "implicit": ("orange", "dot"),
     "explicit": ("blue", "dash"),
     "preview": ("green", "solid"),
@@ -114,8 +114,8 @@ _QUANTITIES = (
     ("improvement", "Response improvement (23)", "improvement [-]"),
     ("force", "Actuator force (22b)", "force [kN]"),
     ("power", "Actuator power (22c)", "power [W]"),
-    ("per_force", "Force-normalised effectiveness (24a)", "improvement per force [1/kN]"),
-    ("per_power", "Power-normalised effectiveness (24b)", "improvement per power [1/kW]"),
+    ("per_force", "Force-normalized effectiveness (24a)", "improvement per force [1/kN]"),
+    ("per_power", "Power-normalized effectiveness (24b)", "improvement per power [1/kW]"),
 )
 
 

@@ -158,8 +158,8 @@ class Results:
             "improvement": gain,
             "force": force,
             "power": row["power"],
-            "per_force": metrics.force_normalised_effectiveness(gain, force) if force else NAN,
-            "per_power": metrics.power_normalised_effectiveness(gain, power) if power else NAN,
+            "per_force": metrics.force_normalized_effectiveness(gain, force) if force else NAN,
+            "per_power": metrics.power_normalized_effectiveness(gain, power) if power else NAN,
         }
 
     # ------------------------------------------------------------------ over seeds

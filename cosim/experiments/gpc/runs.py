@@ -130,7 +130,7 @@ def stop_time(_: System, case: Case) -> float:
 
 
 def stop_when(system: System, _: Case) -> list[StopWhen]:
-    """A run ends where the car has travelled its way."""
+    """A run ends where the car has traveled its way."""
     start = float(system["car"].description.variables["start.x"].start)  # type: ignore[arg-type]
     return [StopWhen("car.x", ">=", start + TRAVEL)]
 
@@ -197,7 +197,7 @@ def diverged(_: Case, error: Exception) -> Row:
 
 def remarks(run: Run) -> list[str]:
     """How much of the passive response is left is the published figure; a run that did not arrive says so."""
-    return ["the run ended before its way was travelled"] if run.recording.stopped_by is None else []
+    return ["the run ended before its way was traveled"] if run.recording.stopped_by is None else []
 
 
 def signals(run: Run) -> Row:

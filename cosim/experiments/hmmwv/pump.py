@@ -89,7 +89,7 @@ def section(study: Averages) -> Section:
                 " none could."
             ),
             (
-                "How the limit is modelled: the flow that the valve draws from the supply is limited, and a piston"
+                "How the limit is modeled: the flow that the valve draws from the supply is limited, and a piston"
                 f" that moves faster than this flow fills is held by its oil column. With {pump:g} l/min at each"
                 f" actuator, {4 * pump:g} l/min in all, every actuator may draw what the pump has for all four: the"
                 f" most generous reading. With {shared:g} l/min each the four share it evenly, the narrowest one."

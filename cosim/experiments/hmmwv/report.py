@@ -34,7 +34,7 @@ from cosim.study import FmuSet, Results, make_lead, parameters, provenance, sect
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 _LOOKS = {
-    "passive": ("grey", "solid"),
+    "passive": ("gray", "solid"),
     "zero": ("sky", "dot"),
     "skyhook": ("orange", "dash"),
     "lqr": ("blue", "dashdot"),
@@ -325,7 +325,7 @@ def _preview(study: Averages) -> Section:
     cases = [Case("bump", "mpc-preview", preview_error_ms=ms) for ms in ERRORS_MS]
     by_error = [study.power(c) for c in cases]
     spread = np.array([(d.low, d.high) for d in (study.distribution("absorbed_power", c) for c in cases)])
-    metres = [1e-3 * ms * SPEED_KMH / 3.6 for ms in ERRORS_MS]
+    meters = [1e-3 * ms * SPEED_KMH / 3.6 for ms in ERRORS_MS]
     most, least = (base * (1 - edge / 100) for edge in (PREVIEW_GAIN.low, PREVIEW_GAIN.high))
     inside = [ms for ms, p in zip(ERRORS_MS, by_error, strict=True) if least <= p <= most]
     worse = [ms for ms, p in zip(ERRORS_MS, by_error, strict=True) if p > base]
@@ -379,17 +379,17 @@ def _preview(study: Averages) -> Section:
                         [
                             Series(
                                 "MPC with displaced preview",
-                                metres,
+                                meters,
                                 by_error,
                                 low=spread[:, 0],
                                 high=spread[:, 1],
                                 color="green",
                                 mode="line+markers",
                             ),
-                            Series("without preview", [metres[0], metres[-1]], [base] * 2, color="vermilion"),
+                            Series("without preview", [meters[0], meters[-1]], [base] * 2, color="vermilion"),
                             Series(
                                 "15 % better",
-                                [metres[0], metres[-1]],
+                                [meters[0], meters[-1]],
                                 [0.85 * base] * 2,
                                 low=[least] * 2,
                                 high=[most] * 2,
@@ -409,7 +409,7 @@ def _preview(study: Averages) -> Section:
                 ["preview too late by [ms]", "by [m]", "absorbed power [W]", "share of MPC without preview [%]"],
                 [
                     [ms, round(m, 3), round(p, 2), round(100 * p / base, 0)]
-                    for ms, m, p in zip(ERRORS_MS, metres, by_error, strict=True)
+                    for ms, m, p in zip(ERRORS_MS, meters, by_error, strict=True)
                 ],
                 OF_MEDIANS,
             )

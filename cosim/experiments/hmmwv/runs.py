@@ -49,7 +49,7 @@ CONTROLLERS = {
 }
 ACTUATORS = ("hydraulic", "ideal")
 STATES = ("true", "estimated")
-PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
+PREVIEWS = ("generated", "sensed")  # a known profile at the distance traveled, or what the range sensors see
 PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
 PLANT = "RideCarHmmwv"
 FMUS = (

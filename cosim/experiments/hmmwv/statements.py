@@ -278,7 +278,7 @@ STATEMENTS = (
         "the improvement has another size",
         band=PREVIEW_GAIN,
         fitted=lambda study, at: (
-            "the preview is exact; the paper's is synchronised to the road by sensors, with an error it does not give"
+            "the preview is exact; the paper's is synchronized to the road by sensors, with an error it does not give"
         ),
     ),
     Statement(

@@ -30,7 +30,7 @@ __all__ = [
     "exceeded",
     "failures",
     "improvement_percent",
-    "normalised",
+    "normalized",
     "psd",
     "psd_rms",
     "reduction_percent",
@@ -182,7 +182,7 @@ def cost_of_limits() -> float:
     return cost(LIMITS)
 
 
-def normalised(value: float, costs: Iterable[float]) -> float:
+def normalized(value: float, costs: Iterable[float]) -> float:
     """Cost between 0 (the lowest of `costs`) and 1 (the highest), over runs with and without control.
 
     Raises:
@@ -198,7 +198,7 @@ def normalised(value: float, costs: Iterable[float]) -> float:
 
 
 def improvement_percent(controlled: float, passive: float) -> float:
-    """100 (1 - controlled / passive) of normalised costs; nan where the passive one is 0. Kale, Table 5.11."""
+    """100 (1 - controlled / passive) of normalized costs; nan where the passive one is 0. Kale, Table 5.11."""
     return reduction_percent(controlled, passive)
 
 
@@ -214,7 +214,7 @@ def scores(costs: Iterable[float]) -> list[float]:
         ValueError: there are no costs, or all are the same.
     """
     costs = list(costs)
-    return [BEST - (BEST - WORST) * normalised(c, costs) for c in costs]
+    return [BEST - (BEST - WORST) * normalized(c, costs) for c in costs]
 
 
 def _extent(costs: Iterable[float]) -> tuple[float, float]:

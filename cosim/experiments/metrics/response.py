@@ -23,11 +23,11 @@ __all__ = [
     "STANDARD_GRAVITY",
     "actuator_force",
     "actuator_power",
-    "force_normalised_effectiveness",
+    "force_normalized_effectiveness",
     "improvement",
     "low_pass",
     "low_pass_mean",
-    "power_normalised_effectiveness",
+    "power_normalized_effectiveness",
     "response_magnitude",
     "response_objective",
     "response_objective_series",
@@ -109,12 +109,12 @@ def improvement(j: float, j_open: float) -> float:
     return math.nan if j_open == 0.0 else 1.0 - j / j_open
 
 
-def force_normalised_effectiveness(response_improvement: float, force_n: float) -> float:
+def force_normalized_effectiveness(response_improvement: float, force_n: float) -> float:
     """Response improvement per actuator force [1/N]. Brown et al., (24a). nan without force, or if undefined itself."""
     return _effectiveness(response_improvement, force_n, "actuator force")
 
 
-def power_normalised_effectiveness(response_improvement: float, power_w: float) -> float:
+def power_normalized_effectiveness(response_improvement: float, power_w: float) -> float:
     """Response improvement per actuator power [1/W]. Brown et al., (24b). nan without power, or if undefined itself."""
     return _effectiveness(response_improvement, power_w, "actuator power")
 

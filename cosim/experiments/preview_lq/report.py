@@ -49,7 +49,7 @@ from fmu_sources.models.corners import CORNERS
 
 _SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in PAPER_CORNERS))
 _LOOKS = {
-    "passive": ("grey", "solid"),
+    "passive": ("gray", "solid"),
     "active": ("orange", "dot"),
     "delay": ("blue", "dash"),
     "preview": ("green", "solid"),
@@ -190,8 +190,8 @@ def _table3(study: Results) -> Section:
                 " t rr) are ten times too small; roll with both sides equal is 0/0, printed as 100."
             ),
             (
-                "Where the computed and the printed components differ by more than a few per cent, the printed design differs"
-                " too: its two low pole pairs are off (see the poles)."
+                "Where the computed and the printed components differ by more than a few per cent, the printed design"
+                " differs too: its two low pole pairs are off (see the poles)."
             ),
         ],
         [],

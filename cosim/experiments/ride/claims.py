@@ -18,7 +18,7 @@ NRMM, DONAHUE = POWERS
 PUMP_OFF: System = ("hmmwv", "passive", "hydraulic")
 _RIDES_ON_TIRES = (
     "with its pump off its struts hardly move at such speeds, so it rides on its tires, which feel waves of less than a"
-    " metre; the 1 inch course has more of those than the 2 inch course"
+    " meter; the 1 inch course has more of those than the 2 inch course"
 )
 
 CLAIMS = ClaimList()

@@ -22,7 +22,7 @@ from fmu_sources.roads.rms_course import COURSES
 
 _COLORS = {
     "passive": "black",
-    "zero": "grey",
+    "zero": "gray",
     "skyhook": "sky",
     "lqr": "orange",
     "lqr-kilonewton": "vermilion",
@@ -32,7 +32,7 @@ _COLORS = {
     "comfort-delay": "sky",
     "comfort-preview": "green",
     "road-holding-active": "orange",
-    "road-holding-delay": "grey",
+    "road-holding-delay": "gray",
     "road-holding-preview": "vermilion",
     "implicit": "blue",
     "explicit": "orange",

@@ -25,7 +25,7 @@ from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 WITHIN = (3.0, 120.0)  # km/h
 TOLERANCE = 0.02  # of the speed: the width of the interval between a run below the limit and one above
 NEAR = 0.02  # of the limit, within which a run is followed by one on the other side
-LONGEST = 1.5  # ratio of the longest step towards a limit
+LONGEST = 1.5  # ratio of the longest step toward a limit
 EXPONENT = 2.5  # with which absorbed power is taken to rise with speed, until two runs tell
 STEEP = (1.0, 8.0)  # range of plausible exponents
 LIMITS = {

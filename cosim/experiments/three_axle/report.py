@@ -21,7 +21,7 @@ from fmu_sources.models.corners import SIX_CORNERS
 
 _NAMES = {"passive": "passive", "lqr": "LQR", "mpc": "MPC", "mpc-preview": "MPC with preview"}
 _LOOKS: Mapping[str, Mapping[str, Any]] = {
-    "passive": {"color": "grey"},
+    "passive": {"color": "gray"},
     "lqr": {"color": "orange", "dash": "dash"},
     "mpc": {"color": "blue", "dash": "dot"},
     "mpc-preview": {"color": "green"},

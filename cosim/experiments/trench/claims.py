@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from cosim.experiments.metrics.crossing import LABELS, LIMITS, improvement_percent, normalised, scores
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, improvement_percent, normalized, scores
 from cosim.experiments.trench import published
 from cosim.experiments.trench.published import GRID, SYSTEMS, Key, between, matrix, refined, some
 from cosim.experiments.trench.runs import Case
@@ -50,10 +50,10 @@ def costs(study: Results) -> list[float]:
     return [study[c]["cost"] for s in SYSTEMS for c in matrix(s)]
 
 
-def normalised_costs(study: Results, controller: str) -> dict[Key, float]:
+def normalized_costs(study: Results, controller: str) -> dict[Key, float]:
     """Table 5.11."""
     every = costs(study)
-    return {k: normalised(study[Case(*k, controller)]["cost"], every) for k in GRID}
+    return {k: normalized(study[Case(*k, controller)]["cost"], every) for k in GRID}
 
 
 def score(study: Results) -> dict[Key, float]:
@@ -62,8 +62,8 @@ def score(study: Results) -> dict[Key, float]:
 
 
 def improvements(study: Results) -> dict[Key, float]:
-    """By how many per cent control lowers the normalised cost (Table 5.11), where the passive one is above 0."""
-    computed, base = (normalised_costs(study, s) for s in ("mpc", "passive"))
+    """By how many per cent control lowers the normalized cost (Table 5.11), where the passive one is above 0."""
+    computed, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
     return {k: improvement_percent(computed[k], base[k]) for k in GRID if base[k] > 0}
 
 
@@ -211,7 +211,7 @@ def _controlled_faster(study: Results) -> Finding:
 @CLAIMS.claim(
     "cost-below-passive",
     "Control lowers the cost in every crossing",
-    published="36 of 36, by 63.5 to 100 % (normalised)",
+    published="36 of 36, by 63.5 to 100 % (normalized)",
     source="Table 5.11",
 )
 def _cost_below_passive(study: Results) -> Finding:

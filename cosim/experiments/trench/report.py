@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost_of_limits, normalised, reduction_percent
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost_of_limits, normalized, reduction_percent
 from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import (
     CLAIMS,
     costs,
     improvements,
-    normalised_costs,
+    normalized_costs,
     passes,
     ran,
     score,
@@ -71,7 +71,7 @@ CASES = (
 )
 _NAMES = {"passive": "passive", "mpc": "controlled"}
 _LOOKS: dict[str, Any] = {
-    "passive": {"color": "grey", "dash": "dash"},
+    "passive": {"color": "gray", "dash": "dash"},
     "controlled": {"color": "blue", "dash": "solid"},
 }
 _AXLES = ("front", "middle", "rear")
@@ -346,7 +346,7 @@ def _verdicts(study: Results) -> Section:
     text = (
         "A crossing fails when a quantity exceeds its limit, when what hangs below the body touches, or when the"
         " vehicle is still in the trench after 1.25 times the time it should take. Root mean squares are those of the"
-        " whole run, from the start, some metres ahead of the trench, until the last axle is 1.5 m behind it; the"
+        " whole run, from the start, some meters ahead of the trench, until the last axle is 1.5 m behind it; the"
         " thesis does not say where its runs begin and end."
     )
     return Section("Verdicts", [text], tables=tables)
@@ -402,7 +402,7 @@ def _costs(study: Results) -> Section:
     """Cost."""
     rows: list[list[Any]] = []
     scores, taken = score(study), improvements(study)
-    scaled = {s: normalised_costs(study, s) for s in SYSTEMS}
+    scaled = {s: normalized_costs(study, s) for s in SYSTEMS}
     for key in GRID:
         base, computed = (study[Case(*key, s)]["cost"] for s in SYSTEMS)
         rows.append(
@@ -426,8 +426,8 @@ def _costs(study: Results) -> Section:
         "passive, thesis",
         "controlled",
         "controlled, thesis",
-        "passive, normalised",
-        "controlled, normalised",
+        "passive, normalized",
+        "controlled, normalized",
         "improvement [%]",
         "improvement, thesis [%]",
         "score",
@@ -435,22 +435,22 @@ def _costs(study: Results) -> Section:
     ]
     table = Table(
         "costs",
-        "Cost, normalised cost, improvement and score (Tables 5.9 to 5.11)",
+        "Cost, normalized cost, improvement and score (Tables 5.9 to 5.11)",
         columns,
         rows,
-        "Weights of Table 5.10. Normalised over all 72 runs; scores from 5, the lowest cost of the controlled runs, to"
+        "Weights of Table 5.10. Normalized over all 72 runs; scores from 5, the lowest cost of the controlled runs, to"
         " 1, the highest.",
     )
     layers = [Layer(_NAMES[s], [[scaled[s][length, speed] for length in LENGTHS] for speed in SPEEDS]) for s in SYSTEMS]
-    limit = normalised(cost_of_limits(), costs(study))
+    limit = normalized(cost_of_limits(), costs(study))
     contour = Map(
         "figure-5-40",
-        "Normalised cost over length and speed (figures 5.40 and 5.41)",
+        "Normalized cost over length and speed (figures 5.40 and 5.41)",
         "On one scale; low is good. The red line, where there is one, is the cost of a crossing that just meets every"
         f" limit of Table 5.3 ({limit:.2f}), the plane of figure 5.41.",
         x_label="trench length [m]",
         y_label="speed [km/h]",
-        value_label="normalised cost [-]",
+        value_label="normalized cost [-]",
         x=LENGTHS,
         y=SPEEDS,
         layers=layers,

@@ -174,7 +174,7 @@ def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -
         size=len(module.content),
         components=sorted({m.name for c in codes for m in c.schedule.components}),
         schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)),
-        licences=_licences(codes),
+        licenses=_licenses(codes),
         version=metadata.version(base.TOOL),
     )
     with safe_files.named(path):
@@ -194,11 +194,11 @@ def _headed(shown: PageSystem, code: SystemCode) -> str:
     return f"{title}\n\n{code.schedule}"
 
 
-def _licences(codes: Sequence[SystemCode]) -> str:
+def _licenses(codes: Sequence[SystemCode]) -> str:
     """Every license text of what the page holds, each once."""
     texts: dict[bytes, str] = {}
     for part in {p.name: p for code in codes for p in code.distinct}.values():
-        for name, content in sorted(part.licences().items()):
+        for name, content in sorted(part.licenses().items()):
             texts.setdefault(content, name)
     return "\n\n".join(f"{name}\n\n{content.decode(errors='replace').strip()}" for content, name in texts.items())
 

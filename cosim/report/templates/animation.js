@@ -139,8 +139,8 @@
     const { pen, width } = surface(canvas, height);
     const scale = width / options.width,
       place = Math.min(time, scene.duration) / scene.step;
-    const centre = at(scene.bodies[0].x, place);
-    const px = (x) => width / 2 + (x - centre) * scale,
+    const center = at(scene.bodies[0].x, place);
+    const px = (x) => width / 2 + (x - center) * scale,
       py = (z) => (HIGH - z) * scale;
 
     pen.fillStyle = paint.sky;
@@ -161,10 +161,10 @@
     pen.strokeStyle = paint.soilEdge;
     pen.lineWidth = 2;
     pen.stroke();
-    // a mark every metre along the road
+    // a mark every meter along the road
     pen.textAlign = "center";
     pen.textBaseline = "alphabetic";
-    for (let x = Math.ceil(centre - options.width / 2); x <= centre + options.width / 2; x += 1) {
+    for (let x = Math.ceil(center - options.width / 2); x <= center + options.width / 2; x += 1) {
       pen.strokeStyle = paint.mark;
       pen.lineWidth = 1;
       pen.beginPath();
@@ -290,7 +290,7 @@
     pen.lineTo(10 + scale, 12);
     pen.stroke();
     let x = label("1 m", 16 + scale, paint.ink);
-    // a round force, as long as half a metre or more, stands for both kinds
+    // a round force, as long as half a meter or more, stands for both kinds
     const roles = new Set(scene.forces.map((force) => force.role));
     const decade = 10 ** Math.floor(Math.log10(0.5 * options.forceScale));
     const sample = [1, 2, 5, 10].map((k) => k * decade).find((size) => size >= 0.5 * options.forceScale);

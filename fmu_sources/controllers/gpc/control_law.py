@@ -82,13 +82,13 @@ class GpcSequence:
 
 
 def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLike) -> GpcSequence:
-    """Minimise (9) over all future controls: (12), (13).
+    """Minimize (9) over all future controls: (12), (13).
 
     With Q = Fq' Fq and R = Fr' Fr the minimum of (9) is the least-squares solution of
 
         [Fq tau; Fr] u = -[Fq f; 0],    f = alpha y + beta u_past + delta d + gamma d_future,
 
-    which is solved by orthogonal triangularisation, never forming tau' Q tau: its condition number would be the
+    which is solved by orthogonal triangularization, never forming tau' Q tau: its condition number would be the
     square of this one's. Weights as in `gpc_law`.
     """
     q_factor = _weight_factor("Q", Q, predictor.outputs, predictor.h_p, signal="output", definite=False)
@@ -123,7 +123,7 @@ class GpcLaw:
 
     (15), (19), (21).
 
-    The four gains are always those of the optimisation itself. What a variant does with them:
+    The four gains are always those of the optimization itself. What a variant does with them:
 
     * implicit: rd = 0, so only `gain_y` and `gain_u` act;
     * explicit: `gain_d` acts too; with `hold` also `gain_hold` on d(t-1), which is what `gain_preview` gives for a

@@ -29,10 +29,10 @@ UNSEEN = 1e3  # m, where a trench is that nobody has seen
 
 @dataclass(frozen=True)
 class CrossingGeometry:
-    """What the algorithm knows of the vehicle, all at rest on level road and relative to the CG. Metres."""
+    """What the algorithm knows of the vehicle, all at rest on level road and relative to the CG. Meters."""
 
     axles: tuple[float, float, float]  # ahead of the CG
-    drop: tuple[float, float, float]  # wheel centres below the CG
+    drop: tuple[float, float, float]  # wheel centers below the CG
     deflection: tuple[float, float, float]  # static deflection of the tires
     radius: float  # of the wheels
     lidar_ahead: float  # of the CG
@@ -95,7 +95,7 @@ def trench_crossing(
     body_z = c.input("body.z", "m", "CG height above its static position")
     pitch = c.input("body.pitch", "rad", "pitch angle, positive nose down", display_unit="deg")
     corners = Corners(THREE_AXLES)
-    corners.each(z=lambda k: c.input(f"wheel.{k}.z", "m", f"wheel centre {k} above its static height"))
+    corners.each(z=lambda k: c.input(f"wheel.{k}.z", "m", f"wheel center {k} above its static height"))
     speed = ca.fmax(0, c.input("speed", "m/s", "forward speed", display_unit="km/h"))
 
     # ---------------------------------------------------------------- (4.17)-(4.28): the lidar as on a body at rest
@@ -150,7 +150,7 @@ def trench_crossing(
     case = ca.if_else(cases[0], 1, ca.if_else(cases[1], 2, ca.if_else(cases[2], 3, 0)))
 
     # ---------------------------------------------------------------------------------------------- pitch reference
-    # Distances travelled until axle 1 or 3 stands at the start, and since it left; the speed is taken to stay.
+    # Distances traveled until axle 1 or 3 stands at the start, and since it left; the speed is taken to stay.
     early = q.lead_distance + q.lead_pitch * speed
     to_start = [ahead["start"] + g.ahead - axle for axle in g.axles]
     to_finish = [ahead["finish"] + g.ahead - axle for axle in g.axles]
@@ -210,7 +210,7 @@ def trench_crossing(
 
 
 def _edge(beyond: Any, radius: Any) -> Any:
-    """Height [m] of a wheel over a falling edge, its centre `beyond` [m] past it.
+    """Height [m] of a wheel over a falling edge, its center `beyond` [m] past it.
 
     0 before the edge, -radius where the wheel no longer touches it.
     """
@@ -240,7 +240,7 @@ def _geometry_parameters(c: Component, geometry: CrossingGeometry) -> _Geometry:
 
     return _Geometry(
         axles=each("x", geometry.axles, "distance ahead of the CG"),
-        drop=each("below", geometry.drop, "distance of the wheel centres at rest below the CG"),
+        drop=each("below", geometry.drop, "distance of the wheel centers at rest below the CG"),
         deflection=each("squeeze", geometry.deflection, "static deflection of the tires"),
         radius=c.parameter(
             "wheel.radius", geometry.radius, "m", "radius of the wheels", min=0.05, max=5.0, source="vehicle file"
@@ -346,7 +346,7 @@ _NOTES = (
     ),
     (
         "Effective road: a linear tire model pulls a wheel down to whatever road it is given, so the floor of the"
-        " trench is never fed. A wheel that is over an edge sees the circle on which the edge carries its centre, and"
+        " trench is never fed. A wheel that is over an edge sees the circle on which the edge carries its center, and"
         " one that carries nothing sees the height under which a linear tire has no force."
     ),
     (

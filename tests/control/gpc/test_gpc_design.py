@@ -195,7 +195,7 @@ class TestIdentification:
         a, b, c, d = plant
         units = rng.standard_normal((600, 8))
         y = run_plant(plant, units)
-        size = np.array([2000.0] * 4 + [0.03] * 4)  # as in a vehicle: kilonewtons and centimetres
+        size = np.array([2000.0] * 4 + [0.03] * 4)  # as in a vehicle: kilonewtons and centimeters
         inputs = units * size
         found = identify_arx(inputs[:, :4], y, inputs[:, 4:], order=8, samples=400)
         assert found.rank < len(found.singular_values)  # 24 past outputs describe 6 to 8 states: not all are needed

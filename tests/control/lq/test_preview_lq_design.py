@@ -361,7 +361,7 @@ def test_sampled_costs_are_the_integrals(period):
 
 
 def test_sampled_law_is_the_best_of_all_sequences():
-    """Against a minimisation over the commands of 40 periods.
+    """Against a minimization over the commands of 40 periods.
 
     P is used only for what follows after the last disturbance.
     """
@@ -374,7 +374,7 @@ def test_sampled_law_is_the_best_of_all_sequences():
         np.block([[law.Qd, law.Nd, law.N_xw], [law.Nd.T, law.Rd, law.N_uw], [law.N_xw.T, law.N_uw.T, law.Q2d]])
         + 1e-15 * np.eye(10)
     )
-    # u = -K x + c keeps the rows of an unstable plant bounded; c is what is minimised over
+    # u = -K x + c keeps the rows of an unstable plant bounded; c is what is minimized over
     rows, rest = np.zeros((steps, 10, 2 * steps)), np.zeros((steps, 10))
     G, g = np.zeros((5, 2 * steps)), x0.copy()
     for k in range(steps):

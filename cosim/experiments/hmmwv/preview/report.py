@@ -66,7 +66,7 @@ def generated_section(study: Results) -> Section:
             (
                 "The test track is known beforehand and laid at the distance that the speedometer has counted. Load"
                 " cells of the passive car show where the bumps are. An error of the speedometer moves the prediction"
-                " further off with every metre."
+                " further off with every meter."
             ),
         ],
         [
@@ -160,7 +160,7 @@ def _dropout_panel(study: Results) -> Panel:
     shown = [
         Series("true", row["time"], 1e3 * row["true"], color="black"),
         Series("buffered", row["time"], 1e3 * row["buffered"], color="green"),
-        Series("preview.valid, 10 mm for true", row["time"], 10 * row["preview valid"], color="grey"),
+        Series("preview.valid, 10 mm for true", row["time"], 10 * row["preview valid"], color="gray"),
     ]
     return Panel(f"range sensors fail for {DROPOUT.dropout:g} s", "time [s]", "height [mm]", shown)
 

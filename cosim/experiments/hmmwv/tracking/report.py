@@ -112,7 +112,7 @@ def _filter_figure(study: Results) -> Figure:
     t, y = (np.asarray(study.signals(Case(FILTER))[k]) for k in ("time", "smoothed"))
     shown = t <= FILTER_TIME
     curves = [
-        Series("requested", [0, 1e3 * FILTER_TIME], [1, 1], color="grey", dash="dash"),
+        Series("requested", [0, 1e3 * FILTER_TIME], [1, 1], color="gray", dash="dash"),
         Series("desired, smoothed", 1e3 * t[shown], y[shown], color="black"),
     ]
     return Figure(

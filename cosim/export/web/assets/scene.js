@@ -54,7 +54,7 @@ class SceneView {
   };
   static SAMPLES = 150; // of the road in view
   static LEVELS = 24; // of light
-  static SEAM = 0.7; // px, by which neighbours overlap
+  static SEAM = 0.7; // px, by which neighbors overlap
   static NARROW = 520; // px
   static DRAG = 5; // px, until a press is a drag
   static TURN = 350; // ms, from one view to another
@@ -257,14 +257,14 @@ class SceneView {
       y = this.raw(wheel.y),
       z = this.tall(wheel.z);
     let pressed = this.tall(wheel.squash),
-      towards = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
+      toward = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
     if (wheel.contact && pressed > 0) {
       const dx = this.raw(wheel.contact[0]) - x,
         dz = this.raw(wheel.contact[1]) - z;
-      if (Math.hypot(dx, dz) > 0.5 * wheel.radius) towards = Math.atan2(dz, dx);
+      if (Math.hypot(dx, dz) > 0.5 * wheel.radius) toward = Math.atan2(dz, dx);
     }
     pressed = Math.max(0, Math.min(pressed, 0.6 * wheel.radius));
-    return { wheel, x, y, z, pressed, towards, turn: this.raw(wheel.turn), heading: this.raw(wheel.heading) };
+    return { wheel, x, y, z, pressed, toward, turn: this.raw(wheel.turn), heading: this.raw(wheel.heading) };
   }
 
   // -------------------------------------------------------------------------------- the order in which faces are drawn
@@ -361,10 +361,10 @@ class SceneView {
   }
 
   // Calls `face` for each face and `item` for each item ({at}, in the same frame), back to front as seen from
-  // `towards`.
-  static walk(node, towards, items, face, item) {
+  // `toward`.
+  static walk(node, toward, items, face, item) {
     if (!node) {
-      items.sort((a, b) => SceneView.dot(a.at, towards) - SceneView.dot(b.at, towards));
+      items.sort((a, b) => SceneView.dot(a.at, toward) - SceneView.dot(b.at, toward));
       items.forEach(item);
       return;
     }
@@ -372,10 +372,10 @@ class SceneView {
       ahead = [],
       behind = [];
     for (const one of items) (SceneView.dot(plane.normal, one.at) > plane.at ? ahead : behind).push(one);
-    const seen = SceneView.dot(plane.normal, towards) > 0;
-    SceneView.walk(seen ? node.back : node.front, towards, seen ? behind : ahead, face, item);
+    const seen = SceneView.dot(plane.normal, toward) > 0;
+    SceneView.walk(seen ? node.back : node.front, toward, seen ? behind : ahead, face, item);
     node.on.forEach(face);
-    SceneView.walk(seen ? node.front : node.back, towards, seen ? ahead : behind, face, item);
+    SceneView.walk(seen ? node.front : node.back, toward, seen ? ahead : behind, face, item);
   }
 
   // ----------------------------------------------------------------------------------------------------------- drawing
@@ -394,7 +394,7 @@ class SceneView {
     }
     const { azimuth, elevation } = camera;
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
-    this.towards = [ce * ca, ce * sa, se];
+    this.toward = [ce * ca, ce * sa, se];
     this.right = [-sa, ca, 0];
     this.up = [-se * ca, -se * sa, ce];
     const ratio = (typeof devicePixelRatio === "number" && devicePixelRatio) || 1;
@@ -421,7 +421,7 @@ class SceneView {
     this.scale = camera.zoom * Math.min(width / wide, height / high);
     const body = data.bodies[data.follow];
     const ahead = this.onRoad ? 0.07 * data.width : 0;
-    this.centre = [this.raw(body.x) + ahead, 0, 0.5 * (this.top + this.bottom) + 0.08 * tall - 0.5 * below];
+    this.center = [this.raw(body.x) + ahead, 0, 0.5 * (this.top + this.bottom) + 0.08 * tall - 0.5 * below];
     this.span = this.onRoad
       ? Math.max(
           0.62 * data.width,
@@ -431,12 +431,12 @@ class SceneView {
   }
 
   px(p) {
-    const { centre: c, right: r } = this;
+    const { center: c, right: r } = this;
     return this.width / 2 + this.scale * ((p[0] - c[0]) * r[0] + (p[1] - c[1]) * r[1]);
   }
 
   py(p) {
-    const { centre: c, up: u } = this;
+    const { center: c, up: u } = this;
     return this.height / 2 - this.scale * ((p[0] - c[0]) * u[0] + (p[1] - c[1]) * u[1] + (p[2] - c[2]) * u[2]);
   }
 
@@ -534,8 +534,8 @@ class SceneView {
 
   profile() {
     const { data } = this,
-      first = Math.floor((this.centre[0] - this.span) / this.step),
-      last = Math.ceil((this.centre[0] + this.span) / this.step);
+      first = Math.floor((this.center[0] - this.span) / this.step),
+      last = Math.ceil((this.center[0] + this.span) / this.step);
     const sides = new Set(data.grounds.map((g) => g.side));
     for (const w of this.wheels) {
       // what the wheels have met stays drawn, where nobody knows the road
@@ -639,8 +639,8 @@ class SceneView {
       .map((g) => Math.abs(g.y))
       .concat(this.data.wheels.map((g) => Math.abs(this.rest(g.y))));
     const track = (this.trackHalf = Math.max(0.05, Math.min(...lines)));
-    this.centre[2] += 0.5 * this.mean(points);
-    const near = this.towards[1] < 0 ? -w : w,
+    this.center[2] += 0.5 * this.mean(points);
+    const near = this.toward[1] < 0 ? -w : w,
       alike = points.every((p) => p[1] === p[2]);
     const lanes = alike
       ? [[-near, 1, near, 1]]
@@ -649,9 +649,9 @@ class SceneView {
           [track, 1, -track, 2],
           [-track, 2, -w, 2],
         ];
-    if (!alike && this.towards[1] > 0)
+    if (!alike && this.toward[1] > 0)
       lanes.reverse().forEach((lane) => lane.splice(0, 4, lane[2], lane[3], lane[0], lane[1]));
-    const order = this.towards[0] < 0 ? [...points].reverse() : points;
+    const order = this.toward[0] < 0 ? [...points].reverse() : points;
     lanes.forEach((lane, i) => this.drawLane(order, i > 0, ...lane));
     this.drawTracks();
     this.drawMarks(near);
@@ -665,8 +665,8 @@ class SceneView {
   drawLane(points, covers, y1, c1, y2, c2) {
     const { pen, scale, right: r, up: u } = this,
       count = points.length;
-    const left = this.width / 2 - scale * (this.centre[0] * r[0] + this.centre[1] * r[1]);
-    const top = this.height / 2 + scale * (this.centre[0] * u[0] + this.centre[1] * u[1] + this.centre[2] * u[2]);
+    const left = this.width / 2 - scale * (this.center[0] * r[0] + this.center[1] * r[1]);
+    const top = this.height / 2 + scale * (this.center[0] * u[0] + this.center[1] * u[1] + this.center[2] * u[2]);
     const far = new Float64Array(2 * count),
       close = new Float64Array(2 * count); // x, y on the screen
     const back = covers ? (Math.sign(y1 - y2) * SceneView.SEAM) / (scale * Math.hypot(r[1], u[1])) : 0;
@@ -771,7 +771,7 @@ class SceneView {
     flush();
   }
 
-  // A line across the road every metre, which moves by; every fifth has its distance.
+  // A line across the road every meter, which moves by; every fifth has its distance.
   drawMarks(near) {
     const { pen, color, road } = this,
       first = road[0][0],
@@ -835,9 +835,9 @@ class SceneView {
       );
       pen.stroke();
     };
-    const end = this.towards[0] > 0 ? road[road.length - 1] : road[0],
+    const end = this.toward[0] > 0 ? road[road.length - 1] : road[0],
       t = this.trackHalf;
-    if (Math.abs(this.towards[0]) > 0.12) {
+    if (Math.abs(this.toward[0]) > 0.12) {
       fill(
         [
           [end[0], w, end[1]],
@@ -849,7 +849,7 @@ class SceneView {
         [end[0], -w, 0],
       );
     }
-    if (Math.abs(this.towards[1]) > 0.12) {
+    if (Math.abs(this.toward[1]) > 0.12) {
       const a = road[0],
         b = road[road.length - 1];
       fill(
@@ -864,7 +864,7 @@ class SceneView {
     pen.textBaseline = "top";
     for (const p of this.labels) {
       const [x, y] = this.screen(p);
-      if (Math.abs(this.towards[1]) > 0.3 && x > 12 && x < this.width - 12)
+      if (Math.abs(this.toward[1]) > 0.3 && x > 12 && x < this.width - 12)
         pen.fillText(`${p[0]} m`, x, Math.min(y + 6, this.height - 14));
     }
   }
@@ -962,7 +962,7 @@ class SceneView {
     const m = this.poses[index],
       { pen } = this,
       light = SceneView.turned(m, SceneView.LIGHT),
-      towards = SceneView.turned(m, this.towards);
+      toward = SceneView.turned(m, this.toward);
     let style = null; // faces of one color that follow each other are one path
     const flush = () => {
       if (!style) return;
@@ -974,10 +974,10 @@ class SceneView {
     };
     SceneView.walk(
       this.trees[index],
-      towards,
+      toward,
       items,
       (face) => {
-        const facing = SceneView.dot(face.normal, towards) < 0 ? -1 : 1;
+        const facing = SceneView.dot(face.normal, toward) < 0 ? -1 : 1;
         const own = this.shade(face.material, Math.max(0, facing * SceneView.dot(face.normal, light)));
         if (own !== style) {
           flush();
@@ -1008,7 +1008,7 @@ class SceneView {
       y = (across * wheel.width) / 2;
     for (let i = 0; i < count; i += 1) {
       const angle = from + (i * 2 * Math.PI) / count,
-        off = Math.cos(angle - w.towards);
+        off = Math.cos(angle - w.toward);
       let r = radius * wheel.radius;
       if (off > 0 && r * off > flat) r = flat / off;
       const along = r * Math.cos(angle);
@@ -1021,7 +1021,7 @@ class SceneView {
     const { pen, color } = this,
       count = Math.max(20, Math.min(48, 2 * Math.round(0.4 * w.wheel.radius * this.scale))),
       axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
-    const near = SceneView.dot(axis, this.towards) > 0 ? 1 : -1;
+    const near = SceneView.dot(axis, this.toward) > 0 ? 1 : -1;
     const rings = [
       [0.9, -1],
       [1, -0.72],
@@ -1032,7 +1032,7 @@ class SceneView {
     pen.fillStyle = pen.strokeStyle = color.tire;
     this.path(rings[0]);
     pen.fill();
-    if (Math.abs(SceneView.dot(axis, this.towards)) < 0.995) {
+    if (Math.abs(SceneView.dot(axis, this.toward)) < 0.995) {
       for (let k = 0; k < 3; k += 1) {
         pen.beginPath();
         for (let i = 0; i < count; i += 1) {
@@ -1049,7 +1049,7 @@ class SceneView {
     this.path(rings[3]);
     pen.fill();
     pen.stroke();
-    if (Math.abs(SceneView.dot(axis, this.towards)) > 0.04) this.drawRim(w, near, count); // not from its edge
+    if (Math.abs(SceneView.dot(axis, this.toward)) > 0.04) this.drawRim(w, near, count); // not from its edge
   }
 
   // Sidewall, rim, spokes that turn, and a ring where a limit is active.
@@ -1066,11 +1066,11 @@ class SceneView {
     disc(0.53, SceneView.mixed(color.rim, 0.86));
     pen.strokeStyle = color.rim;
     pen.lineWidth = Math.max(1, 0.085 * w.wheel.radius * this.scale);
-    const centre = this.ring(w, 0, near, 1)[0],
+    const center = this.ring(w, 0, near, 1)[0],
       spokes = this.ring(w, 0.55, near, 6, -w.turn);
     pen.beginPath();
     for (const p of spokes) {
-      pen.moveTo(this.px(centre), this.py(centre));
+      pen.moveTo(this.px(center), this.py(center));
       pen.lineTo(this.px(p), this.py(p));
     }
     pen.stroke();
@@ -1098,7 +1098,7 @@ class SceneView {
     for (let i = 0; i < blocks; i += 1) {
       const angle = -w.turn + (i * 2 * Math.PI) / blocks;
       const normal = [Math.cos(angle) * Math.cos(w.heading), Math.cos(angle) * Math.sin(w.heading), Math.sin(angle)];
-      if (SceneView.dot(normal, this.towards) < 0.02) continue;
+      if (SceneView.dot(normal, this.toward) < 0.02) continue;
       const a = this.ring(w, 1.004, -0.7, 1, angle)[0],
         b = this.ring(w, 1.004, -0.7, 1, angle + 0.13)[0];
       const c = this.ring(w, 1.004, 0.7, 1, angle + 0.13)[0],
@@ -1111,8 +1111,8 @@ class SceneView {
 
   // Whether what is on a line y, or on an axle, is on the side that is seen.
   isNear(x, y) {
-    if (Math.abs(this.towards[1]) > 0.9) return y * this.towards[1] >= 0;
-    if (Math.abs(this.towards[0]) > 0.9) return this.wheels.every((w) => (w.x - x) * this.towards[0] < 0.5);
+    if (Math.abs(this.toward[1]) > 0.9) return y * this.toward[1] >= 0;
+    if (Math.abs(this.toward[0]) > 0.9) return this.wheels.every((w) => (w.x - x) * this.toward[0] < 0.5);
     return true;
   }
 
@@ -1126,14 +1126,14 @@ class SceneView {
     pen.rect(0, 0, this.width, this.height);
     for (const w of this.wheels) {
       if (!this.isNear(w.x, w.y)) continue;
-      const side = Math.sign(SceneView.dot([-Math.sin(w.heading), Math.cos(w.heading), 0], this.towards)) || 1;
+      const side = Math.sign(SceneView.dot([-Math.sin(w.heading), Math.cos(w.heading), 0], this.toward)) || 1;
       const outer = this.ring(w, 0.985, side, 32);
       outer.forEach((p, i) => (i ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
       pen.closePath();
     }
     if (data.wheels.length > 1) pen.clip("evenodd");
     for (const strut of seen) {
-      if (Math.abs(this.towards[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.towards[1] < 0)
+      if (Math.abs(this.toward[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.toward[1] < 0)
         continue; // behind the body
       const w = this.wheels[strut.wheel],
         from = SceneView.placed(this.poses[strut.body], strut.at);
@@ -1174,7 +1174,7 @@ class SceneView {
     const flat = [across, third].map((d) => [
       SceneView.dot(d, this.right),
       -SceneView.dot(d, this.up),
-      SceneView.dot(d, this.towards),
+      SceneView.dot(d, this.toward),
     ]);
     const size = 0.17 * unit,
       [x1, y1] = this.screen(from),
@@ -1265,7 +1265,7 @@ class SceneView {
     for (const { role, from, force } of this.arrowsNow()) {
       const hidden =
         // behind the vehicle
-        data.wheels.length > 1 && role !== "body" && Math.abs(this.towards[1]) > 0.3 && from[1] * this.towards[1] < 0;
+        data.wheels.length > 1 && role !== "body" && Math.abs(this.toward[1]) > 0.3 && from[1] * this.toward[1] < 0;
       if (data.wheels.length > 1 && role !== "body" && !this.isNear(from[0], from[1])) continue;
       const tip = from.map((c, k) => c + force[k] / data.forceScale);
       const [ax, ay] = this.screen(from);

@@ -27,7 +27,7 @@ def check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
             states,
         )
     # For Q_n >= 0, T v = 0 is the same as Q_n v = 0, and Q_n needs no square root, which would halve the digits.
-    # Its rows may be scaled at will; a row that is only the rounding of the terms that cancelled in it is 0.
+    # Its rows may be scaled at will; a row that is only the rounding of the terms that canceled in it is 0.
     R_inverse_N = linalg.solve(index.R, index.N.T, assume_a="pos")
     reduced = index.N @ R_inverse_N
     A_n, Q_n = plant.A - plant.B @ R_inverse_N, index.Q1 - reduced

@@ -1,4 +1,4 @@
-"""Who wrote what in an FMU, and under which licence: the texts in `documentation/licenses/`, with an entry point.
+"""Who wrote what in an FMU, and under which license: the texts in `documentation/licenses/`, with an entry point.
 
 Texts come from where the code comes from, so that they are those of the version used.
 """
@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import mathematics
-from build_fmus.qp_sources import SourceError, ThirdParty, licence_file
+from build_fmus.qp_sources import SourceError, ThirdParty, license_file
 
 FOLDER = "documentation/licenses"
 ENTRY = f"{FOLDER}/license.txt"  # the name that FMI asks for
@@ -24,26 +24,26 @@ class Part:
     """Work of others in an FMU.
 
     Attributes:
-        licence: SPDX identifier.
+        license: SPDX identifier.
         files: paths in the archive.
-        text: the licence, with its copyright notice, as the authors give it.
-        note: what it is, what was changed, what the licence asks.
+        text: the license, with its copyright notice, as the authors give it.
+        note: what it is, what was changed, what the license asks.
     """
 
     name: str
     version: str
-    licence: str
+    license: str
     files: tuple[str, ...]
     text: bytes
     note: str
 
 
 def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
-    """Licence files of the FMU `name` by their path in the archive: the entry point and one for each part."""
+    """License files of the FMU `name` by their path in the archive: the entry point and one for each part."""
     parts = list(parts)
-    own = textwrap.indent(licence_file("suspension-fmus").decode(), "    ")
+    own = textwrap.indent(license_file("suspension-fmus").decode(), "    ")
     lines = [
-        f"Licences of {name}.fmu",
+        f"Licenses of {name}.fmu",
         "",
         (
             "BSD-3-Clause, for everything that is not listed further down (a model that you have declared yourself is"
@@ -53,12 +53,12 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
         own.rstrip(),
         "",
         (
-            "Parts by others are listed here with their licence, whose text lies beside this file. The binaries contain"
+            "Parts by others are listed here with their license, whose text lies beside this file. The binaries contain"
             " them too."
         ),
     ]
     for part in parts:
-        lines += ["", f"{part.name} {part.version}, {part.licence}: {_file(part)}"]
+        lines += ["", f"{part.name} {part.version}, {part.license}: {_file(part)}"]
         lines += [f"    {file}" for file in part.files]
         lines += ["", *textwrap.wrap(part.note, 100, initial_indent="    ", subsequent_indent="    ")]
     return {ENTRY: ("\n".join(lines) + "\n").encode(), **{f"{FOLDER}/{_file(p)}": p.text for p in parts}}
@@ -75,7 +75,7 @@ def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, use
         note = "Mathematical functions. The head of libm.h says what was changed."
         text = mathematics.copyright_notice()
         parts.append(Part("musl", mathematics.VERSION, "MIT", _sources(musl), text, note))
-    parts += [Part(s.name, s.version, s.spdx, _sources(s.files), s.licence, s.note) for s in solvers]
+    parts += [Part(s.name, s.version, s.spdx, _sources(s.files), s.license, s.note) for s in solvers]
     return parts
 
 
@@ -120,7 +120,7 @@ def _casadi() -> Part:
     text = textwrap.dedent("\n".join(line.removeprefix("//") for line in head)).strip("\n")
     if "MIT No Attribution" not in text:
         raise SourceError(
-            f"casadi {version} has no licence text of its code templates in {template}; install casadi from PyPI"
+            f"casadi {version} has no license text of its code templates in {template}; install casadi from PyPI"
         )
     note = (
         "Helper functions (casadi_...) that CasADi's code generator copies into generated code. Nothing else in the FMU"
