@@ -26,12 +26,12 @@ from cosim.core.errors import (
     WiringError,
 )
 from cosim.engine.choice import EngineChoice
+from cosim.engine.simulation import Simulation
+from cosim.engine.state import SystemState
+from cosim.engine.stops import StopWhen, View
 from cosim.fmu.describe import describe, wiring
 from cosim.fmu.limits import Limits
 from cosim.linear.stability import Stability
-from cosim.master.simulation import Simulation
-from cosim.master.state import SystemState
-from cosim.master.stops import StopWhen, View
 from cosim.recording.formats import FormatError
 from cosim.recording.recording import Recording
 from cosim.session import Fmu, System

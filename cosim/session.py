@@ -29,11 +29,11 @@ from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.choice import EngineChoice, choose_engine
+from cosim.engine.simulation import Simulation
+from cosim.engine.state import SystemState
+from cosim.engine.stops import StopCondition, watched_names
 from cosim.fmu.file import FmuFile
 from cosim.linear.stability import Stability, coupled_spectral_radius, warn_if_unstable
-from cosim.master.simulation import Simulation
-from cosim.master.state import SystemState
-from cosim.master.stops import StopCondition, watched_names
 from cosim.recording.formats import format_of
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool, spool_of

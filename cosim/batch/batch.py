@@ -25,11 +25,11 @@ from cosim.core.memory import physical_memory
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.compiled import CompiledExchange
+from cosim.engine.exchange import Exchange
 from cosim.engine.plan import Plan, make_plan
+from cosim.engine.simulation import Simulation
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.own_states import VALUES_AT
-from cosim.master.exchange import Exchange
-from cosim.master.simulation import Simulation
 from cosim.recording.recording import Recording
 from cosim.session import System
 from cosim.system.components import SystemComponent

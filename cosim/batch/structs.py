@@ -15,8 +15,8 @@ from cosim.core.component import EndRequested
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError
 from cosim.engine.compiled import BoundEngine
+from cosim.engine.exchange import Exchange
 from cosim.engine.plan import ComponentPlan, Plan
-from cosim.master.exchange import Exchange
 from cosim.system.components import SystemComponent
 
 HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)

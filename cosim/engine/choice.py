@@ -9,8 +9,8 @@ from typing import Literal, get_args
 from build_fmus.base.checks import unknown
 from cosim.core.errors import CosimError
 from cosim.engine.compiled import CompiledExchange
+from cosim.engine.exchange import Exchange
 from cosim.engine.library import NoEngine, library
-from cosim.master.exchange import Exchange
 from cosim.system.components import SystemComponent
 
 EngineChoice = Literal["auto", "compiled", "python"]

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from cosim.core.component import EndRequested, FmiCalls, Transfer
 from cosim.core.errors import NotFinite
+from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.library import interface, library
 from cosim.engine.plan import ComponentPlan, Copy, make_plan
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.stops import Reader, Stop, StopCondition, StopWhen
+from cosim.engine.stops import Reader, Stop, StopCondition, StopWhen
 from cosim.system.components import SystemComponent
 from cosim.system.names import SystemComponents
 

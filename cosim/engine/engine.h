@@ -1,6 +1,6 @@
 /* The plan of a system's exchange as flat arrays, and the engine that executes it.
  *
- * The rule of exchange is that of cosim/master (its specification is written there); the Python master and this engine
+ * The rule of exchange is that of cosim/engine (its specification is written there); the Python master and this engine
  * are bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
  * there are no globals. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_H

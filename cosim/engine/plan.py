@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from cosim.core.component import Array
-from cosim.master.exchange import Exchange
-from cosim.master.timetable import Clock
-from cosim.master.values import EXACT, Index, Layout
+from cosim.engine.exchange import Exchange
+from cosim.engine.timetable import Clock
+from cosim.engine.values import EXACT, Index, Layout
 from cosim.system.components import SystemComponent
 
 

@@ -14,13 +14,13 @@ from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, WiringError
+from cosim.engine.exchange import Exchange
 from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
-from cosim.master.exchange import Exchange
 from cosim.system.components import Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
 from cosim.system.wiring import Wiring

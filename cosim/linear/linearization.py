@@ -40,6 +40,8 @@ from build_fmus.base.checks import did_you_mean, glob
 from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
+from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.initialization import initialize
 from cosim.linear.linearized import (
     LinearizedContinuous,
     LinearizedSampled,
@@ -49,8 +51,6 @@ from cosim.linear.linearized import (
     model_of,
 )
 from cosim.linear.statespace import Matrices
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.initialization import initialize
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.schedule import Schedule

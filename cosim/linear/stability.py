@@ -27,9 +27,9 @@ from cosim.core.component import Array
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, IsolationCrashed, StabilityWarning
 from cosim.core.time import seconds_text
+from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.initialization import initialize
 from cosim.linear.linearized import LinearizedContinuous, Model, diagonal, model_of
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.initialization import initialize
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
 

@@ -253,7 +253,7 @@ def test_measuring_changes_no_bit_of_a_run(follower, fmi, engine, monkeypatch):
 
     with pytest.warns(AlgebraicLoopWarning):
         measured = run()
-    monkeypatch.setattr("cosim.master.initialization.check_loops", lambda *_: None)
+    monkeypatch.setattr("cosim.engine.initialization.check_loops", lambda *_: None)
     assert_same(run(), measured)
 
 

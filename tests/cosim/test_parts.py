@@ -10,8 +10,8 @@ from build_fmus import component
 from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
 from cosim.core.errors import FmuError
 from cosim.core.time import TimeBase, gcd, rational
+from cosim.engine.timetable import Clock, Timetable
 from cosim.fmu.model_description import LONGEST_SOURCE, parse
-from cosim.master.timetable import Clock, Timetable
 
 
 @pytest.mark.parametrize(

@@ -140,8 +140,8 @@ def test_stepping_by_hand_keeps_the_first_beginning(fake):
 def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, engine, tmp_path, monkeypatch):
     """Real clock, twenty times as fast. With a stop condition, a spool, a progress bar, offsets and several rates."""
     monkeypatch.setattr(Spool, "EVERY", 0.0)
-    monkeypatch.setattr("cosim.master.progress.ProgressBar.PATIENCE", 0.0)
-    monkeypatch.setattr("cosim.master.simulation._SHOWN", 0.0)
+    monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
+    monkeypatch.setattr("cosim.engine.simulation._SHOWN", 0.0)
     with System() as system:
         system.add("plant", awkward_fmus[3], step="5 ms", parameters={"trouble": awkward.NONE, "at": 9.0, "value": 0.0})
         system.add("fast", Integrator(), step="2 ms", offset="1 ms", start={"u": 1.0})

@@ -239,7 +239,7 @@ def test_a_recording_that_cannot_be_written_is_refused_before_the_run(tmp_path, 
 
 
 def test_progress_bar_runs(monkeypatch):
-    monkeypatch.setattr("cosim.master.progress.ProgressBar.PATIENCE", 0.0)
+    monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
     assert loop().run(1, progress=True).time[-1] == 1.0
 
 

@@ -206,7 +206,7 @@ def test_the_progress_bar_of_a_compiled_run_moves(follower, monkeypatch):
         seen.append((completed, self.tasks[task].total or 0.0, description))
 
     monkeypatch.setattr(Progress, "update", update)
-    monkeypatch.setattr("cosim.master.progress.ProgressBar.PATIENCE", 0.0)
+    monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
         with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:

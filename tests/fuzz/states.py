@@ -20,7 +20,7 @@ from random_systems import SampledSaw
 
 from cosim import CosimError, System, SystemState
 from cosim.core import packing
-from cosim.master.state import MAGIC
+from cosim.engine.state import MAGIC
 
 from .forged_states import forged
 

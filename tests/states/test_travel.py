@@ -21,7 +21,7 @@ from same import ENGINES, assert_same
 
 from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState
 from cosim.core import packing, plain
-from cosim.master.state import MAGIC
+from cosim.engine.state import MAGIC
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::cosim.UnconnectedInputsWarning",

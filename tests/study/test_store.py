@@ -27,7 +27,7 @@ MASTER = {
     "cosim/session.py",
     "cosim/recording/recording.py",
     "cosim/fmu/calls.py",
-    "cosim/master/exchange.py",
+    "cosim/engine/exchange.py",
     "cosim/study/case.py",
     "cosim/study/runner.py",
     "cosim/study/experiment.py",

@@ -1,6 +1,6 @@
 /* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its components and the engine.
  *
- * The order of everything is that of the Python master (cosim/master): initialization, one instant after the other,
+ * The order of everything is that of the Python master (cosim/engine): initialization, one instant after the other,
  * arrival at the end of a step. What changes lies in one block without pointers, and in the components. */
 
 #include <float.h>

@@ -10,9 +10,9 @@ from fractions import Fraction
 import numpy as np
 
 from cosim.core.errors import CosimError, NotFinite, WiringError
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.loops import check_loops
-from cosim.master.state import Packed, SystemState, difference, unpack
+from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.loops import check_loops
+from cosim.engine.state import Packed, SystemState, difference, unpack
 from cosim.system.components import SystemComponent
 from cosim.system.renewal import renewed
 

@@ -31,12 +31,12 @@ from cosim.core.errors import (
 from cosim.core.interrupt import HeldInterrupt, held
 from cosim.core.real_time import Pace, RealTime
 from cosim.core.time import TimeLike, gcd, positive, rational
-from cosim.master.exchange import Exchange, Phase
-from cosim.master.initialization import initialize
-from cosim.master.progress import ProgressBar
-from cosim.master.state import SystemState, Wiring, wiring_of
-from cosim.master.stops import Stop, StopCondition
-from cosim.master.values import EXACT
+from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.initialization import initialize
+from cosim.engine.progress import ProgressBar
+from cosim.engine.state import SystemState, Wiring, wiring_of
+from cosim.engine.stops import Stop, StopCondition
+from cosim.engine.values import EXACT
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool
 from cosim.system.components import Connection, SystemComponent

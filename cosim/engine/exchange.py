@@ -41,10 +41,10 @@ from fractions import Fraction
 from cosim.core.component import EndRequested, Ports
 from cosim.core.description import Variable
 from cosim.core.time import TimeBase
-from cosim.master.recorder import Recorder
-from cosim.master.stops import Reader, Stop, StopCondition, stop_check
-from cosim.master.timetable import Clock, Timetable
-from cosim.master.values import Layout, Timed, make_layout
+from cosim.engine.recorder import Recorder
+from cosim.engine.stops import Reader, Stop, StopCondition, stop_check
+from cosim.engine.timetable import Clock, Timetable
+from cosim.engine.values import Layout, Timed, make_layout
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 
@@ -73,7 +73,7 @@ class Phase(enum.Enum):
 class Exchange:
     """The components of a schedule on the vector of values, taken from instant to instant.
 
-    Made first and initialized then (`cosim.master.initialization`), which binds `ports`. `tick` and `phase` say where
+    Made first and initialized then (`cosim.engine.initialization`), which binds `ports`. `tick` and `phase` say where
     it stands; `ending` is the tick at which a component asked it to end, and why.
     """
 
