@@ -52,9 +52,7 @@ def _per_step(fmu: Path, **how: Any) -> float:
         if how:
             component: Any = system["one"].implementation
             component.isolation = replace(component.isolation, **how)
-        simulation = system.initialize(
-            record=["one.y"], record_interval=STEPS * STEP, allow_unconnected=True, engine="compiled"
-        )
+        simulation = system.initialize(record=["one.y"], record_interval=STEPS * STEP, allow_unconnected=True)
         found = []
         for i in range(BATCHES):
             begin = time.perf_counter()

@@ -173,12 +173,10 @@ def compare(
     `more`: programs that run it too and print their seconds.
     """
     loops: dict[str, Callable[[], float]] = {
-        "engine": lambda: time_master(system, steps, record, engine="compiled"),
-        "engine, recording every step": lambda: time_master(
-            system, steps, record, engine="compiled", record_interval="1 ms"
-        ),
-        "engine, not looking for NaN": lambda: time_master(system, steps, record, engine="compiled", allow_nan=True),
-        "Python master": lambda: time_master(system, steps // 4, record, engine="python") * 4,
+        "engine": lambda: time_master(system, steps, record),
+        "engine, recording every step": lambda: time_master(system, steps, record, record_interval="1 ms"),
+        "engine, not looking for NaN": lambda: time_master(system, steps, record, allow_nan=True),
+        "Python master": lambda: time_master(system, steps // 4, record) * 4,
         "FMPy wrapper calls": lambda: time_fmpy(components, steps // 4) * 4,
     }
     with tempfile.TemporaryDirectory() as tmp:

@@ -25,7 +25,6 @@ from cosim.core.errors import (
     UnconnectedInputsWarning,
     WiringError,
 )
-from cosim.engine.choice import EngineChoice
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
 from cosim.engine.stops import StopWhen, View
@@ -48,7 +47,6 @@ __all__ = [
     "Connection",
     "CosimError",
     "Description",
-    "EngineChoice",
     "Fmu",
     "FmuError",
     "FmuWarning",

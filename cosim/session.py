@@ -18,7 +18,6 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -28,7 +27,6 @@ from build_fmus.base import safe_files, surface
 from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
-from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
 from cosim.engine.stops import StopCondition, watched_names
@@ -104,10 +102,6 @@ class System(Wiring):
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def schedule(self, *extra: Fraction, engine: EngineChoice = "auto") -> Schedule:
-        """As `Wiring.schedule`; it also says what executes it with this choice of `engine`, and why."""
-        return replace(super().schedule(*extra), executed_by=choose_engine(self.components.values(), engine).text)
-
     def initialize(
         self,
         start_time: TimeLike | None = None,
@@ -119,7 +113,6 @@ class System(Wiring):
         check_stability: bool = False,
         state: SystemState | None = None,
         allow_nan: bool = False,
-        engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time` [s].
@@ -132,13 +125,12 @@ class System(Wiring):
         elsewhere, the simulation continues from there with bit-identical values (start_time is not used). Wiring, rates
         and parameters of components that are not in it may have changed, at a common multiple of all steps: several
         controllers can be tried from one instant. Outputs that are NaN or infinite end the run with ComponentError
-        unless `allow_nan`. `engine`: "compiled", "python", or "auto", which is compiled where that is possible
-        (`print(system.schedule())` says which and why); both give bit-identical values. Inputs that nothing drives keep
+        unless `allow_nan`. Inputs that nothing drives keep
         their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
         """
         self.end_simulation()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
-        schedule = self.schedule(*([] if interval is None else [interval]), engine=engine)
+        schedule = self.schedule(*([] if interval is None else [interval]))
         if schedule.unconnected and not allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
@@ -154,7 +146,6 @@ class System(Wiring):
             stop_time=stop_time,
             state=state,
             allow_nan=allow_nan,
-            exchange=choose_engine(self.components.values(), engine).exchange,
         )
         if check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
@@ -186,7 +177,6 @@ class System(Wiring):
         check_stability: bool = False,
         state: SystemState | None = None,
         allow_nan: bool = False,
-        engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
         real_time: float | None = None,
     ) -> Recording:
@@ -219,7 +209,6 @@ class System(Wiring):
             check_stability=check_stability,
             state=state,
             allow_nan=allow_nan,
-            engine=engine,
             allow_unconnected=allow_unconnected,
         ) as simulation:
             with _written(simulation, file, display_units):
@@ -284,9 +273,8 @@ class System(Wiring):
         if sampled:
             schedule = self._make_schedule(period)
         self.end_simulation()
-        exchange = choose_engine(self.components.values()).exchange
         interval = period if sampled else None
-        with self._begin(schedule, record=chosen_out, record_interval=interval, exchange=exchange) as simulation:
+        with self._begin(schedule, record=chosen_out, record_interval=interval) as simulation:
             if sampled:
                 return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
             simulation.advance(after)

@@ -1,4 +1,4 @@
-"""Comparison of the two engines bit by bit."""
+"""Comparison of recordings bit by bit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import ComponentError, Recording, System
-
-ENGINES = ("python", "compiled")
-Run = Callable[[System, str], Recording]
+from cosim import ComponentError, Recording
 
 
 def bits(array: Any) -> np.ndarray:
@@ -34,13 +31,3 @@ def outcome(run: Callable[[], Recording]) -> tuple[str, Recording | None]:
         return str(error), error.recording
     except Exception as error:
         return f"{type(error).__name__}: {error}", None
-
-
-def assert_same_outcome(run: Callable[[str], Recording]) -> tuple[str, Recording | None]:
-    """`run(engine)` by both engines: the same message and the same recording, which are returned."""
-    (said, recording), (also, other) = (outcome(lambda e=engine: run(e)) for engine in ENGINES)
-    assert said == also
-    assert (recording is None) == (other is None)
-    if recording is not None and other is not None:
-        assert_same(recording, other)
-    return said, recording

@@ -24,7 +24,6 @@ from cosim.core.interrupt import HeldInterrupt
 from cosim.core.memory import physical_memory
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive, rational, seconds_text
-from cosim.engine.compiled import CompiledExchange
 from cosim.engine.exchange import Exchange
 from cosim.engine.plan import Plan, make_plan
 from cosim.engine.simulation import Simulation
@@ -329,7 +328,6 @@ class Batch:
             record=self._record,
             record_interval=self._interval,
             watch=watch,
-            exchange=CompiledExchange,
         )
         return made.exchange
 

@@ -14,7 +14,7 @@ from cosim.batch.source import LaneSource
 from cosim.core.component import EndRequested
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError
-from cosim.engine.compiled import BoundEngine
+from cosim.engine.bound import BoundEngine
 from cosim.engine.exchange import Exchange
 from cosim.engine.plan import ComponentPlan, Plan
 from cosim.system.components import SystemComponent

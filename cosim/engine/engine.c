@@ -249,11 +249,21 @@ INLINE bool holds(const EngineStop *s, const double *values) {
     }
 }
 
+/* The step of component number `k` in the list has failed: continue behind it, if at all. */
+COLD int failed_at(Engine *e, int32_t k, int result) {
+    e->n_stepped = k + 1;
+    return result;
+}
+
 INLINE int sample(Engine *e, double t) {
-    for (int32_t k = 0; k < e->n_due_discrete; k++) {
+    if (RARELY(e->n_stepped)) {
+        const int result = check_outputs_finite(e, e->n_stepped - 1, e->n_stepped);
+        if (result) return result;
+    }
+    for (int32_t k = e->n_stepped; k < e->n_due_discrete; k++) {
         int result = run_component(e, e->list[k], t);
         if (!result) result = check_outputs_finite(e, k, k + 1);
-        if (result) return result;
+        if (RARELY(result)) return failed_at(e, k, result);
     }
     if (e->due[e->n_clocks - 1]) {
         double *row = e->rows + (size_t)e->count * e->n_recorded;
@@ -265,27 +275,32 @@ INLINE int sample(Engine *e, double t) {
             e->call = i;
             return ENGINE_STOPPED;
         }
+    if (RARELY(e->checks) && e->back(e->context, -1, t)) {
+        e->component = -1;
+        return ENGINE_BACK_FAILED;
+    }
     return ENGINE_AT_END;
 }
 
 INLINE int advance(Engine *e, double t) {
     const int32_t n = e->n_due;
+    int32_t first = e->n_due_discrete;
+    const int32_t from = RARELY(e->n_stepped > first) ? e->n_stepped : first;
     if (e->sequential) {
-        int32_t first = e->n_due_discrete;
-        for (int32_t k = first; k < n; k++) {
+        for (int32_t k = from; k < n; k++) {
             int result = ENGINE_AT_END;
             if (e->list[k]->check_before) {
                 result = check_outputs_finite(e, first, k);
                 first = k;
             }
             if (!result) result = run_component(e, e->list[k], t);
-            if (result) return result;
+            if (RARELY(result)) return failed_at(e, k, result);
         }
         return check_outputs_finite(e, first, n);
     }
-    for (int32_t k = e->n_due_discrete; k < n; k++) {
+    for (int32_t k = from; k < n; k++) {
         const int result = run_component(e, e->list[k], t);
-        if (result) return result;
+        if (RARELY(result)) return failed_at(e, k, result);
     }
     return look_at_reached(e);
 }
@@ -334,6 +349,7 @@ void engine_look_up(Engine *e, int64_t tick) {
         e->next[i] = since <= 0 ? c->offset : c->offset + (since + c->period - 1) / c->period * c->period;
         e->due[i] = e->next[i] == tick;
     }
+    e->n_stepped = 0;
     list_due(e);
 }
 
@@ -349,6 +365,7 @@ INLINE int64_t begin_instant(Engine *e, int64_t tick) {
         changed |= due != e->due[i];
         e->due[i] = due;
     }
+    e->n_stepped = 0;
     if (changed) list_due(e);
     return after;
 }

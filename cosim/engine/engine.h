@@ -1,7 +1,7 @@
 /* The plan of a system's exchange as flat arrays, and the engine that executes it.
  *
- * The rule of exchange is that of cosim/engine (its specification is written there); the Python master and this engine
- * are bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
+ * The rule of exchange is written in exchange.py, and again in tests/oracles/exchange_rule.py, with which this engine is
+ * bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
  * there are no globals. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_H
 #define ENGINE_H
@@ -119,6 +119,7 @@ typedef struct {
     bool *due;                  /* of n_clocks: which are due now */
     const EngineComponent **list;  /* of n_components: those that are due, in their order */
     int32_t n_due, n_due_discrete;
+    int32_t n_stepped;          /* how many of them have had their step, where an instant is resumed after a failure */
     bool saves_previous;        /* some of them save previous values at their arrival */
     bool sequential;            /* some of the continuous ones read what those before them have just reached */
     EngineCopy *published;      /* of all copies: the outputs that are published at an arrival */
@@ -134,6 +135,7 @@ typedef struct {
     int64_t count, room;        /* samples taken, and the capacity */
     const EngineStop *stops;
     int32_t n_stops;
+    bool checks;                /* `back` is called with component -1 after every sample */
     EngineBack back;
     void *context;
     int64_t tick;               /* where it stands */
@@ -145,7 +147,8 @@ typedef struct {
  * `tick` at the instant where that happened, or at `end`. */
 int engine_run(Engine *e, int64_t end);
 
-/* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. */
+/* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. After a failure
+ * of a component, sample and advance continue behind it when they are called again. */
 void engine_arrive(Engine *e, double t);
 int engine_sample(Engine *e, double t);
 int engine_advance(Engine *e, double t);

@@ -163,11 +163,11 @@ def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[s
 
     Returns the values that still change.
     """
-    gather = {m: exchange.layout.gather(m) for m in components}
+    numbers = [exchange.schedule.components.index(m) for m in components]
     for _ in range(20 + len(components)):
         before = exchange.values.copy()
-        for m in components:
-            gather[m](0.0)
+        for number, m in zip(numbers, components, strict=True):
+            exchange.engine.gather(number, 0.0)
             exchange.ports[m].set_inputs()
             exchange.ports[m].get_outputs()
             exchange.layout.publish_everything()

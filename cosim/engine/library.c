@@ -1,5 +1,6 @@
 /* What Python calls of the engine: a shared library of its own. */
 #include "engine.h"
+#include "environment.h"
 #include "table.h"
 
 #if defined(_WIN32)
@@ -9,6 +10,17 @@
 #endif
 
 EXPORT int cosim_engine_run(Engine *e, int64_t end) { return engine_run(e, end); }
+/* Parts of the instant at `tick`, time t; with `resumed` of the one in which a component has failed. */
+EXPORT int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances) {
+    e->environment = environment_bits();
+    if (!resumed) engine_look_up(e, e->tick);
+    if (arrives) engine_arrive(e, t);
+    const int result = samples ? engine_sample(e, t) : ENGINE_AT_END;
+    return result || !advances ? result : engine_advance(e, t);
+}
+EXPORT void cosim_engine_gather(const Engine *e, int32_t component, double t) {
+    engine_gather(e, &e->components[component], t);
+}
 EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table); }
 EXPORT uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior) {
     return table_step(table, t, h, no_set_prior);

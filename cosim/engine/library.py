@@ -9,7 +9,9 @@ from typing import Any
 
 import cffi
 
+from build_fmus.base import extras
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
+from cosim.core.errors import CosimError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 HEADER = Path(__file__).with_name("engine.h")
@@ -18,13 +20,21 @@ SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c
 
 _EXPORTED = """
 int cosim_engine_run(Engine *e, int64_t end);
+int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances);
+void cosim_engine_gather(Engine *e, int32_t component, double t);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
 """
 
 
-class NoEngine(Exception):  # noqa: N818
-    """There is no compiled engine here; the argument says why."""
+class NoEngine(CosimError):  # noqa: N818
+    """The engine could not be compiled; the argument says why, and what to install."""
+
+    def __init__(self, reason: str):
+        super().__init__(
+            f"systems are run by an engine in C, which could not be compiled: {reason}; install a C compiler, or"
+            f" {extras.named('zig')}"
+        )
 
 
 @lru_cache

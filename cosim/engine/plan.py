@@ -4,12 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
-from cosim.core.component import Array
-from cosim.engine.exchange import Exchange
-from cosim.engine.timetable import Clock
-from cosim.engine.values import EXACT, Index, Layout
+from cosim.core.component import Array, Ports
+from cosim.core.description import Variable
+from cosim.core.time import TimeBase
+from cosim.engine.clock import Clock
+from cosim.engine.recorder import Recorder
+from cosim.engine.values import EXACT, Index, Layout, make_layout
 from cosim.system.components import SystemComponent
+from cosim.system.schedule import Schedule
+
+
+class Setup:
+    """What an engine executes: the components of a schedule, their slots in the values, their clocks and ports."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        start: Fraction = Fraction(0),
+        *,
+        record: Sequence[tuple[SystemComponent, Variable]] = (),
+        watch: Sequence[tuple[SystemComponent, Variable]] = (),
+        interval: Fraction | None = None,
+        allow_nan: bool = False,
+    ):
+        """`interval` [s] is that of the recorder, a multiple of the schedule's tick; default: the smallest step."""
+        self.schedule = schedule
+        self.allow_nan = allow_nan
+        self.base: TimeBase = schedule.time_base(start)
+        self.layout: Layout = make_layout(schedule, record, watch)
+        self.values = self.layout.values
+        self.recorder = Recorder(self.values, self.layout.record_index, *self.layout.record_conversion)
+        self.ports: dict[SystemComponent, Ports] = {}  # bound by the initialization
+        if interval is None:
+            interval = min(m.step for m in schedule.components)
+        self.clocks = (  # of the components, then the recorder's
+            *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.components),
+            Clock(self.base.count(interval), 0),
+        )
 
 
 @dataclass(frozen=True)
@@ -60,18 +93,18 @@ class Plan:
         return d < EXACT and abs(b) + abs(a) * (abs(tick) + 1) < EXACT
 
 
-def make_plan(exchange: Exchange) -> Plan:
-    """The plan of an exchange."""
-    layout, schedule = exchange.layout, exchange.schedule
+def make_plan(setup: Setup) -> Plan:
+    """The plan of a system."""
+    layout, schedule = setup.layout, setup.schedule
     clocks: dict[Clock, int] = {}
-    own = [clocks.setdefault(clock, len(clocks)) for clock in exchange.clocks[:-1]]
+    own = [clocks.setdefault(clock, len(clocks)) for clock in setup.clocks[:-1]]
     seidel = {m for g in schedule.groups if g.method == "gauss-seidel" for m in g.components}
     return Plan(
         size=len(layout.values),
         components=tuple(_component(layout, m, c, m in seidel) for m, c in zip(schedule.components, own, strict=True)),
         n_discrete=len(schedule.discrete),
-        clocks=(*clocks, exchange.clocks[-1]),
-        time=exchange.base.integers(),
+        clocks=(*clocks, setup.clocks[-1]),
+        time=setup.base.integers(),
         recorded=tuple(layout.record_index),
     )
 

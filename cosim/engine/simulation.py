@@ -69,12 +69,8 @@ class Simulation:
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
-        exchange: type[Exchange] = Exchange,
     ):
-        """The schedule's tick must divide `record_interval` [s]; `exchange` executes its instants.
-
-        The rest is as in `System.initialize`.
-        """
+        """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`."""
         start = rational(start_time, "start_time")
         if state is not None:
             start = state.base.exact(state.tick)
@@ -84,7 +80,7 @@ class Simulation:
         stop = None if stop_time is None else rational(stop_time, "stop_time")
         self.schedule = schedule
         self._components = SystemComponents((m.name, m) for m in schedule.components)
-        self._exchange = exchange(
+        self._exchange = Exchange(
             schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
         )
         self._layout = self._exchange.layout
@@ -344,9 +340,7 @@ class Simulation:
     def _run_paced(self, pace: Pace, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
         """As `_run`, instant by instant, each when it is due."""
         exchange, shown = self._exchange, clock.perf_counter()
-        for tick, _ in exchange.timetable.instants(exchange.tick, end):
-            if tick >= exchange.last_tick(end) or not pace.wait(tick, interrupt):
-                break
+        while (tick := exchange.next_instant(exchange.tick)) < exchange.last_tick(end) and pace.wait(tick, interrupt):
             exchange.run_instants(tick + 1)
             if clock.perf_counter() > shown + _SHOWN:
                 bar.at(self.time)

@@ -23,8 +23,8 @@ from cosim.core import packing
 from cosim.core.component import Array, Portable
 from cosim.core.errors import CosimError
 from cosim.core.time import LONGEST, MOST_TICKS, TimeBase
+from cosim.engine.clock import Clock
 from cosim.engine.exchange import Exchange, Phase
-from cosim.engine.timetable import Clock
 from cosim.engine.values import Key
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from cosim.core.errors import WiringError
 
+Timed = Callable[[float], None]  # called with the time [s]
 Reader = Callable[[str], float]  # present value of a recorded or watched variable, by its full name
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
 
@@ -51,7 +52,7 @@ class Stop(Exception):  # noqa: N818
     """A stop condition is fulfilled; the argument is its text."""
 
 
-def stop_check(conditions: Sequence[StopCondition], read: Reader) -> Callable[[float], None] | None:
+def stop_check(conditions: Sequence[StopCondition], read: Reader) -> Timed | None:
     """What looks at the conditions after a sample at a time [s] and raises Stop; None when there are no conditions."""
     if not conditions:
         return None

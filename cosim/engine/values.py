@@ -7,10 +7,9 @@ the visible one when its step ends. Sources of delayed or extrapolated connectio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,13 +22,10 @@ from cosim.system.components import Connection, SystemComponent
 from cosim.system.schedule import Schedule
 
 Index = npt.NDArray[np.intp]
-Timed = Callable[[float], None]
 Key = tuple[str, str, str]
 
 WIDE = ("Int64", "UInt64")
 EXACT = 2**53  # integers below it are doubles
-
-_FEW = 24  # values that Python adds up faster than NumPy begins
 
 
 @dataclass
@@ -54,11 +50,6 @@ class PortLayout:
     half: float = 0.0  # half of its own step [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
     first: int = 0  # slot of its first output
-
-    @property
-    def plain(self) -> bool:
-        """Inputs are a bare copy of values."""
-        return self.scale is None and not self.extrapolations
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
         """Each extrapolated input: number, slots of now, previous and time, period of its source, and time ahead [s].
@@ -92,67 +83,6 @@ class Layout:
         self.record_index: list[int] = []
         self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
-    def gather(self, component: SystemComponent) -> Timed:
-        """Copies a component's inputs from the values to its buffer, converted and extrapolated."""
-        port, take = self.ports[component], self.values.take
-        index, u, scale, offset = port.index, port.u, port.scale, port.offset
-        # A few scalars per step: plain floats through memoryviews are several times faster than arrays.
-        values: Any = self.values.data
-        u_view: Any = u.data
-        extrapolations = port.extrapolated()
-
-        def gather(t: float) -> None:
-            if port.in_place:
-                return
-            take(index, 0, u, "clip")
-            for to, now, before, sample_time, period, shift in extrapolations:
-                u_view[to] += (values[now] - values[before]) * ((t + shift - values[sample_time]) / period)
-            if scale is not None and offset is not None:
-                np.multiply(u, scale, u)
-                np.add(u, offset, u)
-
-        return gather
-
-    def finite_checks(self, components: Sequence[SystemComponent]) -> list[Timed]:
-        """What raises NotFinite when an output that these components have just computed is NaN or infinite."""
-        pieces: list[tuple[int, int, list[SystemComponent]]] = []  # begin and end in the values, whose
-        for m in components:
-            outputs = self.ports[m].outputs
-            if outputs:
-                begin = (self.visible if m.discrete else self.latest)[m, outputs[0]]
-                owners = [m]
-                if pieces and pieces[-1][1] == begin:
-                    begin, _, before = pieces.pop()
-                    owners = [*before, m]
-                pieces.append((begin, begin + sum(len(self.ports[o].outputs) for o in owners), owners))
-        return [self._finite_check(*piece) for piece in pieces]
-
-    def _finite_check(self, begin: int, end: int, owners: Sequence[SystemComponent]) -> Timed:
-        """Return a function that checks that the outputs of these components are finite.
-
-        For a few values it adds them up (the sum may overflow, so a second check decides); for many, it compares the
-        whole piece at once and searches the result for a zero byte.
-        """
-        piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
-        finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
-
-        def raise_first(t: float) -> None:
-            culprit = self.not_finite(owners, t)
-            if culprit is not None:
-                raise culprit
-
-        def check_few(t: float) -> None:
-            total = sum(view)
-            if total - total:  # NaN unless finite
-                raise_first(t)
-
-        def check_many(t: float) -> None:
-            isfinite(piece, finite)
-            if 0 in found:
-                raise_first(t)
-
-        return check_few if end - begin <= _FEW else check_many
-
     def not_finite(self, components: Sequence[SystemComponent], t: float | None = None) -> NotFinite | None:
         """The first output of the components that is NaN or infinite, after a step from `t` or after initialization."""
         for m in components:
@@ -162,19 +92,6 @@ class Layout:
                     reached = t if t is None or m.discrete else t + float(m.step)
                     return NotFinite(m.name, variable.name, value, reached)
         return None
-
-    def arrival(self, due: Sequence[SystemComponent]) -> list[Timed]:
-        """Copies that publish the outputs of the continuous components whose step has ended, and save previous values.
-
-        All copies read before any writes.
-        """
-        pairs = [pair for m in due for part in self.copies(m) for pair in part]
-        actions: list[Timed] = [
-            self._write_time(slot) for component, slot in self.sample_times.items() if component in due
-        ]
-        if pairs:
-            actions.append(self._copy(sorted(pairs)))
-        return actions
 
     def copies(self, component: SystemComponent) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Copies at a component's arrival, as slots (to, from).
@@ -207,35 +124,6 @@ class Layout:
     def owners(self) -> list[str]:
         """Name of the component each value belongs to."""
         return [component for _, component, _ in self.keys]
-
-    def _write_time(self, slot: int) -> Timed:
-        values = self.values
-
-        def write_time(t: float) -> None:
-            values[slot] = t
-
-        return write_time
-
-    def _copy(self, pairs: list[tuple[int, int]]) -> Timed:
-        values, count = self.values, len(pairs)
-        first_to, first_from = pairs[0]
-        if all(pair == (first_to + i, first_from + i) for i, pair in enumerate(pairs)) and (
-            abs(first_to - first_from) >= count
-        ):
-            target, source = values[first_to : first_to + count], values[first_from : first_from + count]
-
-            def copy_slice(_: float) -> None:
-                target[:] = source
-
-            return copy_slice
-        to, index = np.array(pairs, dtype=np.intp).T.copy()
-        held = np.empty(count)
-
-        def copy(_: float) -> None:
-            values.take(index, 0, held, "clip")
-            values[to] = held
-
-        return copy
 
 
 def make_layout(

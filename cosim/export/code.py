@@ -14,8 +14,7 @@ from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, WiringError
-from cosim.engine.exchange import Exchange
-from cosim.engine.plan import ComponentPlan, Plan, make_plan
+from cosim.engine.plan import ComponentPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
@@ -103,8 +102,8 @@ class SystemCode:
     ):
         self.name, self.schedule, self.variables, self.fmi = name, schedule, variables, fmi
         outputs = [(e.component, e.variable) for e in variables if e.causality == "output"]
-        self.exchange = Exchange(schedule, record=outputs)
-        self.plan: Plan = make_plan(self.exchange)
+        self.setup = Setup(schedule, record=outputs)
+        self.plan: Plan = make_plan(self.setup)
         self.parts = self._parts({} if known is None else known)
 
     def _parts(self, found: dict[tuple[str, str], Part]) -> dict[SystemComponent, Part]:
@@ -188,7 +187,7 @@ class SystemCode:
 
     def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
         m, part = p.component, self.parts[p.component]
-        port = self.exchange.layout.ports[m]
+        port = self.setup.layout.ports[m]
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.previous, *p.published]
@@ -226,7 +225,7 @@ class SystemCode:
         }
 
     def _variable(self, e: Exported) -> dict[str, Any]:
-        layout, version = self.exchange.layout, self.parts[e.component].version
+        layout, version = self.setup.layout, self.parts[e.component].version
         found: dict[str, Any] = {"name": e.name, "type": _TYPES[e.type], "role": _ROLES[e.causality]}
         if e.causality == "output":
             slot, scale, offset = layout.readable[e.name]
@@ -246,7 +245,7 @@ class SystemCode:
     def _owners(self) -> list[str]:
         """What each of the values is."""
         names = [""] * self.plan.size
-        layout = self.exchange.layout
+        layout = self.setup.layout
         for slots in (layout.visible, layout.latest, layout.previous, layout.constants):
             for (component, variable), slot in slots.items():
                 names[slot] = f"{component.name}.{variable.name}"

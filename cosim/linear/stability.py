@@ -27,6 +27,7 @@ from cosim.core.component import Array
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, IsolationCrashed, StabilityWarning
 from cosim.core.time import seconds_text
+from cosim.engine.clock import cycle
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.linear.linearized import LinearizedContinuous, Model, diagonal, model_of
@@ -168,7 +169,7 @@ def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
     states = [m.implementation.x for m in schedule.components]  # type: ignore[attr-defined]
     owners = [m.name for m, x in zip(schedule.components, states, strict=True) for _ in x]
     owners += exchange.layout.owners()
-    begin, length = exchange.timetable.cycle()
+    begin, length = cycle(exchange.clocks)
     size = len(owners)
     matrix = np.zeros((size, size))
     vector = np.zeros(size)

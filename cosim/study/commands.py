@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -24,7 +24,7 @@ from build_fmus.base import safe_files
 from build_fmus.base.layout import FMUS
 from build_fmus.base.terminal import APP, Command, console, one_of, show
 from build_fmus.compile import PLATFORMS
-from cosim import EngineChoice, System
+from cosim import System
 from cosim.core.errors import ComponentError, CosimError, Interrupted
 from cosim.recording.formats import FORMATS, format_of
 from cosim.recording.recording import Recording
@@ -65,14 +65,6 @@ Dask = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="discard stored runs and run everything again")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="run failed runs again")]
 Out = Annotated[Path, typer.Option("--out", help="write results to this directory")]
-Engines = Annotated[
-    str,
-    typer.Option(
-        "--engine",
-        metavar=one_of(get_args(EngineChoice)),
-        help="choose the engine that executes systems; results are bit-identical",
-    ),
-]
 
 Isolate = Annotated[
     list[str] | None,
@@ -93,7 +85,6 @@ Memory = Annotated[
 _FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, FMUS), "fmi": (Version, 3)}
 _OUT: dict[str, tuple[Any, Any]] = {"out": (Out, Path("results"))}
 _EXECUTION: dict[str, tuple[Any, Any]] = {
-    "engine": (Engines, "auto"),
     "isolate": (Isolate, None),
     "step_timeout": (Timeout, None),
     "memory_limit": (Memory, None),
@@ -243,7 +234,6 @@ EVERYWHERE = (
     "--fmi",
     "--vehicle",
     "--out",
-    "--engine",
     "--isolate",
     "--step-timeout",
     "--memory-limit",
@@ -567,7 +557,6 @@ def execution(given: Mapping[str, Any]) -> Execution:
     if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
         raise CosimError("--step-timeout and --memory-limit are limits of isolated FMUs: say which with --isolate")
     return Execution(
-        given["engine"],
         tuple(given["isolate"] or ()),
         given["step_timeout"],
         None if limit is None else int(limit * 1e6),

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import surface
-from cosim import ComponentError, EngineChoice, Recording, System
+from cosim import ComponentError, Recording, System
 from cosim.recording.formats import write
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
@@ -26,14 +26,12 @@ class Execution:
     """How systems are executed; the numbers are the same in any way.
 
     Args:
-        engine: see `cosim.System.initialize`.
         isolate: names and patterns of the components that run in processes of their own, see
             `cosim.System.isolate`.
         step_timeout: of these, wall time of one call [s].
         memory_limit: of these, bytes.
     """
 
-    engine: EngineChoice = "auto"
     isolate: tuple[str, ...] = ()
     step_timeout: float | None = None
     memory_limit: int | None = None
@@ -153,7 +151,6 @@ class Runner:
             display_units=display_units,
             progress=progress,
             allow_unconnected=e.allow_unconnected,
-            engine=self.execution.engine,
             real_time=real_time,
         )
         return Run(case, recording, system)

@@ -28,7 +28,6 @@ class Schedule:
     connections: tuple[Connection, ...]
     unconnected: tuple[str, ...]
     possible_loops: tuple[Loop, ...] = ()  # algebraic, where dependencies are not declared
-    executed_by: str = ""  # what executes it, and why that
 
     @property
     def continuous(self) -> tuple[SystemComponent, ...]:
@@ -45,8 +44,7 @@ class Schedule:
         return TimeBase(self.tick, start)
 
     def __str__(self) -> str:
-        by = [f"executed by {self.executed_by}"] if self.executed_by else []
-        lines = [f"base tick {seconds_text(self.tick)}", *by, "", "At every instant, the components that are due:"]
+        lines = [f"base tick {seconds_text(self.tick)}", "", "At every instant, the components that are due:"]
         if self.discrete:
             lines.append("1. discrete, one after the other, each used at once:")
             lines += [f"     {_rate(m)}" for m in self.discrete]

@@ -18,7 +18,7 @@ from cosim.core.component import FmiCalls, Ports
 from cosim.core.description import Description, Variable
 from cosim.core.errors import CallFailed, CosimError
 from cosim.core.signals import Array
-from cosim.engine.library import NoEngine, interface, library
+from cosim.engine.library import interface, library
 from cosim.tables.source import Signal, Signals, TableError, read
 
 Interpolation = Literal["linear", "held"]
@@ -77,14 +77,13 @@ class Table:
         self.end = np.inf if after == "hold" else float(self.times[-1]) + last * (1 + _EQUAL)
         self._now = np.zeros(1)
         self._name = self.signals.name
-        self._compiled = _compiled()
         self.description = Description(
             name="Table",
             variables=variables,
             kind="discrete",
             default_step=_step(self.times),
             can_save=True,
-            native=self._compiled is not None,
+            native=True,
             dependencies={n: frozenset() for n in variables},
         )
         self._column = {v: i for i, v in enumerate(variables.values())}
@@ -134,7 +133,7 @@ class Table:
             self._now[0] = t
 
         ports = Ports.of(lambda: None, step, lambda: sampler.sample(float(self._now[0])))
-        calls = None if self._compiled is None else sampler.calls(self._compiled, self._failed)
+        calls = sampler.calls(library(), self._failed)
         return Ports(ports.set_inputs, ports.step, ports.get_outputs, ports.run, calls)
 
     def save(self) -> Any:
@@ -244,13 +243,6 @@ class _Sampler:
 @dataclass(frozen=True)
 class _Calls(FmiCalls):
     keep: Any = field(default=None, repr=False)  # what the addresses point to
-
-
-def _compiled() -> Any | None:
-    try:
-        return library()
-    except NoEngine:
-        return None
 
 
 def _linear(signals: Signals, interpolation: Interpolation | Mapping[str, Interpolation]) -> list[str]:

@@ -29,7 +29,6 @@ ROADS = next(list(map(str, f.option.choices)) for f in fields(Case) if f.name ==
         (["run", "g"], ["gpc"]),
         (["run", ""], sorted(EXPERIMENTS)),
         (["run", "gpc", "--road", ""], ROADS),
-        (["run", "gpc", "--road", ROADS[0], "--engine", "py"], ["python"]),
         (["run", "gpc", "--real"], ["--real-time"]),
         (["run", "gpc", "-"], None),
         (["completion", "bash", ""], []),

@@ -50,21 +50,19 @@ class Waves(PythonComponent):
         y[:] = np.sin(7.0 * t + np.arange(8))
 
 
-def recorded(
-    path: Path, *, step: str | None = None, offset: str | int = 0, engine: str = "python"
-) -> dict[str, np.ndarray]:
+def recorded(path: Path, *, step: str | None = None, offset: str | int = 0) -> dict[str, np.ndarray]:
     with System() as system:
         law = system.add("law", path, step=step, offset=offset)
         system.add("waves", Waves(), step="1 ms")
         about = law.description
         for k, name in enumerate(n for n, v in about.inputs.items() if v.type == "real"):
             system.connect(f"waves.y{k % 8}", f"law.{name}", linear=(1.0, 0.0))
-        recording = system.run(0.4, record=["law.*"], engine=engine, allow_unconnected=True)  # type: ignore[arg-type]
+        recording = system.run(0.4, record=["law.*"], allow_unconnected=True)  # type: ignore[arg-type]
         return {n: recording[n] for n in recording.names}
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("options", [{}, {"engine": "compiled"}, {"offset": "3 ms"}, {"step": "70 ms"}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"offset": "3 ms"}, {"step": "70 ms"}], ids=str)
 def test_the_same_bits_as_without(fmus: dict[str, dict[bool, Path]], name: str, options: dict[str, str]) -> None:
     plain, clocked = (recorded(fmus[name][clocks], **options) for clocks in (False, True))
     assert plain.keys() == clocked.keys()
@@ -140,7 +138,7 @@ def test_check_has_nothing_to_say(fmus: dict[str, dict[bool, Path]]) -> None:
 def test_saved_states_continue(fmus: dict[str, dict[bool, Path]], raises) -> None:
     with System() as system:
         system.add("law", fmus["ProbeQpDaqp"][True])
-        with system.initialize(record=["law.*"], engine="python", allow_unconnected=True) as simulation:
+        with system.initialize(record=["law.*"], allow_unconnected=True) as simulation:
             simulation.advance(0.1)
             state = simulation.save()
             simulation.advance(0.2)

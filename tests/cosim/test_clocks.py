@@ -16,7 +16,6 @@ from cosim import ComponentError, CosimError, FmuError, PythonComponent, System
 from cosim.check import Options, check
 from cosim.fmu.file import FmuFile
 
-ENGINES = ("python", "compiled")
 Build = Callable[..., Path]
 
 
@@ -47,28 +46,25 @@ class Ramp(PythonComponent):
         y[0] = self.n
 
 
-def run(
-    path: Path, stop: float = 0.1, *, step: str = "10 ms", engine: str = "python", **start: object
-) -> dict[str, list[float]]:
+def run(path: Path, stop: float = 0.1, *, step: str = "10 ms", **start: object) -> dict[str, list[float]]:
     with System() as system:
         system.add("c", path, step=step, start={"u": 1.0, "begin": False, **start})
-        recording = system.run(stop, record=["c.*"], engine=engine)  # type: ignore[arg-type]
+        recording = system.run(stop, record=["c.*"])  # type: ignore[arg-type]
     return {n.removeprefix("c."): recording[n].round(9).tolist() for n in recording.names}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_constant_clock_ticks_exactly_where_its_counters_say(fmu: Build, engine: str) -> None:
+def test_a_constant_clock_ticks_exactly_where_its_counters_say(fmu: Build) -> None:
     """Every 1/300 s, three times in each step of 10 ms.
 
     The FMU fails where a tick is passed or comes at another time.
     """
-    found = run(fmu("constant"), engine=engine)
+    found = run(fmu("constant"))
     assert found["ticks"] == [3.0 * k for k in range(11)]
     assert found["last"][1:] == [round((3 * k + 2) / 300, 9) for k in range(10)]
     assert found["y"] == found["ticks"], "u is added at every tick"
     z = [sum(n / 300 for n in range(1, 3 * k + 1)) for k in range(11)]
     assert found["z"] == pytest.approx(z, abs=1e-9), "what holds between ticks is integrated"
-    assert run(fmu("constant"), 12.0, engine=engine)["ticks"][-1] == 3600.0
+    assert run(fmu("constant"), 12.0)["ticks"][-1] == 3600.0
 
 
 def test_a_fixed_clock_has_the_interval_and_shift_of_its_parameters(fmu: Build) -> None:
@@ -80,7 +76,7 @@ def test_a_fixed_clock_has_the_interval_and_shift_of_its_parameters(fmu: Build) 
 def test_a_tunable_clock_follows_its_parameter_from_when_it_is_set(fmu: Build) -> None:
     with System() as system:
         system.add("c", fmu("tunable"), step="10 ms", start={"u": 1.0, "begin": False})
-        with system.initialize(record=["c.last", "c.ticks"], engine="python") as simulation:
+        with system.initialize(record=["c.last", "c.ticks"]) as simulation:
             simulation.advance(0.04)
             simulation.set("c.period", 0.025)
             simulation.advance(0.12)
@@ -95,8 +91,7 @@ def test_a_changing_clock_says_at_each_tick_when_the_next_one_is(fmu: Build) -> 
     assert found["last"][1:] == [0.02, 0.07, 0.1, 0.14]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_countdown_begins_at_an_event(fmu: Build, engine: str) -> None:
+def test_a_countdown_begins_at_an_event(fmu: Build) -> None:
     """A discrete input is set in event mode; 15 ms later, within a step, the clock ticks."""
 
     class Begin(PythonComponent):
@@ -116,7 +111,7 @@ def test_a_countdown_begins_at_an_event(fmu: Build, engine: str) -> None:
         system.add("begin", Truth(), step="10 ms")
         system.add("c", fmu("countdown"), step="10 ms", start={"u": 1.0})
         system.connect("begin.y", "c.begin")
-        recording = system.run(0.12, record=["c.last", "c.ticks"], engine=engine)  # type: ignore[arg-type]
+        recording = system.run(0.12, record=["c.last", "c.ticks"])  # type: ignore[arg-type]
     assert recording["c.ticks"].tolist() == [0.0] * 6 + [1.0] * 4 + [2.0] * 3
     assert recording["c.last"][-1] == pytest.approx(0.095, abs=1e-12)
 
@@ -131,7 +126,7 @@ def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
         system.add("ramp", Ramp(), step="10 ms")
         system.add("c", fmu("fixed"), step="10 ms", kind="discrete", start={"begin": False})
         system.connect("ramp.y", "c.u")
-        recording = system.run(0.1, record=["c.y", "ramp.y"], engine="python")
+        recording = system.run(0.1, record=["c.y", "ramp.y"])
     assert recording["ramp.y"].tolist()[:5] == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert recording["c.y"].tolist() == [
         1.0,
@@ -151,7 +146,7 @@ def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
 def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> None:
     with System() as system:
         system.add("c", fmu("fixed"), step="10 ms", start={"u": 1.0, "begin": False})
-        with system.initialize(record=["c.y"], engine="python") as simulation:
+        with system.initialize(record=["c.y"]) as simulation:
             simulation.advance(0.03)
             simulation.set("c.u", 10.0)
             simulation.advance(0.06)
@@ -162,7 +157,7 @@ def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> No
 def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str, raises) -> None:
     with System() as system:
         system.add("c", fmu(kind), step="15 ms", start={"u": 1.0, "begin": False})
-        with system.initialize(record=["c.*"], engine="python") as simulation:
+        with system.initialize(record=["c.*"]) as simulation:
             simulation.advance(0.06)
             state = simulation.save()
             simulation.advance(0.15)
@@ -177,7 +172,7 @@ def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str, raises) -> No
 def test_repeated_runs_are_alike(fmu: Build) -> None:
     with System() as system:
         system.add("c", fmu("changing"), step="10 ms", start={"u": 1.0, "begin": False})
-        first, second = (system.run(0.1, record=["c.*"], engine="python") for _ in range(2))
+        first, second = (system.run(0.1, record=["c.*"]) for _ in range(2))
     assert all(np.array_equal(first[n], second[n]) for n in first.names)
 
 

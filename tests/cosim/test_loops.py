@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from probes import Delta, Integrator
-from same import ENGINES, assert_same
+from same import assert_same
 
 from cosim import AlgebraicLoopWarning, LoopError, PythonComponent, Recording, System
 from cosim.core.dependencies import by_perturbation
@@ -67,14 +67,13 @@ def ring(*components: PythonComponent, delay: bool = False) -> System:
     return system
 
 
-@pytest.mark.parametrize("engine", ["python", "auto"])
 @pytest.mark.parametrize("made", [Declared, Line])
-def test_a_certain_loop_is_refused_by_name_before_anything_runs(made, engine):
+def test_a_certain_loop_is_refused_by_name_before_anything_runs(made):
     system = ring(made(), made(), made())
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # nor is anything said beside it
         with pytest.raises(LoopError) as error:
-            system.run(0.01, engine=engine)
+            system.run(0.01)
     text = str(error.value)
     assert text.index("a.y -> b.u") < text.index("b.y -> c.u") < text.index("c.y -> a.u")
     assert "'a', 'b', 'c'" in text
@@ -241,15 +240,14 @@ def test_what_an_fmu_does_not_declare_is_measured_from_a_saved_state(follower, f
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("engine", ENGINES)
-def test_measuring_changes_no_bit_of_a_run(follower, fmi, engine, monkeypatch):
+def test_measuring_changes_no_bit_of_a_run(follower, fmi, monkeypatch):
     def run() -> Recording:
         with System() as system:
             system.add("a", follower[fmi], step="1 ms", parameters={"rate": 50.0}, start={"count_in": 7})
             system.add("b", follower[fmi], step="2 ms", start={"on": True})
             system.connect("a.y", "b.u")
             system.connect("b.y", "a.u")
-            return system.run(0.02, engine=engine)
+            return system.run(0.02)
 
     with pytest.warns(AlgebraicLoopWarning):
         measured = run()

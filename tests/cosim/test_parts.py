@@ -5,12 +5,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from cosim.engine.timetable import Clock, Timetable
 
 from build_fmus import component
 from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
 from cosim.core.errors import FmuError
 from cosim.core.time import TimeBase, gcd, rational
-from cosim.engine.timetable import Clock, Timetable
 from cosim.fmu.model_description import LONGEST_SOURCE, parse
 
 

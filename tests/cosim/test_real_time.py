@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ctrl_c import ctrl_c
 from probes import Clock, Integrator
-from same import ENGINES, assert_same
+from same import assert_same
 
 from cosim import Interrupted, PythonComponent, StopWhen, System, TimeError
 from cosim.core import real_time
@@ -136,8 +136,7 @@ def test_stepping_by_hand_keeps_the_first_beginning(fake):
     assert (simulation.recording.real_time.factor, simulation.recording.real_time.instants) == (2.0, 1)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, engine, tmp_path, monkeypatch):
+def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, tmp_path, monkeypatch):
     """Real clock, twenty times as fast. With a stop condition, a spool, a progress bar, offsets and several rates."""
     monkeypatch.setattr(Spool, "EVERY", 0.0)
     monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
@@ -146,7 +145,7 @@ def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, engine, tmp_p
         system.add("plant", awkward_fmus[3], step="5 ms", parameters={"trouble": awkward.NONE, "at": 9.0, "value": 0.0})
         system.add("fast", Integrator(), step="2 ms", offset="1 ms", start={"u": 1.0})
         system.add("clock", Clock(), step="1/60")
-        options = {"engine": engine, "record_interval": "3 ms", "stop_when": [StopWhen("fast.y", ">", 0.5)]}
+        options = {"record_interval": "3 ms", "stop_when": [StopWhen("fast.y", ">", 0.5)]}
         whole = system.run(1.0, **options)
         paced = system.run(1.0, **options, real_time=20.0, progress=True, csv=tmp_path / "a.csv")
         assert_same(paced, whole)
@@ -155,31 +154,29 @@ def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, engine, tmp_p
         assert (whole.real_time, paced.real_time.factor) == (None, 20.0)
         unpaced = (tmp_path / "b.csv", system.run(1.0, **options, csv=tmp_path / "b.csv"))[0]
         assert (tmp_path / "a.csv").read_bytes() == unpaced.read_bytes()
-        with system.initialize(record_interval="3 ms", engine=engine) as simulation:
+        with system.initialize(record_interval="3 ms") as simulation:
             spool = Spool(tmp_path / "c.csv.part", simulation.recording.names, simulation.recording.units)
             simulation.spool(spool)
             simulation.advance(0.2, real_time=50.0)
             assert len(read_spool(spool.path)) > 50
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("trouble", [awkward.END, awkward.END_EARLY])
-def test_a_component_that_asks_for_the_end_is_heard(awkward_fmus, engine, trouble):
+def test_a_component_that_asks_for_the_end_is_heard(awkward_fmus, trouble):
     with System() as system:
         system.add("plant", awkward_fmus[3], parameters={"trouble": trouble, "at": 0.3, "value": 0.0})
         system.add("fast", Integrator(), step="10 ms", start={"u": 1.0})
-        whole = system.run(1, engine=engine)
+        whole = system.run(1)
         assert "asked to end" in whole.stopped_by
-        assert_same(system.run(1, engine=engine, real_time=50.0), whole)
+        assert_same(system.run(1, real_time=50.0), whole)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_ctrl_c_while_it_waits(awkward_fmus, engine):
+def test_ctrl_c_while_it_waits(awkward_fmus):
     """The next instant is due in ten seconds."""
     with System() as system:
         system.add("plant", awkward_fmus[2], step="10 ms", parameters={"trouble": 0, "at": 9.0, "value": 0.0})
-        whole = system.run(0.1, engine=engine)
-        simulation = system.initialize(engine=engine)
+        whole = system.run(0.1)
+        simulation = system.initialize()
         simulation.advance(0.03)
         with ctrl_c(), pytest.raises(Interrupted) as caught:
             simulation.advance(0.1, real_time=0.001)

@@ -99,13 +99,12 @@ def test_a_last_row_that_is_not_whole_and_files_of_others(tmp_path, raises):
             read_spool(spool.path)
 
 
-@pytest.mark.parametrize("engine", ["python", "auto"])
-def test_the_rows_are_the_recording_whatever_is_rolled_back(tmp_path, monkeypatch, engine):
+def test_the_rows_are_the_recording_whatever_is_rolled_back(tmp_path, monkeypatch):
     """Written at every chance here; restored states forget rows, also on disk."""
     monkeypatch.setattr(Spool, "EVERY", 0.0)
     with System() as system:
         system.add("a", Integrator(), step="1 ms", start={"u": 1.0})
-        with system.initialize(engine=engine) as simulation:
+        with system.initialize() as simulation:
             spool = Spool(tmp_path / "a.csv.part", simulation.recording.names, simulation.recording.units)
             simulation.spool(spool)
             simulation.advance(0.02)

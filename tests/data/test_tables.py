@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
 
 from cosim import (
@@ -25,7 +26,6 @@ from cosim import (
     WiringError,
 )
 
-ENGINES = ("python", "compiled")
 TIME = np.arange(101) / 50
 
 
@@ -45,8 +45,7 @@ def run(table: Table, stop: float = 1.0, *, step: Any = None, **options: Any) ->
         return system.run(stop, **options)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_linear_between_rows_and_held_from_row_to_row(engine: str) -> None:
+def test_linear_between_rows_and_held_from_row_to_row() -> None:
     rng = np.random.default_rng(7)
     time = np.concatenate([[0.0], np.cumsum(rng.uniform(0.0005, 0.05, 99))])
     z, n = rng.normal(size=100), rng.integers(-9, 9, 100)
@@ -55,7 +54,7 @@ def test_linear_between_rows_and_held_from_row_to_row(engine: str) -> None:
         interpolation={"n": "held", "same": "held"},
         after="hold",
     )
-    r = run(table, 4.0, engine=engine)
+    r = run(table, 4.0)
     np.testing.assert_allclose(r["road.z"], np.interp(r.time, time, z), rtol=0, atol=1e-14)
     row = np.searchsorted(time, r.time + 1e-12, "right") - 1
     for name, column in (("n", n), ("same", z), ("on", n > 0)):
@@ -74,37 +73,18 @@ def random_table(seed: int) -> Table:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_engine_gives_the_bits_of_the_python_master(seed: int) -> None:
+def test_the_engine_reads_a_table_as_python_does(seed: int) -> None:
     """Any rates, offsets and choices of outputs, the recorded ones not in the order of the table."""
     rng = np.random.default_rng(seed)
     step, record = (
         Fraction(int(rng.integers(1, 40)), int(rng.integers(500, 3000))),
         ["road.x[2]", "road.x[1]", "road.*"],
     )
-    one, other = (
-        run(random_table(seed), 2.0, step=step, engine=e, record=record, record_interval=step / 2) for e in ENGINES
-    )
-    assert_same(one, other)
-    assert np.ptp(one.data, axis=0).max() > 0
-
-
-def test_the_engine_does_not_call_python_back() -> None:
+    found = run(random_table(seed), 2.0, step=step, record=record, record_interval=step / 2)
     with System() as system:
-        system.add("road", Table({"t": TIME, "z": TIME}))
-        assert "executed by the compiled engine;" in str(system.schedule())
-        system.add("sink", Sink())
-        assert "calls back sink;" in str(system.schedule())
-
-
-def test_without_a_compiler_the_python_master_runs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = run(Table({"t": TIME, "z": TIME**2}), engine="compiled")
-    monkeypatch.setattr("cosim.tables.table._compiled", lambda: None)
-    table = Table({"t": TIME, "z": TIME**2})
-    with System() as system:
-        system.add("road", table)
-        assert "Python master" in str(system.schedule())
-        assert_same(system.run(1.0), expected)
-        assert_same(system.run(1.0, engine="compiled"), expected)  # called back
+        system.add("road", random_table(seed), step=step)
+        assert_same(found, by_the_rule(system, Fraction(2), found.names, step / 2))
+    assert np.ptp(found.data, axis=0).max() > 0
 
 
 def test_units_are_converted_where_it_is_connected(tmp_path: Path, raises) -> None:
@@ -335,24 +315,23 @@ def test_mistakes_in_other_sources_are_named(tmp_path: Path) -> None:
             Table(source, **options)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_run_longer_than_the_table(engine: str, raises) -> None:
+def test_a_run_longer_than_the_table(raises) -> None:
     """2 s and the length of one row more; refused before it runs, or where it ends if nobody said how long it runs."""
     table = {"t": TIME, "z": TIME}
-    assert len(run(Table(table), 2.02, engine=engine)) == 2021
+    assert len(run(Table(table), 2.02)) == 2021
     with raises(TableError):
-        run(Table(table), 2.1, engine=engine)
+        run(Table(table), 2.1)
     with System() as system:
         system.add("road", Table(table))
-        simulation = system.initialize(engine=engine)
+        simulation = system.initialize()
         with raises(ComponentError) as error:
             simulation.advance(3)
     assert error.value.recording is not None
     assert error.value.recording.time[-1] == 2.02
-    assert run(Table(table, after="hold"), 9, engine=engine)["road.z"][-1] == 2.0
+    assert run(Table(table, after="hold"), 9)["road.z"][-1] == 2.0
     with raises(TableError):
-        run(Table(table, shift=5.0), 6, engine=engine)
-    moved = run(Table(table, shift=5.0), 6, start_time=5, engine=engine)
+        run(Table(table, shift=5.0), 6)
+    moved = run(Table(table, shift=5.0), 6, start_time=5)
     np.testing.assert_allclose(moved["road.z"], moved.time - 5, atol=1e-12)
 
 
@@ -368,9 +347,8 @@ def wired(table: Table | None = None) -> System:
     return system
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_states_travel(engine: str, tmp_path: Path) -> None:
-    options: dict[str, Any] = {"engine": engine, "allow_unconnected": True}
+def test_states_travel(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"allow_unconnected": True}
     with wired() as one, wired() as two:
         whole = one.run(2.0, **options)
         simulation = one.initialize(**options)

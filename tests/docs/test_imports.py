@@ -16,10 +16,7 @@ from pages import ROOT, section
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 CORE = (
-    *(
-        f"cosim/{p}/"
-        for p in ("core", "recording", "fmu", "system", "master", "engine", "linear", "tables", "picture", "ssp")
-    ),
+    *(f"cosim/{p}/" for p in ("core", "recording", "fmu", "system", "engine", "linear", "tables", "picture", "ssp")),
     "cosim/session.py",
     "cosim/__init__.py",
 )

@@ -1,17 +1,21 @@
-"""What goes wrong in a compiled run says what it says in Python, at the same time and with the same recording."""
+"""What goes wrong in a run: the message, the time and the recording."""
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import awkward
 import numpy as np
 import pytest
 from ctrl_c import ctrl_c
+from oracles.exchange_rule import by_the_rule
 from rich.progress import Progress
-from same import ENGINES, assert_same_outcome, bits, outcome
+from same import assert_same, bits, outcome
 
+from build_fmus.compile import CompileError
 from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
+from cosim.engine import library
 from cosim.recording.spool import spool_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -53,40 +57,48 @@ def test_an_fmu_in_trouble(awkward_fmus, follower, version, kind, trouble, value
     Some are in a group where one reads what the other has just reached.
     """
 
-    def run(engine: str) -> Recording:
-        with System() as system:
-            parameters = {"trouble": trouble, "at": 0.3, **({"value": value} if np.isfinite(value) else {})}
-            system.add("m", awkward_fmus[version], step="50 ms", kind=kind, parameters=parameters)
-            if not np.isfinite(value):
-                system["m"].values["value"] = value
-            for name, step in (("a", "10 ms"), ("z", "30 ms")):
-                system.add(name, follower[version], step=step, start={"u": 1.0})
-            system.connect("a.off", "z.on")
-            if kind == "continuous":
-                system.group("all", ["z", "m", "a"], "gauss-seidel")
-            return system.run(0.6, engine=engine)
+    def made() -> System:
+        system = System()
+        parameters = {"trouble": trouble, "at": 0.3, **({"value": value} if np.isfinite(value) else {})}
+        system.add("m", awkward_fmus[version], step="50 ms", kind=kind, parameters=parameters)
+        if not np.isfinite(value):
+            system["m"].values["value"] = value
+        for name, step in (("a", "10 ms"), ("z", "30 ms")):
+            system.add(name, follower[version], step=step, start={"u": 1.0})
+        system.connect("a.off", "z.on")
+        if kind == "continuous":
+            system.group("all", ["z", "m", "a"], "gauss-seidel")
+        return system
 
-    said, recording = assert_same_outcome(run)
+    def run() -> Recording:
+        with made() as system:
+            return system.run(0.6)
+
+    said, recording = outcome(run)
     assert recording is not None
     assert len(recording) > 10
     harmless = trouble == awkward.NONE or (trouble != awkward.NOT_FINITE and value == 1)
     if harmless or trouble in (awkward.END, awkward.END_EARLY):
         assert said == ""
         assert (recording.stopped_by is None) == harmless
+        with made() as system:
+            expected = by_the_rule(system, "0.6", recording.names)
+        expected.stopped_by = recording.stopped_by
+        assert_same(recording, expected)
     else:
         assert "'m'" in said or "m.y" in said
 
 
 @pytest.mark.parametrize("how", ["raise", "interrupt", "nan", "inf", ""])
 def test_a_python_component_in_trouble(follower, how):
-    def run(engine: str) -> Recording:
+    def run() -> Recording:
         with System() as system:
             system.add("p", Breaks(), step="20 ms", parameters={"how": how})
             system.add("f", follower[3], step="10 ms")
             system.connect("p.y", "f.u")
-            return system.run(0.6, engine=engine)
+            return system.run(0.6)
 
-    said, recording = assert_same_outcome(run)
+    said, recording = outcome(run)
     assert {"raise": "the spring is broken", "interrupt": "Interrupted", "nan": "y is nan", "inf": "y is inf", "": ""}[
         how
     ] in said
@@ -94,84 +106,77 @@ def test_a_python_component_in_trouble(follower, how):
 
 
 def test_not_finite_values_are_handed_on_where_that_is_allowed(follower):
-    def run(engine: str) -> Recording:
+    def run() -> Recording:
         with System() as system:
             system.add("p", Breaks(), step="20 ms", parameters={"how": "nan"})
             system.add("f", follower[2], step="10 ms")
             system.connect("p.y", "f.u")
-            return system.run(0.6, engine=engine, allow_nan=True)
+            return system.run(0.6, allow_nan=True)
 
-    said, recording = assert_same_outcome(run)
+    said, recording = outcome(run)
     assert said == ""
     assert np.isnan(recording["f.y"][-1])
 
 
 def test_what_can_be_read_and_what_cannot_end_a_run(follower):
-    """The name of a stop condition may be wrong; then both say so alike."""
+    """The name of a stop condition may be wrong."""
 
-    def run(engine: str) -> Recording:
+    def run() -> Recording:
         with System() as system:
             system.add("f", follower[2], step="10 ms", start={"u": 1.0})
-            with system.initialize(record=["f.y"], engine=engine) as simulation:
+            with system.initialize(record=["f.y"]) as simulation:
                 simulation.advance(0.1, stop_when=[StopWhen("f.x", ">", 0.0)])
                 return simulation.recording
 
-    said, _ = assert_same_outcome(run)
+    said, _ = outcome(run)
     assert "f.x" in said
 
 
 def test_a_function_as_stop_condition_sees_the_same(follower):
-    def run(engine: str) -> Recording:
+    def run() -> Recording:
         def late(view: Any) -> bool:
             return view.time > 0.05 and view["f.y"] > 0.0
 
         with System() as system:
             system.add("f", follower[2], step="10 ms", start={"u": 1.0})
-            return system.run(0.2, stop_when=[late], engine=engine)
+            return system.run(0.2, stop_when=[late])
 
-    said, recording = assert_same_outcome(run)
+    said, recording = outcome(run)
     assert (said, recording.stopped_by) == ("", "late")
     assert recording.time[-1] == 0.06
 
 
-def test_times_beyond_exact_doubles_are_left_to_python(follower):
-    """A tick so short that the engine's one division would not be correctly rounded."""
-    steps = {}
-    for engine in ENGINES:
-        with System() as system:
-            system.add("f", follower[2], step="1 ms")
-            system.add("g", follower[2], step="1/1000003")
-            steps[engine] = outcome(lambda s=system, e=engine: s.run("10000000.01", start_time=10**7, engine=e))
-    assert steps["python"][0] == steps["compiled"][0] == ""
-    np.testing.assert_array_equal(steps["python"][1].time, steps["compiled"][1].time)
-
-
-def test_the_choice_is_said_and_refused(follower, monkeypatch, raises):
+def test_times_that_doubles_do_not_divide_exactly(follower):
+    """A tick so short that one division of doubles would not be correctly rounded."""
     with System() as system:
-        system.add("p", Breaks(), step="20 ms")
-        assert "all components are written in Python" in str(system.schedule())
-        system.add("f", follower[2], step="10 ms")
-        assert "the compiled engine, which calls back p" in str(system.schedule())
-        assert "as requested" in str(system.schedule(engine="python"))
-        with raises(CosimError):
-            system.run(0.1, engine="compile")
-        from cosim.engine import choice, library
+        system.add("f", follower[2], step="1 ms")
+        system.add("g", follower[2], step="1/1000003")
+        recording = system.run("10000000.01", start_time=10**7)
+    expected = [float(10**7 + Fraction(k, 1000003)) for k in range(len(recording))]
+    assert recording.time.tolist() == expected
+    assert len(recording) == 10001
 
-        def none() -> None:
-            raise library.NoEngine("no C compiler")
 
-        monkeypatch.setattr(choice, "library", none)
-        assert "the Python master: no C compiler" in str(system.schedule())
-        assert len(system.run(0.1)) > 5
-        with raises(CosimError):
-            system.run(0.1, engine="compiled")
+def test_without_a_compiler_it_says_what_to_install(follower, monkeypatch, raises):
+    monkeypatch.setattr(library, "find_toolchain", none)
+    library.library.cache_clear()
+    try:
+        with System() as system, raises(CosimError):
+            system.add("f", follower[2], step="10 ms")
+            system.run(0.1)
+    finally:
+        library.library.cache_clear()
+
+
+def none(_: str) -> None:
+    raise CompileError("no C compiler in PATH")
 
 
 def test_ctrl_c_ends_a_compiled_run_between_two_instants(follower):
     """It comes while the engine runs, is seen when that comes back, and the simulation can be continued."""
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
-        with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:
+        with system.initialize(record=["f.y"], record_interval="1 s") as simulation:
             with ctrl_c(after=0.1), pytest.raises(Interrupted, match="interrupted at t ="):
                 simulation.advance(10**9)
             reached = simulation.time
@@ -187,9 +192,9 @@ def test_ctrl_c_keeps_what_a_compiled_run_has_recorded(follower, tmp_path):
         csv = tmp_path / "run.csv"
         part = spool_of(csv)
         with ctrl_c(lambda: part.exists() and part.stat().st_size > 1000), pytest.raises(Interrupted) as raised:
-            system.run(10**9, record=["f.y"], record_interval="1 s", engine="compiled", csv=csv)
+            system.run(10**9, record=["f.y"], record_interval="1 s", csv=csv)
         kept = raised.value.recording
-        whole = system.run(kept.time[-1], record=["f.y"], record_interval="1 s", engine="compiled")
+        whole = system.run(kept.time[-1], record=["f.y"], record_interval="1 s")
     assert len(kept) > 2
     np.testing.assert_array_equal(bits(kept.time), bits(whole.time))
     np.testing.assert_array_equal(bits(kept.data), bits(whole.data))
@@ -209,7 +214,7 @@ def test_the_progress_bar_of_a_compiled_run_moves(follower, monkeypatch):
     monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
-        with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:
+        with system.initialize(record=["f.y"], record_interval="1 s") as simulation:
             simulation.advance(1)
             simulation.advance(101, progress=True)
     done = [completed for completed, _, _ in seen]

@@ -42,7 +42,7 @@ def test_a_million_steps_take_no_memory(follower, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # other workers have theirs at the same time
     with System() as system:
         chain(system, follower)
-        with system.initialize(record=["c.y"], record_interval="10 s", engine="compiled") as simulation:
+        with system.initialize(record=["c.y"], record_interval="10 s") as simulation:
             simulation.advance(10)
             seen = [held()]
             for _ in range(4):
@@ -66,7 +66,7 @@ def test_many_systems_leave_nothing(follower, tmp_path, monkeypatch, count):
     for k in range(count):
         with System() as system:
             chain(system, follower)
-            system.run(0.005, engine="compiled")
+            system.run(0.005)
         if k in (199, count - 1):
             gc.collect()  # a system has circles; when they are collected depends on what else was imported
             seen.append(held())

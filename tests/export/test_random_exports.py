@@ -26,7 +26,7 @@ END = 0.06
 
 def shown(system: System, names: list[str], times: list[Fraction]) -> np.ndarray:
     """What `advance` to each of these times shows."""
-    with system.initialize(record=names, engine="python") as simulation:
+    with system.initialize(record=names) as simulation:
         rows = []
         for t in times:
             simulation.advance(t)

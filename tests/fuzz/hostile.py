@@ -28,7 +28,6 @@ def make(rng: random.Random) -> bytes:
         rng.choice((2, 3)),
         rng.choice(PHASES),
         deed,
-        rng.choice(("python", "compiled")),
         rng.randrange(1, 5),
         rng.randrange(1 << 16),
     )
@@ -36,7 +35,7 @@ def make(rng: random.Random) -> bytes:
 
 
 def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
-    version, phase, deed, engine, steps, choices = case.decode().split()
+    version, phase, deed, steps, choices = case.decode().split()
     rng = random.Random(int(choices))
     with System() as system:
         system.add("good", _fmu(2, "step", "nothing"), step=f"{steps} ms")
@@ -45,7 +44,7 @@ def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
             system.connect("good.y", "bad.u", delay=rng.random() < 0.3)
         if rng.random() < 0.7:
             system.connect("bad.y", "good.u", extrapolate=rng.random() < 0.3)
-        simulation = system.initialize(record=["*.y"], allow_unconnected=True, engine=engine)  # type: ignore[arg-type]
+        simulation = system.initialize(record=["*.y"], allow_unconnected=True)  # type: ignore[arg-type]
         try:
             simulation.advance("5 ms")
             state = simulation.save() if rng.random() < 0.5 else None

@@ -19,7 +19,7 @@ import pytest
 from foreign.hostile import ENDS, HARMLESS, LIES, PHASES, STEPPING, build
 from processes import children, gone
 
-from cosim import ComponentError, CosimError, EngineChoice, IsolationCrashedWarning, System
+from cosim import ComponentError, CosimError, IsolationCrashedWarning, System
 
 VERSIONS = (2, 3)
 PATIENCE = 0.3  # s, of a call
@@ -58,8 +58,8 @@ def wired(system: System, path: Path, **limits: object) -> System:
     return system
 
 
-def run(system: System, engine: EngineChoice = "auto") -> None:
-    system.run(0.02, record=["before.y", "bad.y", "after.y"], engine=engine, allow_unconnected=True)
+def run(system: System) -> None:
+    system.run(0.02, record=["before.y", "bad.y", "after.y"], allow_unconnected=True)
 
 
 def words(deed: str) -> str:
@@ -80,12 +80,9 @@ def check(error: ComponentError, phase: str, deed: str) -> None:
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("deed", [*ENDS, *LIES])
-@pytest.mark.parametrize("engine", ["compiled", "python"])
-def test_a_bad_deed_in_a_step_is_an_error_that_names_it(
-    system: System, folder: Path, version: int, deed: str, engine: EngineChoice
-) -> None:
+def test_a_bad_deed_in_a_step_is_an_error_that_names_it(system: System, folder: Path, version: int, deed: str) -> None:
     with pytest.raises(ComponentError) as caught:
-        run(wired(system, build(version, folder, "step", deed)), engine)
+        run(wired(system, build(version, folder, "step", deed)))
     check(caught.value, "step", deed)
 
 
@@ -203,14 +200,13 @@ def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("engine", ["compiled", "python"])
 @pytest.mark.parametrize(("phase", "function"), [("late-set", "Set(Real|Float64)"), ("late-get", "Get(Real|Float64)")])
 @pytest.mark.parametrize("deed", ["segfault", "sleep"])
 def test_the_function_that_was_called_is_named_also_when_it_travels_with_a_step(
-    system: System, folder: Path, version: int, engine: EngineChoice, phase: str, function: str, deed: str
+    system: System, folder: Path, version: int, phase: str, function: str, deed: str
 ) -> None:
     with pytest.raises(ComponentError) as caught:
-        run(wired(system, build(version, folder, phase, deed)), engine)
+        run(wired(system, build(version, folder, phase, deed)))
     assert re.fullmatch(f"fmi{version}{function}", caught.value.function), caught.value
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from foreign import hostile
-from same import ENGINES, assert_same
+from same import assert_same
 
 from cosim import Recording, System
 from cosim.recording.spool import recover, spool_of
@@ -22,22 +22,21 @@ from cosim.recording.spool import recover, spool_of
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
 
-def beside(follower: Path, culprit: Path, engine: str) -> Recording:
+def beside(follower: Path, culprit: Path) -> Recording:
     """What a neighbor computes whose numbers depend on rounding, in a run with that FMU before it."""
     with System() as system:
         system.add("culprit", culprit)
         system.add("neighbour", follower, step="1 ms", start={"u": 1.0})
-        return system.run(0.05, record=["culprit.y", "neighbour.y"], engine=engine)  # type: ignore[arg-type]
+        return system.run(0.05, record=["culprit.y", "neighbour.y"])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("deed", "what"), [("round", "rounding"), ("flush", "subnormal")])
 @pytest.mark.parametrize("phase", ["load", "step", "get", "enter"])
-def test_the_floating_point_environment_is_put_back(folder, follower, harmless, version, engine, deed, what, phase):
-    right = beside(follower[version], harmless, engine)
+def test_the_floating_point_environment_is_put_back(folder, follower, harmless, version, deed, what, phase):
+    right = beside(follower[version], harmless)
     with pytest.warns(UserWarning, match=rf"'culprit' .*{what}"):
-        found = beside(follower[version], hostile.build(version, folder, phase, deed), engine)
+        found = beside(follower[version], hostile.build(version, folder, phase, deed))
     assert_same(right, found)
 
 
@@ -47,7 +46,7 @@ from cosim import System
 system = System()
 system.add("bad", sys.argv[1], isolated=sys.argv[3] == "isolated")
 try:
-    system.run(0.5, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True, engine=sys.argv[4])
+    system.run(0.5, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True)
     system.close()
 except KeyboardInterrupt as error:
     print("interrupted:", error)
@@ -55,13 +54,11 @@ except KeyboardInterrupt as error:
 """
 
 
-@pytest.mark.parametrize(
-    ("engine", "phase"), [*((e, "step") for e in ENGINES), ("python", "enter"), ("python", "free")]
-)
+@pytest.mark.parametrize("phase", ["step", "enter", "free"])
 @pytest.mark.parametrize("where", ["isolated", "here"])
-def test_a_second_interrupt_ends_a_hang(folder, tmp_path, engine, phase, where):
+def test_a_second_interrupt_ends_a_hang(folder, tmp_path, phase, where):
     csv = tmp_path / "out.csv"
-    command = [sys.executable, "-c", HANGS, hostile.build(2, folder, phase, "hang"), csv, where, engine]
+    command = [sys.executable, "-c", HANGS, hostile.build(2, folder, phase, "hang"), csv, where]
     process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
     while not (spool_of(csv) if phase == "step" else csv).exists() and time.monotonic() < end:
@@ -86,17 +83,16 @@ import os, sys
 from cosim import System
 system = System()
 system.add("bad", sys.argv[1], start={"u": 0.0})
-system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True, engine=sys.argv[3])
+system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True)
 """
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("deed", ["segfault", "quit", "exit-0"])
-def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, engine, deed):
+def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, deed):
     """The FMU does its deed late: after half a second of steps that take a millisecond each."""
     csv = tmp_path / "out.csv"
     environment = {**os.environ, "HOSTILE_STEP": "400", "HOSTILE_SLOW": "1"}
-    command = [sys.executable, "-c", LOST, hostile.build(3, folder, "step", deed), csv, engine]
+    command = [sys.executable, "-c", LOST, hostile.build(3, folder, "step", deed), csv]
     done = subprocess.run(
         list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60, text=True
     )

@@ -311,7 +311,6 @@ def test_a_step_before_the_first_reset(make: Make) -> None:
         ({"length": "15 ms"}, TimeError),
         ({"record_interval": "3 ms"}, TimeError),
         ({"render_mode": "human"}, CosimError),
-        ({"engine": "fast"}, CosimError),
     ],
 )
 def test_settings_that_do_not_fit(make: Make, changes: dict[str, object], kind: type[Exception], raises) -> None:

@@ -17,7 +17,7 @@ from forks import another_process, assert_tail, continued, played
 from fuzz import states
 from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
-from same import ENGINES, assert_same
+from same import assert_same
 
 from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState
 from cosim.core import packing, plain
@@ -49,30 +49,27 @@ def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewher
     Within steps and at stop conditions.
     """
     stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
-    for engine in ENGINES:
-        with wired(plan, follower) as system:
-            every = [
-                f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
-            ]
-            options = {
-                "record": [*every, "m0.u"],
-                "watch": ["m0.y"],
-                "record_interval": plan["interval"],
-                "engine": engine,
-            }
-            try:
-                simulation = system.initialize(**options)
-            except LoopError:
-                return
-            with simulation:
-                for until in plan["cuts"] or [0.05]:
-                    if simulation.advance(until, stop_when=stop):
-                        break
-                state = simulation.save()
-                simulation.advance(0.12, stop_when=stop)
-                whole = simulation.recording
-        options["engine"] = ENGINES[engine == ENGINES[0]]  # the other one
-        assert_tail(elsewhere(wired, (plan, follower), state, [0.12], stop, **options), whole, state.time)
+    with wired(plan, follower) as system:
+        every = [
+            f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
+        ]
+        options = {
+            "record": [*every, "m0.u"],
+            "watch": ["m0.y"],
+            "record_interval": plan["interval"],
+        }
+        try:
+            simulation = system.initialize(**options)
+        except LoopError:
+            return
+        with simulation:
+            for until in plan["cuts"] or [0.05]:
+                if simulation.advance(until, stop_when=stop):
+                    break
+            state = simulation.save()
+            simulation.advance(0.12, stop_when=stop)
+            whole = simulation.recording
+    assert_tail(elsewhere(wired, (plan, follower), state, [0.12], stop, **options), whole, state.time)
 
 
 STILL = ("Road", "PitchReference", "PreviewBuffer")  # outputs may not move here: flat, too early, nothing valid is seen
@@ -592,10 +589,9 @@ def partly(follower: dict[int, Path]) -> System:
     return system
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_elements_beside_driven_ones_can_be_set_while_it_runs(follower, elsewhere, engine):
+def test_elements_beside_driven_ones_can_be_set_while_it_runs(follower, elsewhere):
     """total[2] adds up w[2]: what is set counts from then on, and is part of the state."""
-    options = {"record": ["m.w[2]", "m.total[2]", "m.total[1]"], "engine": engine}
+    options = {"record": ["m.w[2]", "m.total[2]", "m.total[1]"]}
     with partly(follower) as system, system.initialize(**options) as simulation:
         simulation.advance(0.01)
         simulation.set("m.w[2]", 50.0)
@@ -613,19 +609,18 @@ def test_elements_beside_driven_ones_can_be_set_while_it_runs(follower, elsewher
     assert_tail(elsewhere(partly, (follower,), state, [0.03], **options), whole, 0.02)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_an_end_that_was_asked_for_is_remembered(awkward_fmus, engine):
+def test_an_end_that_was_asked_for_is_remembered(awkward_fmus):
     """The FMU asks in its step from 0.3 to 0.4 s; the state is saved between, where others still step."""
     with System() as system:
         system.add("plant", awkward_fmus[3], parameters={"trouble": awkward.END, "at": 0.3, "value": 0.0})
         system.add("fast", Saw(), step="10 ms")
-        with system.initialize(engine=engine) as simulation:
+        with system.initialize() as simulation:
             simulation.advance(0.35)
             state = simulation.save()
             assert "asked to end" in simulation.advance(0.7)
             whole = simulation.recording
         assert whole.time[-1] == 0.4
-        assert_tail(system.run(0.7, state=state, engine=engine), whole, 0.35)
+        assert_tail(system.run(0.7, state=state), whole, 0.35)
 
 
 def test_repeated_runs_keep_nothing_of_those_before(follower):

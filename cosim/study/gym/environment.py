@@ -16,7 +16,6 @@ from build_fmus.base.checks import did_you_mean
 from cosim import (
     ComponentError,
     CosimError,
-    EngineChoice,
     Recording,
     Simulation,
     StopWhen,
@@ -117,7 +116,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         record: further variables that reward and `recording` need, names and patterns; what is observed or set is
             recorded.
         record_interval: [s], default the smallest step of the system.
-        engine, allow_unconnected: as in `cosim.System.run`.
+        allow_unconnected: as in `cosim.System.run`.
         render_mode: None, or "plotly": `render` gives a plotly figure of the episode so far (needs the extra
             [reports]).
 
@@ -148,7 +147,6 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         scenario: Callable[[np.random.Generator], Scenario] | None = None,
         record: Sequence[str] = (),
         record_interval: TimeLike | None = None,
-        engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
         render_mode: str | None = None,
     ):
@@ -165,7 +163,6 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             "scenario": scenario,
             "record": record,
             "record_interval": record_interval,
-            "engine": engine,
             "allow_unconnected": allow_unconnected,
             "render_mode": render_mode,
         }
@@ -212,7 +209,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         interval = settings["record_interval"]
         self.record_interval = None if interval is None else positive(interval, "record_interval")
         extra = [] if self.record_interval is None else [self.record_interval]
-        tick = system.schedule(*extra, engine=settings["engine"]).tick
+        tick = system.schedule(*extra).tick
         self.step_size: Fraction = positive(step, "step")
         if (self.step_size / tick).denominator != 1:
             raise TimeError(f"a step of {step} is no multiple of the system's tick of {seconds_text(tick)}")
@@ -266,7 +263,6 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         self._simulation = simulation = self.system.initialize(
             record=self._recorded,
             record_interval=self.record_interval,
-            engine=self._settings["engine"],
             allow_unconnected=True,
             state=state,
         )

@@ -1,23 +1,23 @@
-"""An exchange whose instants the compiled engine executes, with the same values and calls as in Python."""
+"""The C engine, bound to the values, clocks and ports of one system."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.core.component import EndRequested, FmiCalls, Transfer
+from cosim.core.component import FmiCalls, Transfer
 from cosim.core.errors import NotFinite
-from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.library import interface, library
-from cosim.engine.plan import ComponentPlan, Copy, make_plan
-from cosim.engine.stops import Reader, Stop, StopCondition, StopWhen
+from cosim.engine.plan import ComponentPlan, Copy, Setup, make_plan
+from cosim.engine.stops import Stop, StopWhen, Timed
 from cosim.system.components import SystemComponent
-from cosim.system.names import SystemComponents
 
-_Stop = tuple[StopWhen, int, float, float]  # with slot, scale and offset of what it looks at
+SlotStop = tuple[StopWhen, int, float, float]
+"""A stop condition with slot, scale and offset of the variable that it reads."""
+
 _RELATIONS = {">=": "ENGINE_GE", ">": "ENGINE_GT", "<=": "ENGINE_LE", "<": "ENGINE_LT"}
 _TYPES = {
     np.dtype(np.float64): "ENGINE_DOUBLE",
@@ -34,71 +34,13 @@ _TYPES = {
 }
 
 
-class CompiledExchange(Exchange):
-    """An `Exchange` with a compiled hot loop; initialization, saved states and all else are the same code."""
-
-    _engine: BoundEngine | None = None
-    _by_hand = False  # there are stop conditions that only Python can look at
-    _stops: Sequence[_Stop] = ()
-
-    def stop_when(self, conditions: Sequence[StopCondition], read: Reader) -> None:
-        super().stop_when(conditions, read)
-        plain = [c for c in conditions if isinstance(c, StopWhen)]
-        canonical = SystemComponents((m.name, m) for m in self.schedule.components).canonical
-        known = [self.layout.readable.get(canonical(c.name)) for c in plain]
-        self._by_hand = len(plain) < len(conditions) or None in known
-        self._stops = [] if self._by_hand else [(c, *k) for c, k in zip(plain, known, strict=True) if k]
-
-    def forget(self) -> None:
-        super().forget()
-        self._engine = None
-
-    def run_instants(self, end: int) -> None:
-        if self._engine is None:
-            self._engine = BoundEngine(self, self._stops)
-        if self._by_hand or not self._engine.plan.exact_until(end):
-            super().run_instants(end)
-            return
-        while self.tick < end and self._run(self._engine, end):
-            pass
-
-    def _run(self, engine: BoundEngine, end: int) -> bool:
-        """Until the engine comes back; returns whether to go on."""
-        try:
-            result = engine.run(self.tick, end)
-        finally:
-            self.tick = engine.tick
-        if result in (engine.AT_END, engine.FULL):
-            return True
-        if result == engine.STOPPED:
-            self.phase = Phase.SAMPLED
-            raise Stop(str(self._stops[engine.call][0]))
-        component = self.schedule.components[engine.component]
-        try:
-            self.raise_failure(engine, result, component)
-        except EndRequested as request:
-            instant, t = self.timetable.at(self.tick), self.time
-            rest = instant.whole[instant.whole.index(self._step(component)) + 1 :]
-            if self._end_requested(request, rest, len(instant.advance), t):
-                self.tick += 1
-        return False
-
-    def raise_failure(self, engine: BoundEngine, result: int, component: SystemComponent) -> None:
-        """What the Python master would raise where the engine came back."""
-        if result == engine.NOT_FINITE:
-            culprit = self.layout.not_finite([component], self.time)
-            raise culprit or NotFinite(component.name, "?", float("nan"), self.time)
-        if result == engine.BACK_FAILED:
-            raise engine.take_failure()
-        engine.fail(component, engine.call, engine.status, self.time)
-
-
 class BoundEngine:
-    """The engine's structs for one exchange, and what keeps their arrays alive."""
+    """The engine's structs for one system, and what keeps their arrays alive."""
 
-    def __init__(self, exchange: Exchange, stops: Sequence[_Stop]):
+    def __init__(self, setup: Setup, stops: Sequence[SlotStop] = (), check: Timed | None = None):
+        """Both `stops` and `check`, a function of the time, are looked at after every sample."""
         self._ffi, self._library = interface(), library()
-        self._exchange = exchange
+        self._setup, self._stops, self._check = setup, stops, check
         self._keep: list[Any] = []
         self._failure: BaseException | None = None
         self._rows: Any = None  # the recorder's chunk that the engine writes to
@@ -107,13 +49,13 @@ class BoundEngine:
         self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.CALL_FAILED, self.BACK_FAILED = (
             getattr(self._library, f"ENGINE_{name}") for name in names
         )
-        self.plan = plan = make_plan(exchange)
+        self.plan = plan = make_plan(setup)
         self._components = ffi.new("EngineComponent[]", len(plan.components))
         self._calls: list[FmiCalls | None] = []
         for struct, component in zip(self._components, plan.components, strict=True):
             self._fill(struct, component)
         self._state = e = ffi.new("Engine*")
-        e.values = self._pointer("double*", exchange.values)
+        e.values = self._pointer("double*", setup.values)
         e.components, e.n_components, e.n_discrete = self._components, len(plan.components), plan.n_discrete
         e.clocks = self._array("EngineClock", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
         e.n_clocks = len(plan.clocks)
@@ -124,9 +66,10 @@ class BoundEngine:
         )
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
-        e.check_finite = not exchange.allow_nan
+        e.check_finite = not setup.allow_nan
         e.recorded, e.n_recorded = self._slots(plan.recorded), len(plan.recorded)
         e.stops, e.n_stops = self._array("EngineStop", [self._stop(s) for s in stops]), len(stops)
+        e.checks = check is not None
         e.back = self._back()
 
     # Where it stands, and what it says about a failure.
@@ -142,30 +85,31 @@ class BoundEngine:
         """Present tick of the engine."""
         return int(self._state.tick)
 
-    @property
-    def component(self) -> int:
-        """Index of the component that failed."""
-        return int(self._state.component)
+    def exact_until(self, tick: int) -> bool:
+        """Whether the engine computes all times up to a tick exactly."""
+        return self.plan.exact_until(tick)
 
-    @property
-    def call(self) -> int:
-        """Number of the FMI call that failed: 0 for the step, above 0 for a set, below 0 for a get."""
-        return int(self._state.call)
-
-    @property
-    def status(self) -> int:
-        """FMI status of the call that failed."""
-        return int(self._state.status)
-
-    def take_failure(self) -> BaseException:
-        """What the callback raised."""
-        failure, self._failure = self._failure, None
-        assert failure is not None
-        return failure
+    def raise_failure(self, result: int) -> None:
+        """Raise the exception for the result with which the engine came back: of a component, or a stop condition."""
+        e, setup = self._state, self._setup
+        if result == self.STOPPED:
+            raise Stop(str(self._stops[e.call][0]))
+        if result == self.BACK_FAILED:
+            failure, self._failure = self._failure, None
+            assert failure is not None
+            raise failure
+        component, t = setup.schedule.components[e.component], setup.base.seconds(self.tick)
+        if result == self.NOT_FINITE:
+            culprit = setup.layout.not_finite([component], t)
+            raise culprit or NotFinite(component.name, "?", float("nan"), t)
+        self.fail(component, e.call, e.status, t)
 
     def fail(self, component: SystemComponent, call: int, status: int, t: float) -> None:
-        """Raise the exception of a component's ports for an FMU call with this status, in an instant at `t` [s]."""
-        calls = self._exchange.ports[component].fmi
+        """Raise the exception for an FMI call of a component with this status, in an instant at `t` [s].
+
+        `call`: 0 for the step, k > 0 for set number k - 1, k < 0 for get number -k - 1.
+        """
+        calls = self._setup.ports[component].fmi
         assert calls is not None
         if call:
             transfer = calls.sets[call - 1] if call > 0 else calls.gets[-call - 1]
@@ -173,9 +117,34 @@ class BoundEngine:
         else:
             calls.step_failed(status, t, float(component.step))
 
+    def gather(self, number: int, t: float) -> None:
+        """Copy the inputs of component `number` from the values to its buffer, converted and extrapolated."""
+        self._library.cosim_engine_gather(self._state, number, t)
+
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
-        e, recorder = self._state, self._exchange.recorder
+        return self._call(tick, lambda: self._library.cosim_engine_run(self._state, end))
+
+    def instant(
+        self,
+        tick: int,
+        t: float,
+        *,
+        resumed: bool = False,
+        arrives: bool = False,
+        samples: bool = False,
+        advances: bool = False,
+    ) -> int:
+        """Execute parts of the instant at `tick`, time `t` [s]; returns why it came back.
+
+        `resumed`: of the instant in which a component has failed, continue behind that component.
+        """
+        return self._call(
+            tick, lambda: self._library.cosim_engine_instant(self._state, t, resumed, arrives, samples, advances)
+        )
+
+    def _call(self, tick: int, call: Callable[[], Any]) -> int:
+        e, recorder = self._state, self._setup.recorder
         times, rows, row = recorder.room()
         begin = recorder.count - row
         if rows is not self._rows:
@@ -184,7 +153,7 @@ class BoundEngine:
         e.count, e.room, e.tick = row, len(times), tick
         self.ready()
         try:
-            return int(self._library.cosim_engine_run(e, end))
+            return int(call())
         finally:
             recorder.count = begin + int(e.count)
             for struct, calls in zip(self._components, self._calls, strict=True):
@@ -201,7 +170,7 @@ class BoundEngine:
     # Making the structs.
 
     def _fill(self, m: Any, plan: ComponentPlan) -> None:
-        ports, port = self._exchange.ports[plan.component], self._exchange.layout.ports[plan.component]
+        ports, port = self._setup.ports[plan.component], self._setup.layout.ports[plan.component]
         m.clock, m.step, m.check_before = plan.clock, plan.step, plan.check_before
         copies = [*plan.previous, *plan.published]
         m.copies, m.n_copies = self._array("EngineCopy", [_copy(c) for c in copies]), len(copies)
@@ -247,19 +216,23 @@ class BoundEngine:
                 s.element, s.place = self._slots(transfer.element), self._slots(transfer.place)
         return structs
 
-    def _stop(self, condition: _Stop) -> dict[str, Any]:
+    def _stop(self, condition: SlotStop) -> dict[str, Any]:
         stop, slot, scale, offset = condition
         relation = getattr(self._library, _RELATIONS[stop.relation])
         return {"slot": slot, "relation": relation, "scale": scale, "offset": offset, "value": float(stop.value)}
 
     def _back(self) -> Any:
-        components, ports = self._exchange.schedule.components, self._exchange.ports
-        runs = [(ports[m].run, float(m.step)) for m in components]
+        components, ports = self._setup.schedule.components, self._setup.ports
+        runs, check = [(ports[m].run, float(m.step)) for m in components], self._check
 
         def back(_: Any, i: int, t: float) -> int:
             try:
-                run, h = runs[i]
-                run(t, h)
+                if i < 0:
+                    assert check is not None
+                    check(t)
+                else:
+                    run, h = runs[i]
+                    run(t, h)
             except BaseException as error:
                 self._failure = error
                 return 1

@@ -1,0 +1,180 @@
+"""The rule of exchange, written to be read: what the engine must compute, bit for bit.
+
+`cosim/engine/exchange.py` states the rule in words, and `cosim/engine/engine.c` executes it on flat arrays. Here it
+stands once more, without arrays and ticks: times are fractions of seconds, values are dictionaries by component and
+variable, and every instant is worked out from scratch. Only the components are the same: FMUs and Python objects.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from cosim import Recording, StopWhen, System
+from cosim.core.component import EndRequested
+
+COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
+Key = tuple[Any, Any]  # component and variable
+
+
+class Rule:
+    """A system that has just been initialized, taken through the instants of a run."""
+
+    def __init__(self, system: System, stop: Fraction, record: Sequence[str], interval: Fraction | None):
+        self.simulation = system.initialize(record=record, record_interval=interval, stop_time=stop)
+        self.exchange = self.simulation.exchange
+        self.schedule = self.exchange.schedule
+        self.start, self.stop = self.exchange.base.start, stop
+        self.interval = min(m.step for m in self.schedule.components) if interval is None else interval
+        self.sources = {(c.target, c.input): c for c in self.schedule.connections}
+        layout, values = self.exchange.layout, self.exchange.values.tolist()
+        self.published: dict[Key, float] = {key: values[slot] for key, slot in layout.visible.items()}
+        self.computed: dict[Key, float] = {key: values[slot] for key, slot in layout.latest.items()}
+        self.before: dict[Key, float] = {key: values[slot] for key, slot in layout.previous.items()}
+        self.published_at = {m: values[slot] for m, slot in layout.sample_times.items()}
+        self.ending: Fraction | None = None
+
+    # The rule.
+
+    def run(self, names: Sequence[str], stops: Sequence[StopWhen] = ()) -> Recording:
+        """All instants from the start to the stop time."""
+        rows: list[list[float]] = []
+        times: list[float] = []
+        stopped_by = None
+        for t in self.instants():
+            now = float(t)
+            for m in self.due(t):
+                self.publish(m, now)
+            if self.ending == t:
+                if self.records(t):
+                    times.append(now)
+                    rows.append([self.value(n) for n in names])
+                break
+            advances = t < self.stop
+            for m in self.due(t):
+                if m.discrete:
+                    advances &= self.step(m, t)
+            if self.records(t):
+                times.append(now)
+                rows.append([self.value(n) for n in names])
+            stopped_by = next((s for s in stops if COMPARE[s.relation](self.value(s.name), s.value)), None)
+            if stopped_by or self.ending == t:
+                break
+            for m in self.due(t):
+                if not m.discrete and advances:
+                    advances &= self.step(m, t)
+        data = np.asfortranarray(np.array(rows).reshape(len(times), len(names)))
+        recording = Recording(np.array(times), list(names), data, {})
+        recording.stopped_by = None if stopped_by is None else str(stopped_by)
+        return recording
+
+    def instants(self) -> Iterator[Fraction]:
+        """Times at which something is due, up to the stop time."""
+        clocks = [(m.offset, m.step) for m in self.schedule.components] + [(Fraction(0), self.interval)]
+        t = self.start
+        while t <= self.stop and (self.ending is None or t <= self.ending):
+            yield t
+            since = t - self.start
+            t = self.start + min(
+                offset + step * max(0, (since - offset) // step + 1) if since >= offset else offset
+                for offset, step in clocks
+            )
+
+    def due(self, t: Fraction) -> list[Any]:
+        """Components whose step begins at t, in the order of execution."""
+        since = t - self.start
+        return [m for m in self.schedule.components if since >= m.offset and (since - m.offset) % m.step == 0]
+
+    def records(self, t: Fraction) -> bool:
+        return (t - self.start) % self.interval == 0
+
+    def publish(self, m: Any, now: float) -> None:
+        """What was published becomes the previous value; what a continuous component has computed is published."""
+        if m in self.published_at:
+            self.published_at[m] = now
+        for key in [k for k in self.before if k[0] is m]:
+            self.before[key] = self.published[key]
+        for key in [k for k in self.computed if k[0] is m]:
+            self.published[key] = self.computed[key]
+
+    def step(self, m: Any, t: Fraction) -> bool:
+        """Inputs as they stand, one step, outputs; returns whether continuous components may advance afterward."""
+        now, port = float(t), self.exchange.layout.ports[m]
+        port.u[:] = [self.input(m, v, now) for v in port.inputs]
+        may_advance = True
+        try:
+            self.exchange.ports[m].run(now, float(m.step))
+        except EndRequested as request:
+            ending = t + m.step * request.complete
+            self.ending = ending if self.ending is None else min(self.ending, ending)
+            may_advance = request.complete
+        outputs = self.published if m.discrete else self.computed
+        outputs |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+        return may_advance
+
+    def input(self, m: Any, variable: Any, now: float) -> float:
+        """What an input reads at an instant."""
+        c = self.sources[m, variable]
+        key = (c.source, c.output)
+        if c.delay:
+            value = self.before[key]
+        elif c.extrapolate:
+            value = self.extrapolated(m, c, now)
+        else:
+            value = (self.computed if self.is_ahead(c.source, m) else self.published)[key]
+        return value if (c.scale, c.offset) == (1.0, 0.0) and not self.converts(m) else value * c.scale + c.offset
+
+    def extrapolated(self, m: Any, c: Any, now: float) -> float:
+        """On the line through the last two values of the source, at the middle of the step that begins."""
+        key, period = (c.source, c.output), float(c.source.step)
+        if self.is_ahead(c.source, m):
+            old, new, since = self.published[key], self.computed[key], period
+        else:
+            old, new, since = self.before[key], self.published[key], 0.0
+        ahead = float(m.step) / 2 - since
+        return new + (new - old) * ((now + ahead - self.published_at[c.source]) / period)
+
+    def is_ahead(self, source: Any, m: Any) -> bool:
+        """Whether both are in a Gauss-Seidel group, in which the source advances first."""
+        for group in self.schedule.groups:
+            if group.method == "gauss-seidel" and source in group.components and m in group.components:
+                return group.components.index(source) < group.components.index(m)
+        return False
+
+    def converts(self, m: Any) -> bool:
+        """Whether one of its inputs is converted: then all are, some by a factor of 1."""
+        return any((c.scale, c.offset) != (1.0, 0.0) for (target, _), c in self.sources.items() if target is m)
+
+    # What is recorded.
+
+    def value(self, name: str) -> float:
+        """Present value of an output, or of a connected input: what its source shows, converted."""
+        component, _, variable = name.partition(".")
+        m = next(m for m in self.schedule.components if m.name == component)
+        c = self.sources.get((m, m.description.find(variable, component)))
+        if c is None:
+            return self.published[m, m.description.find(variable, component)]
+        value = (self.before if c.delay else self.published)[c.source, c.output]
+        return value if (c.scale, c.offset) == (1.0, 0.0) else value * c.scale + c.offset
+
+
+def by_the_rule(
+    system: System,
+    stop: Fraction | float | str,
+    names: Sequence[str],
+    interval: Fraction | None = None,
+    stops: Sequence[StopWhen] = (),
+) -> Recording:
+    """A whole run to `stop` [s], as `System.run` makes it."""
+    rule = Rule(system, Fraction(str(stop)) if not isinstance(stop, Fraction) else stop, names, interval)
+    try:
+        recording = rule.run(names, stops)
+    finally:
+        rule.simulation.close()
+    assert all(map(math.isfinite, recording.time))
+    return recording
