@@ -29,7 +29,8 @@ class Rule:
         self.simulation = system.initialize(record=record, record_interval=interval, stop_time=stop)
         self.exchange = self.simulation.exchange
         self.schedule = self.exchange.schedule
-        self.start, self.stop = self.exchange.base.start, stop
+        base = self.exchange.base
+        self.start, self.stop = base.start, base.exact(base.at_or_after(stop))
         self.interval = min(m.step for m in self.schedule.components) if interval is None else interval
         self.sources = {(c.target, c.input): c for c in self.schedule.connections}
         layout, values = self.exchange.layout, self.exchange.values.tolist()
