@@ -88,7 +88,7 @@ def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[s
     while left:
         ready = [n for n in left if not any(d in left for d in catalog[n].needs)]
         if not ready:
-            raise ValueError(f"catalog entries need each other in a cycle: {', '.join(left)}")
+            raise ValueError(f"catalog entries depend on each other in a cycle: {', '.join(left)}")
         yield ready
         left = [n for n in left if n not in ready]
 
@@ -136,7 +136,7 @@ class Stamps:
         if stamp["key"] != key:
             return False
         if stamp["sha256"] != hashlib.sha256(target.read_bytes()).hexdigest():
-            text = f"{target} is not the file that was built there: it is damaged or was exchanged, and is built again"
+            text = f"{target} was damaged or replaced after it was built; it is built again"
             warnings.warn(text, safe_files.DamagedWarning, stacklevel=2)
             return False
         return True
@@ -204,10 +204,7 @@ def build(
                         stamps.write(options.target(name, f), keys[name, f])
                     else:
                         stamps.remove(options.target(name, f))
-                        text = (
-                            f"a file that {name} is made of was changed while it was built: the next build makes it"
-                            " again"
-                        )
+                        text = f"a source file of {name} changed during the build; the next build builds it again"
                         warnings.warn(text, stacklevel=2)
                 built.append(name)
                 report(name, "built")

@@ -176,7 +176,7 @@ def _chosen_command() -> tuple[str, ...]:
     try:
         words = [chosen] if shutil.which(chosen) else shlex.split(chosen, posix=os.name != "nt")
     except ValueError as error:
-        raise CompileError(f"CC={chosen} is no command: {error}") from None
+        raise CompileError(f"CC={chosen} is not a valid command: {error}") from None
     return tuple(words) or (chosen,)
 
 

@@ -357,8 +357,8 @@ def _clock(variables: etree._Element, component: Model, reference: int) -> None:
     """The clock at whose ticks a discrete component is sampled."""
     if any(v.get("name") == CLOCK for v in variables):
         raise DeclarationError(
-            f"{component.name}: a variable is called {CLOCK!r}, as the clock would be; build it without clocks, or"
-            " rename it"
+            f"{component.name}: the variable name {CLOCK!r} is reserved for the clock; rename the variable, or build"
+            " without clocks"
         )
     every = generate.ticks(component)
     etree.SubElement(

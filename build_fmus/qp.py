@@ -154,7 +154,8 @@ class Osqp:
         )
         if self.scaling not in ("none", "diagonal", "hessian") or self.alpha >= 2:
             raise ProgramError(
-                f"Osqp: scaling {self.scaling!r} is none of none, diagonal, hessian, or alpha is not below 2"
+                f"Osqp: give scaling 'none', 'diagonal' or 'hessian' and alpha below 2, not {self.scaling!r} and"
+                f" {self.alpha:g}"
             )
 
     name: BackendName = "osqp"
@@ -322,7 +323,7 @@ def checked_matrices(
     H = [np.atleast_2d(np.array(h, dtype=float)) for h in hessians]
     A = [np.atleast_2d(np.array(a, dtype=float)) for a in constraints]
     if not H:
-        raise ProgramError(f"{where}: no Hessian")
+        raise ProgramError(f"{where}: give at least one Hessian")
     if len(A) not in (1, len(H)):
         raise ProgramError(
             f"{where}: {len(A)} constraint matrices for {len(H)} cases; give one for all or one per case"

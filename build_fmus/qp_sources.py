@@ -149,9 +149,9 @@ def _download(name: str) -> bytes:
             return data
     reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
     raise SourceError(
-        f"cannot download the sources of the QP solver DAQP ({reason}). With a connection to PyPI or another index that"
-        f" pip knows they come by themselves; otherwise get {name} on another machine (pip download --no-deps"
-        f" --no-binary daqp daqp=={DAQP_VERSION}) and set {DAQP_VARIABLE} to that file"
+        f"cannot download the sources of the QP solver DAQP ({reason}). They are downloaded from PyPI or another"
+        f" index that pip is configured for; without a connection, get {name} on another machine (pip download"
+        f" --no-deps --no-binary daqp daqp=={DAQP_VERSION}) and set {DAQP_VARIABLE} to that file"
     )
 
 

@@ -103,7 +103,9 @@ def check_solver(component: Model) -> None:
     wrong = find_instability(component, matrices_by_point(component), component.solver_step)
     if wrong:
         advice = (
-            f"a step of {wrong.step:.3g} s would do" if wrong.step else "no step that solver.step may have would do"
+            f"a step of {wrong.step:.3g} s is stable"
+            if wrong.step
+            else "no step within the range of solver.step is stable"
         )
         raise SolverStepError(
             f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at "

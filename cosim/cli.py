@@ -149,7 +149,7 @@ app.add_typer(
 )
 searches = typer.Typer(
     cls=Searches,
-    help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"),
+    help="Search for parameters of an experiment that minimize or maximize metrics. " + FILE.format("optimise"),
     **GROUP,
 )
 app.add_typer(searches, name="optimise")

@@ -134,7 +134,7 @@ class System(Wiring):
         if schedule.unconnected and not allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
-            meant = surface.hint(" (allow_unconnected=True if that is meant)")
+            meant = surface.hint(" (allow_unconnected=True if this is intended)")
             text = f"unconnected inputs keep their start values: {listed}{more}{meant}"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         simulation = self._begin(
@@ -195,7 +195,7 @@ class System(Wiring):
         `initialize`.
         """
         if output is not None and csv is not None:
-            raise CosimError("give the recording's file as output=... or as csv=..., not both")
+            raise CosimError("give the file of the recording as output=... or as csv=..., not both")
         _check_stop_time(stop_time, self.experiment[0] if start_time is None else start_time, state)
         file = csv if output is None else output
         if file is not None:

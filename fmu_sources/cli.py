@@ -140,25 +140,36 @@ def build(
 
 @app.command(cls=Command)
 def command(
-    names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (default: all)")] = None,
     fmi: Annotated[str, typer.Option(metavar=one_of(FMI), help="FMI version")] = "both",
     platform: Annotated[
         str,
         typer.Option(
-            metavar=one_of(("host", "all", *PLATFORMS)), help="platforms of the binaries, comma between several"
+            metavar=one_of(("host", "all", *PLATFORMS)), help="build binaries for these platforms, separated by commas"
         ),
     ] = "host",
     vehicle: Annotated[
         str | None,
-        typer.Option(help="vehicle file (TOML): its plant, roads and control laws; with --road also a vehicle's name"),
+        typer.Option(
+            help=(
+                "build plant, roads and control laws of this vehicle file (TOML); with --road also the name of a"
+                " published vehicle"
+            )
+        ),
     ] = None,
     preview: Annotated[
-        str | None, typer.Option(help="preview of the road made by --road: heights x milliseconds, such as 16x30")
+        str | None,
+        typer.Option(help="preview of the road of --road: heights x milliseconds between them, such as 16x30"),
     ] = None,
-    road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
+    road: Annotated[Path | None, typer.Option(help="build a road FMU from this road file (CSV or OpenCRG)")] = None,
     from_: Annotated[
         str | None,
-        typer.Option("--from", help="Python file with a component of your own: FILE.py or FILE.py:FUNCTION (make)"),
+        typer.Option(
+            "--from",
+            help=(
+                "build your own component from this Python file, FILE.py or FILE.py:FUNCTION (default function: make)"
+            ),
+        ),
     ] = None,
     weights: Annotated[
         Path | None,
@@ -167,19 +178,19 @@ def command(
         ),
     ] = None,
     period: Annotated[float, typer.Option(help="sample time of the controller of --weights [s]")] = 1e-3,
-    name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
-    out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = FMUS,
+    name: Annotated[str | None, typer.Option(help="name of the FMU built by --road or --weights")] = None,
+    out: Annotated[Path, typer.Option(help="write fmi2/ and fmi3/ to this directory")] = FMUS,
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
     clocks: Annotated[
         bool,
-        typer.Option("--clocks", help="give sampled FMUs of FMI 3.0 a clock and event mode, for tools that use them"),
+        typer.Option("--clocks", help="give discrete FMI 3.0 FMUs a clock and event mode, for importers that use them"),
     ] = False,
     qp: Annotated[
         str | None,
         typer.Option(metavar=one_of(SOLVERS), help="solver of quadratic programs (default: each component's own)"),
     ] = None,
     force: Annotated[
-        bool, typer.Option(help="build what is up to date too, with nothing that was kept in caches")
+        bool, typer.Option(help="build everything from scratch, without caches, even if up to date")
     ] = False,
     list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
     _version: PackageVersion = False,
@@ -205,7 +216,7 @@ def command(
         if not path.is_file():
             raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
     if name is not None and (road is None) == (weights is None):
-        raise ValueError("--name names the FMU made by --road or by --weights; give one of these files too")
+        raise ValueError("--name applies to --road and --weights only; give one of these files too")
     if list_:
         table = Table("FMU", "description", "needs first", box=None)
         for entry in load_catalog(user).values():
@@ -252,7 +263,7 @@ def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
     if given is None:
         return None
     if road is None:
-        raise ValueError("--preview is that of the road made by --road; give this file too")
+        raise ValueError("--preview applies to --road only; give a road file too")
     match = re.fullmatch(r"(\d+)\s*x\s*(\d+(?:\.\d*)?)(?:\s*ms)?", given.strip())
     if not match or int(match[1]) < 2 or float(match[2]) <= 0:
         raise ValueError(f"--preview {given!r}: give heights x milliseconds between them, at least two, such as 16x30")

@@ -93,14 +93,12 @@ _More = Annotated[
         count=True,
         expose_value=False,
         callback=_tell_more,
-        help="say what FMUs warn of as they run; -vv: everything that they log",
+        help="print the warnings of the FMUs as they run; -vv: everything that they log",
     ),
 ]
 _Less = Annotated[
     bool,
-    typer.Option(
-        "--quiet", "-q", expose_value=False, callback=_tell_less, help="only results and errors: no progress, no notes"
-    ),
+    typer.Option("--quiet", "-q", expose_value=False, callback=_tell_less, help="print only results and errors"),
 ]
 
 
@@ -312,7 +310,7 @@ def _text(error: Exception) -> str:
         )
     if str(error) == "can't start new thread" or (isinstance(error, BlockingIOError) and error.filename is None):
         return (
-            "no further thread or process can be started: end others, or raise the limit of this user or container"
+            "cannot start another thread or process: end other processes, or raise the limit of this user or container"
             " (ulimit -u)"
         )
     if isinstance(error, OSError) and error.errno == errno.EBADF:

@@ -93,7 +93,7 @@ class Component:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
             raise DeclarationError(f"component name {name!r} is not an identifier")
         if (sample_time is not None) != (kind == "discrete"):
-            raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
+            raise DeclarationError(f"{name}: give sample_time if kind='discrete', and only then")
         for what, fault in (("description", text_fault(description)), ("source", source_fault(source))):
             if fault:
                 raise DeclarationError(f"{name}: {what}: {fault}")
@@ -178,8 +178,8 @@ class Component:
     def _refuse_if_made(self, what: str) -> None:
         if self.__dict__.get("_model") is not None:
             raise DeclarationError(
-                f"{self.name}: {what} comes after the model was made, which model(), linearize() and builds do; declare"
-                " it before"
+                f"{self.name}: {what} comes too late: model(), linearize() or a build has completed the declaration;"
+                " declare it before"
             )
 
     # ------------------------------------------------------------------ declaring
@@ -447,9 +447,9 @@ class Component:
         all others of this kind.
         """
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
-            raise DeclarationError(f"{self.name}.{name}: the name of a value has letters, digits and _ only")
+            raise DeclarationError(f"{self.name}.{name}: the name of a value may contain only letters, digits and _")
         if name in self._values:
-            raise DeclarationError(f"{self.name}.{name}: two values of this name")
+            raise DeclarationError(f"{self.name}.{name}: another value has this name already")
         self._values[name] = (self._symbols(expression), source)
         return expression
 
@@ -541,7 +541,7 @@ class Component:
             raise DeclarationError(str(error)) from None
         n, m = len(H[0]), len(A[0])
         if case is None and len(H) > 1:
-            raise DeclarationError(f"{where}: {len(H)} Hessians need a case")
+            raise DeclarationError(f"{where}: {len(H)} Hessians, but no case to choose one; give case=...")
         columns = [
             self._column(where, what, expression, size)
             for what, expression, size in (("linear", linear, n), ("lower", lower, m), ("upper", upper, m))
@@ -554,7 +554,7 @@ class Component:
             )
         backends = (qp.Daqp(),) if backend is None else tuple(backend) if isinstance(backend, Sequence) else (backend,)
         if not backends:
-            raise DeclarationError(f"{where}: an empty list of back ends")
+            raise DeclarationError(f"{where}: the list of back ends is empty; leave backend out for the default")
         program = qp.QuadraticProgram(where, H, A, backends, data, self._symbols.sym(name, n + m + 3))
         self.programs.append(program)
         s = program.solution
@@ -634,7 +634,7 @@ class Component:
         known, used = ca.vertcat(*parameters, wave_number), ca.symvar(ca.vertcat(settings, densities))
         free = [str(s) for s in used if not ca.depends_on(known, s)]
         if free:
-            raise DeclarationError(f"{where}: what profiles follow from are parameters; {', '.join(free)} is none")
+            raise DeclarationError(f"{where}: profiles may depend on parameters only, not on {', '.join(free)}")
         symbol = ca.MX.sym(name, 2 * most)
         made = RandomProfiles(name, least, most, float(step), lowest, highest, wave_number, settings, densities, symbol)
         self.profiles.append(made)
@@ -691,7 +691,7 @@ class Component:
         """
         expression = ca.vec(self._symbols(positive))
         if not expression.numel():
-            raise DeclarationError(f"{self.name}: check() of nothing ({message})")
+            raise DeclarationError(f"{self.name}: check() has an empty expression ({message})")
         self._checks += [(e, message) for e in ca.vertsplit(expression)]
 
     def _add(
@@ -751,7 +751,7 @@ class Component:
                 self._changes[v.name] = self._flat(v, expression, verb)
                 self._explain(v.name, source)
                 return
-        raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
+        raise DeclarationError(f"{self.name}: {verb}() needs the symbol that state() returned, unchanged")
 
     def _flat(self, v: Variable, expression: Any, what: str) -> Any:
         """`expression` as row-major column of the elements of `v`; a scalar is repeated."""
@@ -859,8 +859,8 @@ def _check_rows(
     """Refuse units by row and column that do not fit."""
     if (rows or columns) and (unit is not None or (len(rows), *([len(columns)] if columns else [])) != shape):
         raise DeclarationError(
-            f"{where}: {len(rows)} units of rows and {len(columns)} of columns are for unit None and that shape, not"
-            f" for unit {unit!r} and shape {shape}"
+            f"{where}: {len(rows)} row units and {len(columns)} column units need unit None and a shape of those"
+            f" sizes, not unit {unit!r} and shape {shape}"
         )
 
 

@@ -85,7 +85,7 @@ class Violation:
     def __str__(self) -> str:
         what = f"{self.name}: declared in {self.unit}, which has {self.base}^{self.declared}, but its expression "
         if self.found is None:
-            return f"{what}has no power of {self.base}: unlike quantities are added or compared"
+            return f"{what}adds or compares quantities with different powers of {self.base}"
         return f"{what}scales with {self.base}^{self.found:g}"
 
 
@@ -116,8 +116,8 @@ class Dimensions:
         texts = [str(v) for v in self.violations]
         more = [f"and {len(texts) - _TOLD} more"] if len(texts) > _TOLD else []
         raise DeclarationError(
-            f"{self.component}: dimensions: {'; '.join(texts[:_TOLD] + more)}. A number with a dimension that stands in"
-            " an equation is declared with its unit: parameter(), constant(); the sample time is component.period"
+            f"{self.component}: dimensions: {'; '.join(texts[:_TOLD] + more)}. Declare every number that has a"
+            " dimension with its unit, by parameter() or constant(); for the sample time use component.period"
         )
 
 

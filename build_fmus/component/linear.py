@@ -109,10 +109,12 @@ def statespace(
     n, (p, m) = (0 if A.size == 0 else len(A)), D.shape
     A, B, C = (x.reshape(shape) if x.size == 0 else x for x, shape in ((A, (0, 0)), (B, (0, m)), (C, (p, 0))))
     if A.shape != (n, n) or B.shape != (n, m) or C.shape != (p, n) or not D.size:
-        raise DeclarationError(f"{name}: A {A.shape}, B {B.shape}, C {C.shape} and D {D.shape} are no state space")
+        raise DeclarationError(f"{name}: A {A.shape}, B {B.shape}, C {C.shape} and D {D.shape} do not fit together")
     if dt is True or (not n and not dt):  # sampled, nobody says when; gains are the same at any time
         if dt is True and sample_time is None:
-            raise DeclarationError(f"{name}: the system is sampled without saying when; give its sample_time")
+            raise DeclarationError(
+                f"{name}: the system is discrete-time with an unspecified sample time; give sample_time"
+            )
         dt = sample_time or 0
     if sample_time is not None and abs(dt - sample_time) > 1e-9 * sample_time:
         told = (

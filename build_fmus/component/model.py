@@ -89,7 +89,7 @@ class Model(Declaration):
         `x` None means the start state for `u` and `p`. Continuous components only.
         """
         if self.kind != "continuous":
-            raise DeclarationError(f"{self.name}: only continuous components have a linear model here")
+            raise DeclarationError(f"{self.name}: only continuous components can be linearized")
         u, p = self._given(u, p)
         if x is None:
             x = np.asarray(self.functions["start"](self.vector("state"), u, p)).ravel()

@@ -37,7 +37,7 @@ def casadi_code(functions: Sequence[ca.Function]) -> tuple[str, dict[str, str]]:
     code = generator.dump()
     for forbidden in ("malloc(", "calloc(", "free("):
         if forbidden in code:
-            raise RuntimeError(f"generated code calls {forbidden[:-1]}, which doStep must not")
+            raise RuntimeError(f"generated code calls {forbidden[:-1]}, which is not allowed in doStep")
     entries = {f.name(): _entry(code, f.name()) for f in functions}
     chunks = {
         name: _AS.sub(r"((\1) ", _WORD.sub(lambda m: _WORDS[m[1]], text)) for name, text in _definitions(code).items()

@@ -138,7 +138,7 @@ class Batch:
             more = f" and {len(free) - 10} more" if len(free) > 10 else ""
             text = (
                 f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more}"
-                " (allow_unconnected=True if that is meant)"
+                " (allow_unconnected=True if this is intended)"
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
@@ -193,7 +193,7 @@ class Batch:
             ]
             if not chosen:
                 free = ", ".join(self.system.unconnected()) or "none"
-                raise WiringError(f"'{name}' fits no input that nothing drives; there are: {free}")
+                raise WiringError(f"'{name}' fits no unconnected input; there are: {free}")
             for m, v in chosen:
                 full = f"{m.name}.{v.name}"
                 if full in driven:

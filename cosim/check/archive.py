@@ -47,7 +47,7 @@ def entries(file: File) -> list[str]:
 
 @check(
     "archive.zip",
-    "the ZIP file is one that every tool can read",
+    "the ZIP file uses only features that every tool can read",
     fmi2="2.3 FMU Distribution",
     fmi3="2.5 FMU Distribution",
     advice="Pack with deflate (or store), no encryption, forward slashes in paths, and the ending .fmu.",
@@ -67,44 +67,44 @@ def zip_file(file: File) -> Found:
             if info.flag_bits & 1:
                 yield f"{what} is encrypted"
             if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                yield f"{what} is packed by method {info.compress_type}; FMI allows store and deflate"
+                yield f"{what} is compressed with method {info.compress_type}; FMI allows store and deflate"
             if file.model.version == "3" and info.extract_version > 20 and info.file_size < 2**32 - 1:
                 yield warning(f"{what} needs version {info.extract_version / 10:g} of ZIP; FMI 3.0 allows 2.0")
             if name.lower() in seen:
-                yield warning(f"{what} is there twice, where case does not count")
+                yield warning(f"{what} appears twice on file systems that ignore case")
             seen.add(name.lower())
 
 
 @check(
     "archive.layout",
-    "files are where the standard says",
+    "files are in the folders that the standard defines",
     fmi2="2.3 FMU Distribution (structure of the ZIP file)",
     fmi3="2.5.1 Structure of the ZIP file",
     advice=(
-        "Move data of your own into resources/ or extra/; give the documentation its index.html and the licenses their"
-        " entry file."
+        "Move your own data to resources/ or extra/; add index.html to the documentation and an entry file to the"
+        " licenses."
     ),
 )
 def layout(file: File) -> Found:
     found, v = entries(file), file.model.version
     others = sorted({p.split("/")[0] for p in found} - _TOP[v])
     if others:
-        yield note(f"{names(others)} at the top of the archive is not foreseen by the standard")
+        yield note(f"{names(others)} at the top level of the archive is not defined by the standard")
     inside = {p for p in found if p.startswith("documentation/")}
     if any(p.count("/") == 1 for p in inside) and not inside & {"documentation/index.html", "documentation/_main.html"}:
-        yield note("there is documentation, but no documentation/index.html, where readers begin")
+        yield note("there is documentation, but no entry page documentation/index.html")
     licenses = [p.lower() for p in inside if p.startswith("documentation/licenses/")]
     entry = {f"documentation/licenses/license.{e}" for e in ("txt", "html", "spdx")}
     if v == "3" and licenses and not entry & set(licenses):
-        yield "documentation/licenses/ has no license.txt, license.html or license.spdx to begin with"
+        yield "documentation/licenses/ has no entry file: license.txt, license.html or license.spdx"
     wrong = [p for p in found if re.fullmatch(r"documentation/licen[cs]e(s?)\.(txt|html)|licenses?/.*", p)]
     if v == "3" and wrong and not licenses:
-        yield note(f"{wrong[0]}: licenses belong into documentation/licenses/")
+        yield note(f"{wrong[0]}: licenses belong in documentation/licenses/")
 
 
 @check(
     "archive.implementation",
-    "there is a binary or the sources for every interface that is offered",
+    "every interface has a binary or sources",
     fmi2="2.3 FMU Distribution",
     fmi3="2.5 FMU Distribution",
     advice=(
@@ -128,7 +128,7 @@ def implementation(file: File) -> Found:
 
 @check(
     "archive.sources",
-    "the sources that are named are there, and how to build them",
+    "all source files that are listed exist, with a build description",
     fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)",
     fmi3="2.5.1.4 Directory sources",
     advice="List every file to compile, by its path from sources/; FMI 3.0 wants a buildDescription.xml.",
@@ -142,7 +142,7 @@ def sources(file: File) -> Found:
         named = [*file.root.iterfind(".//SourceFiles/File")]
         if not there:
             yield warning(
-                f"it names {len(named)} source files, but comes without sources/", named[0].sourceline if named else 0
+                f"it lists {len(named)} source files, but has no folder sources/", named[0].sourceline if named else 0
             )
             return
         for element in named:
@@ -169,7 +169,7 @@ def sources(file: File) -> Found:
 
 @check(
     "archive.terminals",
-    "terminals keep to their schema, name variables that exist, and can be matched",
+    "terminals conform to their schema, refer to existing variables, and can be matched",
     fmi3="2.4.9 Terminals and Icons",
     advice="Correct terminalsAndIcons/terminalsAndIcons.xml.",
 )
@@ -192,7 +192,7 @@ def terminals(file: File) -> Found:
                 yield f"{at}: variable {name!r} is {causality[name]}; a terminal has inputs, outputs and parameters"
     for holder in root.iter("Terminals", "Terminal"):
         yield from (
-            f"{path}, line {line}: there is a terminal {name!r} already"
+            f"{path}, line {line}: terminal {name!r} is defined twice"
             for name, line in _twice(holder.iterfind("Terminal"), "name")
         )
     for terminal in root.iter("Terminal"):
@@ -217,7 +217,7 @@ def _unmatchable(terminal: Any) -> Iterator[str]:
         yield from (f"line {at}: there is a memberName {name!r} already" for name, at in _twice(members, "memberName"))
     flows = sum(m.get("variableKind") in FLOWS for m in members)
     if terminal.find("TerminalStreamMemberVariable") is not None and flows > 1:
-        yield f"{line}: streams are carried by one flow, and this terminal has {flows}"
+        yield f"{line}: streams need exactly one flow, and this terminal has {flows}"
 
 
 def _twice(elements: Iterable[Any], attribute: str) -> Iterator[tuple[str, int]]:

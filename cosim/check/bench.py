@@ -139,7 +139,7 @@ class Bench:
         """A run that a second one repeats. Raises NotApplicable."""
         first = self.fresh()
         if difference(first, self.fresh()):
-            raise NotApplicable("two runs from the same start differ anyway (see runs.repeat)")
+            raise NotApplicable("identical runs already differ (see runs.repeat)")
         return first
 
     @cached_property

@@ -43,7 +43,7 @@ def read(data: bytes) -> Library:
     if reader is None and data[:4] in (*_MACHO, *_FAT):
         reader = _mach_o
     if reader is None:
-        raise Unreadable("it is no ELF, PE or Mach-O library")
+        raise Unreadable("it is not an ELF, PE or Mach-O library")
     try:
         return reader(data)
     except (struct.error, IndexError, KeyError, UnicodeDecodeError, OverflowError, MemoryError) as error:
@@ -148,7 +148,7 @@ _PE_MACHINES = {0x14C: ("x86", 32), 0x8664: ("x86_64", 64), 0xAA64: ("aarch64", 
 def _pe(data: bytes) -> Library:
     at = struct.unpack_from("<I", data, 60)[0]
     if data[at : at + 4] != b"PE\0\0":
-        raise Unreadable("it is a program of DOS, no DLL")
+        raise Unreadable("it is a DOS program, not a DLL")
     machine, sections, size, flags = struct.unpack_from("<HH12xHH", data, at + 4)
     library = Library("PE", [_PE_MACHINES.get(machine, (f"machine {machine:#x}", 0))], shared=bool(flags & 0x2000))
     optional = at + 24
@@ -387,15 +387,15 @@ def _readable(file: File) -> Iterator[tuple[str, Library, set[str]]]:
             some = True
             yield path, library, kinds
     if not some:
-        raise NotApplicable("there is no library that can be read")
+        raise NotApplicable("no library can be read")
 
 
 @check(
     "binary.header",
-    "every library is of the system, the architecture and the word size that its folder claims",
+    "every library matches the platform of its folder: system, architecture and word size",
     fmi2="2.3 FMU Distribution (binaries)",
     fmi3="2.5.1.5 Directory binaries (platform tuple)",
-    advice="Put each library into the folder of its platform, and build it for that.",
+    advice="Build each library for the platform of its folder.",
 )
 def header(file: File) -> Found:
     found = libraries(file)
@@ -407,26 +407,26 @@ def header(file: File) -> Found:
         if isinstance(library, Unreadable):
             yield f"{path}: {library}"
         elif claim is None:
-            yield note(f"{path}: {folder!r} is no platform of the standard; importers will not look there")
+            yield note(f"{path}: {folder!r} is not a platform of the standard; importers ignore this folder")
         elif library.format != claim[0]:
             yield f"{path} is a library of {library.format}, its folder is for {claim[0]}"
         elif claim[1:] not in library.machines:
             have = ", ".join(f"{m} {b} bit" for m, b in library.machines)
             yield f"{path} is for {have}, its folder for {claim[1]} {claim[2]} bit"
         elif not library.shared:
-            yield f"{path} is no shared library"
+            yield f"{path} is not a shared library"
         elif not path.endswith(ENDINGS[library.format]):
             yield f"{path}: a library of {library.format} ends in {ENDINGS[library.format]}"
 
 
 @check(
     "binary.symbols",
-    "every library has all functions of its interfaces",
+    "every library exports all functions of its interfaces",
     fmi2="2.3 FMU Distribution (functions that must be present)",
     fmi3="2.5 FMU Distribution (functions that must be present)",
     advice=(
-        "Export every function of the interface, also those for capabilities that are not offered: importers load them"
-        " all."
+        "Export every function of the interface, including those for unsupported capabilities: importers load all of"
+        " them."
     ),
 )
 def symbols(file: File) -> Found:
@@ -450,10 +450,10 @@ _REDISTRIBUTED = re.compile(r"(?i)(vcruntime|msvcp|msvcr|concrt|vcomp|libgfortra
 
 @check(
     "binary.libraries",
-    "every library finds what it needs on a standard machine, or beside itself",
+    "all dependencies of every library belong to a standard system or are in its folder",
     fmi2="2.3 FMU Distribution (binaries)",
     fmi3="2.5.1.5 Directory binaries (referenced resources)",
-    advice="Link statically, or put what is needed into the folder beside the library (with RPATH $ORIGIN on Linux).",
+    advice="Link statically, or put the required libraries into the same folder (with RPATH $ORIGIN on Linux).",
     worst="warning",
 )
 def needed(file: File) -> Found:
@@ -466,6 +466,6 @@ def needed(file: File) -> Found:
         usual = [n for n in lacking if _REDISTRIBUTED.fullmatch(n.rpartition("/")[2])]
         others = [n for n in lacking if n not in usual]
         if others:
-            yield f"{path} needs {names(others)}, which is neither beside it nor part of the system"
+            yield f"{path} needs {names(others)}, which is neither in its folder nor part of the system"
         if usual:
-            yield note(f"{path} needs {names(usual)}, which comes with compilers and must be installed")
+            yield note(f"{path} needs {names(usual)}, a compiler runtime that must be installed separately")

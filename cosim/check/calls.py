@@ -88,7 +88,7 @@ def shown(status: int | None) -> str:
     """A status by its name."""
     if status is None:
         return "NULL"
-    return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no FMI status"
+    return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is not an FMI status"
 
 
 class Fmu:
@@ -224,7 +224,7 @@ class Instance:
     def raw(self, function: str) -> Any:
         """A function, announced as the one that is called next."""
         if self.fmu.fatal:
-            raise NotApplicable(f"{self.fmu.fatal} returned Fatal, after which nothing may be called any more")
+            raise NotApplicable(f"{self.fmu.fatal} returned Fatal, after which no function may be called")
         name = f"fmi{self.version}{function}"
         self.fmu.say(f"{name} {self.where}")
         try:
@@ -356,7 +356,7 @@ class Instance:
             raise Refused(
                 f"fmi{self.version}{'NewDiscreteStates' if self.version == '2' else 'UpdateDiscreteStates'}",
                 OK,
-                f"{LOOP} times in a row, and wants more event iterations",
+                f"{LOOP} times in a row, and still requires event iterations",
                 self.where,
             )
         self.must("EnterContinuousTimeMode" if self.kind == "me" else "EnterStepMode")

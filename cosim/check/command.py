@@ -30,7 +30,7 @@ _COLORS = {
 
 
 def check_command(
-    files: Annotated[list[Path] | None, typer.Argument(help="FMU files, of any tool", metavar="FILE.fmu ...")] = None,
+    files: Annotated[list[Path] | None, typer.Argument(help="FMU files to check", metavar="FILE.fmu ...")] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(metavar="CHECK", help="run only this check, group or pattern, such as 'runs.*' (repeatable)"),
@@ -83,7 +83,7 @@ def check_command(
 
 def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit) -> int:  # type: ignore[no-untyped-def]
     if not files:
-        raise Unchecked("say which FMU: cosim check FILE.fmu")
+        raise Unchecked("give an FMU: cosim check FILE.fmu")
     for name, value, choices in (("--interface", interface, ("cs", "me")), ("--fmi", fmi, ("2", "3"))):
         if value is not None and value not in choices:
             raise Unchecked(f"{name} is {value!r}; it is {' or '.join(choices)}")
@@ -172,5 +172,5 @@ def _show(report: Report, every: bool) -> None:
     for name, value in report.measures.items() if every else ():
         show(Text(f"  {name}: {value}", style="dim"))
     for failure in report.failures:
-        show(Text(f"  a mistake of cosim check, please report it: {failure}", style="red"))
+        show(Text(f"  internal error of cosim check, please report it: {failure}", style="red"))
     show(Text(f"  {report.summary()} ({report.seconds:.1f} s)"))

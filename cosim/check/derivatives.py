@@ -30,12 +30,10 @@ def _flat(values: Values) -> Vector:
 
 @check(
     "derivatives.initial",
-    "in initialization an unknown moves only with what it declares to depend on",
+    "in initialization an unknown depends only on its declared dependencies",
     fmi2=_STRUCTURE2,
     fmi3=_STRUCTURE3,
-    advice=(
-        "Add the known to the dependencies of the InitialUnknown, or leave dependencies out: then it depends on all."
-    ),
+    advice="Add the known to the dependencies of the InitialUnknown, or omit dependencies, which means all knowns.",
     kinds=("cs", "me"),
     worst="warning",
 )
@@ -55,7 +53,7 @@ def initial(bench: Bench) -> Found:
     ]
     if not of or not knowns:
         raise NotApplicable(
-            "no dependencies of initial unknowns are declared" if not of else "there is nothing to move"
+            "no dependencies of initial unknowns are declared" if not of else "there is nothing to vary"
         )
     unknowns = list(of)
     aliases = _aliases(bench)
@@ -183,17 +181,17 @@ def _unknowns(bench: Bench) -> dict[Var, Unknown]:
 
 @check(
     "derivatives.dependencies",
-    "outputs and derivatives move only with states and inputs that they declare to depend on",
+    "outputs and derivatives depend only on the states and inputs that they declare",
     fmi2=_STRUCTURE2,
     fmi3=_STRUCTURE3,
-    advice="Add the known to the dependencies of the unknown, or leave dependencies out: then it depends on all.",
+    advice="Add the known to the dependencies of the unknown, or omit dependencies, which means all knowns.",
     kinds=("me",),
 )
 def dependencies(bench: Bench) -> Found:
     m, unknowns = bench.model, {v: u for v, u in _unknowns(bench).items() if u.depends is not None}
     knowns = _known(bench)
     if not unknowns or not knowns:
-        raise NotApplicable("no dependencies are declared" if not unknowns else "there is nothing to move")
+        raise NotApplicable("no dependencies are declared" if not unknowns else "there is nothing to vary")
     aliases = _aliases(bench)
     with _evaluating(bench) as a:
         read = list(unknowns)
@@ -222,14 +220,14 @@ def dependencies(bench: Bench) -> Found:
 
 @check(
     "derivatives.directional",
-    "directional derivatives are those that differences give",
+    "directional derivatives agree with finite differences",
     fmi2=_PARTIAL2,
     fmi3=_PARTIAL3,
-    advice="Correct the derivative, or take back the promise of directional derivatives.",
+    advice="Correct the derivative, or do not declare support for directional derivatives.",
     kinds=("cs", "me"),
 )
 def directional(bench: Bench) -> Found:
-    bench.require(bench.interface.directional, "it does not promise directional derivatives")
+    bench.require(bench.interface.directional, "it does not support directional derivatives")
     if bench.kind == "me":
         unknowns = list(_unknowns(bench))
         knowns = _known(bench)
@@ -286,7 +284,7 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
         for (v, i), x, y in zip(flat, column, expected, strict=True):
             if not abs(x - y) <= TOLERANCE * scale + 1e-9:
                 index = f"[{i + 1}]" if v.size > 1 else ""
-                yield f"d {v.name}{index} / d {known.name}{where} is {x:.6g} by the FMU, {y:.6g} by differences"
+                yield f"d {v.name}{index} / d {known.name}{where} is {x:.6g} in the FMU, {y:.6g} by finite differences"
                 reported += 1
                 break
         if reported >= 3:
@@ -316,13 +314,13 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
     "derivatives.adjoint",
     "adjoint derivatives are the transpose of directional ones",
     fmi3="2.2.11 Getting Partial Derivatives (fmi3GetAdjointDerivative)",
-    advice="Correct one of the two, or take back the promise.",
+    advice="Correct one of the two, or do not declare support for it.",
     kinds=("cs", "me"),
 )
 def adjoint(bench: Bench) -> Found:
     bench.require(
         bench.interface.adjoint and bench.interface.directional,
-        "it does not promise directional and adjoint derivatives",
+        "it does not support directional and adjoint derivatives",
     )
     unknowns = list(_unknowns(bench))
     knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"]
@@ -347,10 +345,10 @@ def adjoint(bench: Bench) -> Found:
 
 @check(
     "derivatives.rates",
-    "an output that is declared as the derivative of another one is that",
+    "outputs that are declared as derivatives of other outputs are consistent with them",
     fmi2="2.2.7 Definition of Model Variables (derivative)",
     fmi3="2.4.7.5 Type specific properties (derivative)",
-    advice="Correct the attribute derivative, or what is computed.",
+    advice="Correct the attribute derivative, or the computation.",
     kinds=("cs",),
 )
 def rates(bench: Bench) -> Found:
@@ -408,7 +406,7 @@ def _wrong_rate(x: Vector, dx: Vector, h: float) -> bool:
 
 @check(
     "exchange.states",
-    "state vector and derivative vector are the variables that the model structure lists, in its order",
+    "state and derivative vectors have the variables and the order of ModelStructure",
     fmi2="2.2.8 Definition of the Model Structure (Derivatives); 3.2.2 Evaluation of Model Equations",
     fmi3="2.4.8 Model Structure (ContinuousStateDerivative); 3.2.1",
     advice="Return states and derivatives in the order of ModelStructure.",
@@ -439,7 +437,7 @@ def state_vector(bench: Bench) -> Found:
         # What is set is what is there.
         new = _other(x)
         if attempt(lambda: a.set_states(new)) and not all(same(p, q) for p, q in zip(a.get_states(), new, strict=True)):
-            yield "states that were set are not those that are read"
+            yield "states are not read back as they were set"
 
 
 @check(
@@ -459,7 +457,7 @@ def pure(bench: Bench) -> Found:
         x, before = a.get_states(), a.get_derivatives()
         twice = a.get_derivatives()
         if not _close(before, twice):
-            yield "derivatives that are read twice differ"
+            yield "derivatives differ when they are read twice"
             return
         other = _other(x)
         attempt(lambda: a.set_states(other))
@@ -489,10 +487,10 @@ def pure(bench: Bench) -> Found:
 
 @check(
     "exchange.nominals",
-    "nominal values of the states are above 0, and those of the description",
+    "nominal values of the states are above 0 and agree with the description",
     fmi2="3.2.2 Evaluation of Model Equations (nominals)",
     fmi3="2.3.3 State: Initialization Mode (fmi3GetNominalsOfContinuousStates)",
-    advice="Return 1 where nothing is known.",
+    advice="Return 1 where no nominal value is known.",
     kinds=("me",),
 )
 def nominals(bench: Bench) -> Found:
@@ -507,13 +505,13 @@ def nominals(bench: Bench) -> Found:
             yield f"the nominal value of {s.name!r} is {nominal:g}; it must be above 0"
             return
         if s.nominal is not None and not same(nominal, expected, 1e-6):
-            yield warning(f"the nominal value of {s.name!r} is {nominal:g}, by the description {expected:g}")
+            yield warning(f"the nominal value of {s.name!r} is {nominal:g}, in the description {expected:g}")
             return
 
 
 @check(
     "exchange.counts",
-    "there are as many states and event indicators as the description says, and they are finite",
+    "the numbers of states and event indicators agree with the description, and their values are finite",
     fmi2="3.2.2 Evaluation of Model Equations (event indicators)",
     fmi3="2.3.2 State: Instantiated (fmi3GetNumberOf...); 2.4.8 Model Structure",
     advice="List every state derivative and every event indicator.",

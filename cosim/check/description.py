@@ -30,10 +30,10 @@ class File:
 
 @check(
     "description.schema",
-    "modelDescription.xml keeps to the schema of its FMI version",
+    "modelDescription.xml conforms to the schema of its FMI version",
     fmi2="2.2 FMI Description Schema",
     fmi3="2.4 FMI Description Schema",
-    advice="Write the description as the schema of its FMI version wants it; an importer may refuse it otherwise.",
+    advice="Correct the description according to the schema of its FMI version; importers may reject it otherwise.",
 )
 def schema(file: File) -> Found:
     from copy import deepcopy
@@ -42,12 +42,12 @@ def schema(file: File) -> Found:
     known = list(validation.quirks())
     for f in found:
         reason = next((q.reason for q in known if q.fits(file.model.tool, f.text)), "")
-        yield warning(f"{f.text} (known of this tool: {reason})", f.line) if reason else (f.line, f.text)
+        yield warning(f"{f.text} (known quirk of this tool: {reason})", f.line) if reason else (f.line, f.text)
 
 
 @check(
     "description.version",
-    "fmiVersion is one that exists",
+    "fmiVersion is an existing FMI version",
     fmi2="2.2.1 Definition of an FMU (fmiModelDescription)",
     fmi3="2.4.1 Definition of an FMU (fmiModelDescription)",
     advice='Write fmiVersion="2.0" for every FMI 2.0.x, and "3.0" (or "3.0.x" from pre-releases of tools) for FMI 3.0.',
@@ -55,23 +55,23 @@ def schema(file: File) -> Found:
 def version(file: File) -> Found:
     m = file.model
     if m.version == "2" and m.fmi != "2.0":
-        yield f'fmiVersion is "{m.fmi}"; of every FMI 2.0.x it is "2.0"'
+        yield f'fmiVersion is "{m.fmi}"; for every FMI 2.0.x it must be "2.0"'
     if m.version == "3" and not re.fullmatch(r"3\.0(\.\d+)?(-.+)?", m.fmi):
-        yield warning(f'fmiVersion is "{m.fmi}"; of FMI 3.0 it is "3.0"')
+        yield warning(f'fmiVersion is "{m.fmi}"; for FMI 3.0 it must be "3.0"')
     if not m.interfaces and not m.scheduled:
         yield "it offers neither Co-Simulation nor Model Exchange" + (
             " nor Scheduled Execution" if m.version == "3" else ""
         )
     if not m.token:
         yield note(
-            f"{'guid' if m.version == '2' else 'instantiationToken'} is empty: the library cannot tell whose"
-            " description it is given"
+            f"{'guid' if m.version == '2' else 'instantiationToken'} is empty, so the library cannot verify that the"
+            " description is its own"
         )
 
 
 @check(
     "description.identifier",
-    "modelIdentifier can be the prefix of C functions and the name of a library",
+    "modelIdentifier is a valid C function prefix and library name",
     fmi2="2.1.1 Header Files and Naming of Functions",
     fmi3="2.2.2 Header Files and Naming of Functions",
     advice="Use letters, digits and underscores only, and begin with a letter or an underscore.",
@@ -79,7 +79,7 @@ def version(file: File) -> Found:
 def identifier(file: File) -> Found:
     for interface in file.model.interfaces.values():
         if not re.fullmatch(r"[A-Za-z_]\w*", interface.identifier, re.ASCII):
-            yield interface.line, f"modelIdentifier {interface.identifier!r} is no name in C"
+            yield interface.line, f"modelIdentifier {interface.identifier!r} is not a valid C identifier"
         elif len(interface.identifier) > 64:
             yield note(
                 f"modelIdentifier has {len(interface.identifier)} characters; some file systems and tools have limits",
@@ -89,11 +89,12 @@ def identifier(file: File) -> Found:
 
 @check(
     "description.names",
-    "names of variables are unique, and follow the naming convention that is declared",
+    "variable names are unique and follow the declared naming convention",
     fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions",
     fmi3="2.4.7.5.1 Variable Naming Conventions",
     advice=(
-        "Rename what breaks the convention (quote odd names with '...'), or declare variableNamingConvention=\"flat\"."
+        "Rename variables that break the convention (quote odd names with '...'), or declare"
+        ' variableNamingConvention="flat".'
     ),
 )
 def variable_names(file: File) -> Found:
@@ -103,14 +104,14 @@ def variable_names(file: File) -> Found:
             if not name:
                 yield v.line, f"variable number {v.position} has no name"
             elif name in seen:
-                yield v.line, f"variable {name!r}: there is another of that name in line {seen[name].line}"
+                yield v.line, f"variable {name!r}: this name is already used in line {seen[name].line}"
             seen.setdefault(name, v)
             if re.search(r"[\r\n\t]", name):
                 yield v.line, f"variable {name!r}: line feeds and tabs are not allowed in names"
     if file.model.says.get("variableNamingConvention") == "structured":
         for name, v in seen.items():
             if name and not _STRUCTURED.fullmatch(name):
-                yield v.line, f"variable {name!r} is no structured name"
+                yield v.line, f"variable {name!r} is not a valid structured name"
 
 
 _Q = r"'(?:[A-Za-z_0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
@@ -121,7 +122,7 @@ _STRUCTURED = re.compile(rf"{_ID}|der\({_ID}(?:,\d+)?\)")
 
 @check(
     "description.references",
-    "value references say which variables are one",
+    "only aliases share a value reference",
     fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)",
     fmi3="2.4.7.4 Variable Attributes (valueReference)",
     advice=(
@@ -133,7 +134,7 @@ def references(file: File) -> Found:
     sets: dict[Any, list[Var]] = {}
     for v in file.model.variables:
         if v.reference is None or not 0 <= v.reference < 2**32:
-            yield v.line, f"variable {v.name!r}: its valueReference is no number from 0 to 4294967295"
+            yield v.line, f"variable {v.name!r}: its valueReference is not an integer from 0 to 4294967295"
             continue
         sets.setdefault(v.key if file.model.version == "2" else v.reference, []).append(v)
     for same in sets.values():
@@ -145,12 +146,16 @@ def references(file: File) -> Found:
             continue
         settable = [v for v in same if _settable(v)]
         if len(settable) > 1:
-            yield line, f"aliases {names(v.name for v in settable)} can all be set; of an alias set at most one may"
+            text = (
+                f"aliases {names(v.name for v in settable)} can all be set; at most one of an alias set may be settable"
+            )
+            yield line, text
         starts = [v for v in same if v.start is not None and v.variability != "constant"]
         if len(starts) > 1 and len(settable) < 2:
             yield (
                 line,
-                f"aliases {names(v.name for v in starts)} all have a start value; of an alias set at most one may",
+                f"aliases {names(v.name for v in starts)} all have a start value; at most one variable of an alias"
+                " set may have one",
             )
         if len({v.variability == "constant" for v in same}) > 1:
             yield line, f"aliases {shown}: some are constant, others not"
@@ -166,10 +171,10 @@ def _settable(v: Var) -> bool:
 
 @check(
     "description.variability",
-    "causality, variability and initial fit together",
+    "causality, variability and initial are an allowed combination",
     fmi2="2.2.7 Definition of Model Variables (tables of causality, variability and initial)",
     fmi3="2.4.7.4 Variable Attributes (tables of variability/causality and of initial)",
-    advice="Choose a combination of the standard's tables.",
+    advice="Use a combination that the tables of the standard allow.",
 )
 def variability(file: File) -> Found:
     for v in file.model.variables:
@@ -215,12 +220,12 @@ def variability(file: File) -> Found:
 
 @check(
     "description.start",
-    "start values are there where they must be, can be read, and lie in their range",
+    "required start values exist, are valid, and lie between min and max",
     fmi2="2.2.7 Definition of Model Variables (start)",
     fmi3="2.4.7.5 Type specific properties (start)",
     advice=(
-        "Inputs, parameters, constants and everything with initial exact or approx need a start value; what is"
-        " calculated must have none."
+        "Inputs, parameters, constants and variables with initial exact or approx need a start value; calculated"
+        " variables must not have one."
     ),
 )
 def start(file: File) -> Found:
@@ -267,7 +272,7 @@ def start(file: File) -> Found:
 
 @check(
     "description.types",
-    "types that are named are defined, and enumerations have items",
+    "all types in use are defined, and enumerations have items",
     fmi2="2.2.3 Definition of Types",
     fmi3="2.4.4 Definition of Types",
     advice="Add the type to TypeDefinitions, or correct declaredType.",
@@ -278,7 +283,7 @@ def types(file: File) -> Found:
     for element in root.iterfind("TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"):
         name = element.get("name", "")
         if name in defined:
-            yield element.sourceline, f"there are two types of the name {name!r}"
+            yield element.sourceline, f"type {name!r} is defined twice"
         defined[name] = element
     for v in file.model.variables:
         declared = v.says.get("declaredType")
@@ -294,12 +299,12 @@ def types(file: File) -> Found:
             if kind != v.type:
                 yield v.line, f"variable {v.name!r} is {v.type}, but its type {declared!r} is of {kind or 'nothing'}"
         elif v.type == "Enumeration":
-            yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so nobody knows its items"
+            yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so its items are undefined"
 
 
 @check(
     "description.units",
-    "units that are named are defined, and can be converted",
+    "all units in use are defined and can be converted",
     fmi2="2.2.2 Definition of Units",
     fmi3="2.4.3 Definition of Units",
     advice="Add the unit to UnitDefinitions with its base unit, or correct the name.",
@@ -309,11 +314,11 @@ def units(file: File) -> Found:
     for unit in file.root.iterfind("UnitDefinitions/Unit"):
         name = unit.get("name", "")
         if name in defined:
-            yield unit.sourceline, f"there are two units of the name {name!r}"
+            yield unit.sourceline, f"unit {name!r} is defined twice"
         defined[name] = unit
         base = unit.find("BaseUnit")
         if base is not None and _zero(base.get("factor", "1")):
-            yield unit.sourceline, f"unit {name!r}: its factor is 0, so nothing can be converted"
+            yield unit.sourceline, f"unit {name!r}: its factor is 0, so it cannot be converted"
         displays = [d.get("name") for d in unit.iterfind("DisplayUnit")]
         if len(displays) != len(set(displays)):
             yield unit.sourceline, f"unit {name!r} has two display units of the same name"
@@ -321,7 +326,7 @@ def units(file: File) -> Found:
             if _zero(display.get("factor", "1")):
                 yield (
                     display.sourceline,
-                    f"display unit {display.get('name')!r}: its factor is 0, so nothing can be converted",
+                    f"display unit {display.get('name')!r}: its factor is 0, so it cannot be converted",
                 )
     for v in file.model.variables:
         shown = v.says.get("displayUnit")
@@ -351,7 +356,7 @@ def _zero(text: str) -> bool:
     "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
     fmi2="2.2.8 Definition of the Model Structure",
     fmi3="2.4.8 Model Structure",
-    advice="List exactly the variables that the standard names for each part of ModelStructure.",
+    advice="List exactly the variables that the standard requires in each part of ModelStructure.",
 )
 def structure(file: File) -> Found:
     m = file.model
@@ -359,7 +364,7 @@ def structure(file: File) -> Found:
         seen: set[int | None] = set()
         for u in (u for u in m.structure if u.group == group):
             if u.key not in m.by_key:
-                yield u.line, f"{_shown(m, group)}: {_key(m)} {u.key} is no variable's"
+                yield u.line, f"{_shown(m, group)}: {_key(m)} {u.key} belongs to no variable"
             elif u.key in seen:
                 yield u.line, f"{_shown(m, group)}: {m.by_key[u.key].name!r} is listed twice"
             seen.add(u.key)
@@ -377,7 +382,7 @@ def structure(file: File) -> Found:
         if v is None:
             continue
         if u.group == "Output" and v.causality != "output":
-            yield u.line, f"{v.name!r} is among the Outputs of ModelStructure, but is no output"
+            yield u.line, f"{v.name!r} is among the Outputs of ModelStructure, but is not an output"
         if u.group == "Derivative":
             for line, text in _derivative(m, u, v):
                 yield (line, text) if _counts(m) else warning(text, line)
@@ -385,7 +390,7 @@ def structure(file: File) -> Found:
             yield u.line, f"{v.name!r} is among the unknowns of initialization, but is known: {v.causality}"
     states = [s.name for s in dict.fromkeys(m.states) if s.causality not in ("local", "output")]
     if states:
-        yield warning(f"{names(states)}: states that are neither local nor outputs")
+        yield warning(f"{names(states)}: states must be local variables or outputs")
     yield from _unknowns_of_initialization(m)
 
 
@@ -399,10 +404,10 @@ def _derivative(m: Model, u: Unknown, v: Var) -> Iterator[tuple[int, str]]:
     if v.derivative is None:
         yield (
             u.line,
-            f"{v.name!r} is among the derivatives, but does not say which state it derives (attribute derivative)",
+            f"{v.name!r} is among the derivatives, but its attribute derivative, which names the state, is missing",
         )
     elif state is None:
-        yield v.line, f"{v.name!r} derives {_key(m)} {v.derivative}, which is no variable's"
+        yield v.line, f"{v.name!r} derives {_key(m)} {v.derivative}, which belongs to no variable"
     elif not state.is_float or state.variability != "continuous":
         yield (
             state.line,
@@ -436,7 +441,7 @@ def _unknowns_of_initialization(m: Model) -> Found:
                 f" the {element}"
             )
             # "For Co-Simulation, Derivatives are ignored if providesDirectionalDerivative is false."
-            yield warning(f"{text}; nobody reads derivatives of this Co-Simulation FMU") if ignored else text
+            yield warning(f"{text}; importers ignore the derivatives of this Co-Simulation FMU") if ignored else text
     calculated += continuous
     if m.version == "2":
         may = {m.key(v) for v in calculated}
@@ -451,8 +456,8 @@ def _unknowns_of_initialization(m: Model) -> Found:
         if found:
             is_ = "are" if len(found) > 1 else "is"
             yield warning(
-                f"{names(found)} {is_} among the InitialUnknowns, but no outputs, parameters, states or derivatives"
-                " that are calculated there"
+                f"{names(found)} {is_} among the InitialUnknowns, but not an output, parameter, state or derivative"
+                " calculated in initialization"
             )
 
 
@@ -468,7 +473,7 @@ def _key(m: Model) -> str:
 
 @check(
     "description.dependencies",
-    "declared dependencies name variables that can be depended on, each with its kind",
+    "declared dependencies refer to valid knowns, each with its kind",
     fmi2="2.2.8 Definition of the Model Structure (dependencies)",
     fmi3="2.4.8 Model Structure (dependencies)",
     advice=(
@@ -488,7 +493,7 @@ def dependencies(file: File) -> Found:
             yield u.line, f"{name!r} has {len(u.depends)} dependencies, but {len(u.kinds)} dependenciesKind"
         unknown = [d for d in u.depends or () if d not in m.by_key]
         if unknown:
-            yield u.line, f"{name!r} depends on {_key(m)} {unknown[0]}, which is no variable's"
+            yield u.line, f"{name!r} depends on {_key(m)} {unknown[0]}, which belongs to no variable"
         if len(set(u.depends or ())) != len(u.depends or ()):
             yield warning(f"{name!r} has a dependency twice", u.line)
         for d in u.depends or ():
@@ -497,7 +502,10 @@ def dependencies(file: File) -> Found:
                 continue
             if u.group == "InitialUnknown":
                 if known.initial == "calculated" and known.causality not in ("output", "local"):
-                    yield u.line, f"{name!r} depends on {known.name!r} in initialization, which is calculated itself"
+                    yield (
+                        u.line,
+                        f"{name!r} depends on {known.name!r} in initialization, which is itself calculated there",
+                    )
                 continue
             if (
                 known.causality in ("parameter", "structuralParameter")
@@ -512,7 +520,8 @@ def dependencies(file: File) -> Found:
             ):
                 continue
             text = (
-                f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is no known there"
+                f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is not a known"
+                " there"
             )
             yield warning(text, u.line)
             break
@@ -520,10 +529,10 @@ def dependencies(file: File) -> Found:
 
 @check(
     "description.experiment",
-    "the default experiment is one that can be run",
+    "the default experiment is valid",
     fmi2="2.2.5 Definition of a Default Experiment",
     fmi3="2.4.6 Definition of a Default Experiment",
-    advice="stopTime above startTime, stepSize and tolerance above 0, all finite.",
+    advice="Set stopTime above startTime, stepSize and tolerance above 0, and all to finite values.",
 )
 def experiment(file: File) -> Found:
     element = file.root.find("DefaultExperiment")
@@ -544,7 +553,7 @@ def experiment(file: File) -> Found:
 
 @check(
     "description.clocks",
-    "clocks say when they tick, and clocked variables name clocks that exist",
+    "clocks define when they tick, and clocked variables refer to existing clocks",
     fmi3="2.2.9 Clocks; 2.4.7 Definition of Model Variables",
     advice="Give constant clocks their interval, and clocked variables the value references of their clocks.",
 )
@@ -560,7 +569,7 @@ def clocks(file: File) -> Found:
             continue
         for word in v.says.get("clocks", "").split():
             if _reference(word) not in references:
-                yield v.line, f"variable {v.name!r} belongs to clock {word}, which is no clock"
+                yield v.line, f"variable {v.name!r} belongs to clock {word}, which is not a clock"
         if v.variability != "discrete":
             yield v.line, f"variable {v.name!r} belongs to a clock and is {v.variability}; it must be discrete"
 
@@ -582,7 +591,7 @@ def _of_clock(v: Var) -> Iterator[str]:
         and v.says.get("supportsFraction") in ("true", "1")
         and not ("resolution" in v.says and "intervalCounter" in v.says)
     ):
-        yield "supports fractions, but tells neither resolution nor intervalCounter"
+        yield "supports fractions, but has neither resolution nor intervalCounter"
 
 
 def _reference(text: str) -> int | None:
@@ -591,10 +600,10 @@ def _reference(text: str) -> int | None:
 
 @check(
     "description.capabilities",
-    "flags that belong together are set together",
+    "capability flags that require each other are consistent",
     fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)",
     fmi3="2.4.9, 3.3 and 4.3 (capability flags)",
-    advice="Set the flag that is required by the other, or neither.",
+    advice="Set the required flag too, or neither.",
     worst="error",
 )
 def capabilities(file: File) -> Found:
@@ -613,9 +622,9 @@ def capabilities(file: File) -> Found:
     if m.version == "3":
         independent = m.of("independent")
         if len(independent) != 1:
-            yield f"it has {len(independent)} independent variables; FMI 3.0 wants exactly one"
+            yield f"it has {len(independent)} independent variables; FMI 3.0 requires exactly one"
     elif len(m.of("independent")) > 1:
-        yield f"variables {names(v.name for v in m.of('independent'))} are all independent; one may be"
+        yield f"variables {names(v.name for v in m.of('independent'))} are all independent; only one may be"
     for v in m.of("independent"):
         if not v.is_float:
             yield (

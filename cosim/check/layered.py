@@ -48,7 +48,7 @@ def declared(file: File) -> list[str]:
 
 @check(
     "archive.layered",
-    "manifests of layered standards have the attributes of FMI and keep to their schema, where it is known",
+    "manifests of layered standards have the attributes that FMI requires and conform to their schema, if known",
     fmi2="2.3 FMU Distribution (extra), with FMI 3.0, 2.6 Versioning and Layered Standards",
     fmi3="2.6 Versioning and Layered Standards",
     advice="Correct fmi-ls-manifest.xml as the layered standard describes it.",

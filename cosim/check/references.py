@@ -22,10 +22,10 @@ TOLERANCE = 1e-3  # of the largest value of a column: what the FMI cross-check a
 
 @check(
     "references.results",
-    "the FMU gives the reference results that it brings along",
+    "the FMU reproduces its reference results",
     fmi2="FMI Cross-Check Rules (NAME_in.csv, NAME_ref.csv); 2.3 FMU Distribution (documentation)",
     fmi3="FMI-LS-REF (reference results); 2.5.1.1 Directory documentation",
-    advice="Make the reference results again, or find out what has changed.",
+    advice="Regenerate the reference results, or find out what has changed.",
     kinds=("cs",),
     worst="warning",
 )
@@ -77,7 +77,7 @@ def _table(path: Path) -> Table:
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.reader(file))
     if len(rows) < 2 or not rows[0] or rows[0][0].strip().strip('"').lower() != "time":
-        raise ValueError("it is no table that begins with a column time")
+        raise ValueError("it is not a table whose first column is time")
     try:
         table = [
             [float(x) if x.strip() not in ("true", "false") else float(x.strip() == "true") for x in row]
@@ -88,7 +88,7 @@ def _table(path: Path) -> Table:
         raise ValueError("a value is no number") from None
     header = [h.strip() for h in rows[0]]
     if any(len(row) != len(header) for row in table):
-        raise ValueError("its rows are not of one length")
+        raise ValueError("its rows differ in length")
     return header, table
 
 
@@ -101,9 +101,9 @@ def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Foun
     times = [row[0] for row in reference[1]]
     steps = [b - a for a, b in itertools.pairwise(times)]
     if not columns or not steps or min(steps) <= 0:
-        raise NotApplicable("its reference results are not sampled one step after another")
+        raise NotApplicable("its reference results have no variables of the FMU, or times that do not increase")
     if not bench.interface.variable_step and max(steps) - min(steps) > 1e-6 * max(steps):
-        raise NotApplicable("its reference results have steps of different lengths, which it does not promise to take")
+        raise NotApplicable("its reference results have steps of different lengths, which it does not support")
 
     def work(a: Instance) -> list[Values]:
         rows = []

@@ -194,7 +194,7 @@ READABLE = Check(
     "archive.readable",
     "the archive and its description can be read",
     {"2": "2.3 FMU Distribution", "3": "2.5 FMU Distribution"},
-    "Pack and write it again.",
+    "Create the archive again, with a valid description.",
     ("2", "3"),
     (),
     "error",
@@ -253,7 +253,7 @@ def _run_all(
     kinds = [k for k in model.interfaces if k in options.kinds]
     reasons = {k: _cannot_run(file, k) for k in kinds}
     if model.scheduled and not kinds:
-        report.not_run = "it offers Scheduled Execution only, which is not run"
+        report.not_run = "it offers Scheduled Execution only, which cosim check does not run"
     elif kinds and all(reasons.values()):
         report.not_run = reasons[kinds[0]]
     libraries = {k: file.folder / _binary(model, k) for k in kinds if not reasons[k]}
@@ -270,7 +270,7 @@ def _run_all(
             elif result.findings and result.verdict == "error":
                 reason = f"the FMU cannot be run (see {LIFE})"
                 if model.interfaces[kind].needs_tool:
-                    why = f"it needs its tool, which does not answer here: {result.findings[0].text}"
+                    why = f"it needs its tool, which is not available here: {result.findings[0].text}"
                     result = Result(result.check, kind, (), why, result.seconds)
                     report.not_run = report.not_run or why
             if any(c.id == LIFE for c in of_kind) or result.findings or reason:
@@ -341,8 +341,8 @@ def _of_instance(
     if answer.late and check.id not in WRONG_CALLS:
         answer.unjudged = f"{answer.lost}{doing}; --timeout gives it more time"
     elif answer.lost:
-        words = f"; its last words: {answer.words}" if answer.words else ""
-        findings.append(Finding(f"the process of the FMU was lost{doing}: {answer.lost}{words}", check.worst))
+        words = f"; its last output: {answer.words}" if answer.words else ""
+        findings.append(Finding(f"the process of the FMU failed{doing}: {answer.lost}{words}", check.worst))
     for name, value in answer.measures.items():
         report.measures[f"{name} ({_KINDS[kind]})"] = value
     return Result(

@@ -18,10 +18,10 @@ _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super 
 
 @check(
     "runs.repeat",
-    "two runs from the same start give the same results",
+    "identical runs give identical results",
     fmi2="1.1 Properties and Guiding Ideas",
     fmi3="1.2 Properties and Guiding Ideas",
-    advice="Initialize all memory; make seeds of random numbers parameters. Runs that differ cannot be compared.",
+    advice="Initialize all memory; make the seeds of random numbers parameters.",
     kinds=("cs", "me"),
     worst="warning",
 )
@@ -32,10 +32,10 @@ def repeat(bench: Bench) -> Found:
 
 @check(
     "runs.reset",
-    "a run after reset is the run of a fresh instance",
+    "a run after reset equals the run of a fresh instance",
     fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
-    advice="Reset goes into the state that instantiation leaves: clear states, memories, counters and caches.",
+    advice="Reset must restore the state after instantiation: clear states, memories, counters and caches.",
     kinds=("cs", "me"),
 )
 def reset(bench: Bench) -> Found:
@@ -59,7 +59,7 @@ def reset(bench: Bench) -> Found:
 
 @check(
     "runs.instances",
-    "instances know nothing of each other",
+    "instances do not affect each other",
     fmi2=_INSTANCES2,
     fmi3=_INSTANCES3,
     advice="Keep everything in the instance, nothing in global or static variables.",
@@ -83,7 +83,7 @@ def instances(bench: Bench) -> Found:
                 found.append(a.get(watched))
         except Ended:
             return
-        if unlike := compared(bench, base, found, "beside another instance it gives other results"):
+        if unlike := compared(bench, base, found, "results differ when a second instance exists"):
             yield unlike
         b.free()
         attempt(lambda: a.step(bench.step))
@@ -91,7 +91,7 @@ def instances(bench: Bench) -> Found:
 
 @check(
     "runs.threads",
-    "instances in threads of their own give what they give alone",
+    "instances in separate threads give the same results as alone",
     fmi2="2.1.1 Header Files and Naming of Functions (parallel calls)",
     fmi3="2.2.1 Requirements for Implementations of the C-API (threads)",
     advice="Keep everything in the instance, nothing in global or static variables; protect what libraries share.",
@@ -125,7 +125,7 @@ def threads(bench: Bench) -> Found:
     for runs in results:
         for run in runs:
             if text := difference(base, run):
-                yield _of_version(bench, f"in {n} threads an instance gives other results: {text}")
+                yield _of_version(bench, f"in {n} threads results differ from those of a single instance: {text}")
                 return
 
 
@@ -136,7 +136,7 @@ def _of_version(bench: Bench, text: str) -> Finding:
 
 @check(
     "runs.time",
-    "the independent variable is the time of the run",
+    "the independent variable equals the simulation time",
     fmi2="2.2.7 Definition of Model Variables (independent)",
     fmi3="2.4.7.4 Variable Attributes (independent)",
     advice="Return the current communication point, or the time that was set.",
@@ -166,14 +166,14 @@ def shown_time(t: float) -> str:
 
 @check(
     "runs.steps",
-    "communication steps may vary: the same time, nearly the same result",
+    "variable communication steps reach the same time with nearly the same results",
     fmi2="4.2.2 Computation; 4.3.1 (canHandleVariableCommunicationStepSize)",
     fmi3="4.2.1 (fmi3DoStep); 4.3 (canHandleVariableCommunicationStepSize)",
-    advice="Integrate to the end of every step exactly, or do not promise variable steps.",
+    advice="Integrate exactly to the end of every step, or do not declare support for variable steps.",
     kinds=("cs",),
 )
 def steps(bench: Bench) -> Found:
-    bench.require(bench.interface.variable_step, "it does not promise variable communication steps")
+    bench.require(bench.interface.variable_step, "it does not support variable communication steps")
     h, watched = bench.step, [v for v in bench.watched() if v.is_float and v.causality == "output"]
     ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0]}
     if (
@@ -208,7 +208,7 @@ def steps(bench: Bench) -> Found:
 
 @check(
     "runs.floating_point",
-    "the floating-point environment is left as it was",
+    "the floating-point environment is unchanged",
     fmi2="2.1.1 Header Files and Naming of Functions (global settings)",
     fmi3="2.2.1 Requirements for Implementations of the C-API (global settings)",
     advice=(
@@ -228,7 +228,7 @@ def floating_point(bench: Bench) -> Found:
         attempt(lambda: a.step(bench.step))
         after = _environment()
     if after != loaded:
-        yield f"after a step {_changed(loaded, after)} is another"
+        yield f"a step changes {_changed(loaded, after)}"
 
 
 def _environment() -> tuple[int, bool]:
@@ -271,14 +271,14 @@ def _growth(bench: Bench) -> float | None:
     (n0, m0), (n1, m1) = marks[1], marks[-1]
     bench.measures["memory of the process"] = f"{m1 / 1e6:.0f} MB"
     if n1 - n0 < 20:
-        raise NotApplicable("its instances take too long to make enough of them")
+        raise NotApplicable("instantiation takes too long to repeat it often enough")
     rate = (m1 - m0) / (n1 - n0)
     return rate if rate > 4096 and all(b[1] > a[1] for a, b in itertools.pairwise(marks)) else None
 
 
 @check(
     "runs.memory",
-    "memory is given back when instances are freed",
+    "memory is released when instances are freed",
     fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
     advice="Free what instantiation and steps have allocated.",
@@ -297,7 +297,7 @@ def memory(bench: Bench) -> Found:
         if found is None:
             return
         rate = found
-    yield f"every instance that is made, run and freed leaves some {rate / 1024:.0f} KB behind"
+    yield f"every instance that is created, run and freed leaks about {rate / 1024:.0f} KB"
 
 
 def _resident() -> int | None:

@@ -34,7 +34,7 @@ _SAVED2, _SAVED3 = (
 def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
     i = bench.interface
     bench.require(
-        i.serializes if serialized else i.saves, f"it does not promise {'serialized' if serialized else 'saved'} states"
+        i.serializes if serialized else i.saves, f"it does not support {'serialized' if serialized else 'saved'} states"
     )
     return bench.repeatable()
 
@@ -59,13 +59,10 @@ def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Val
 
 @check(
     "saved.replay",
-    "a state that was saved and is restored continues with the same results, again and again",
+    "a restored state continues with the same results, however often it is restored",
     fmi2=_SAVED2,
     fmi3=_SAVED3,
-    advice=(
-        "Put everything into the state that results depend on: memories, caches, inputs, parameters, time, pending"
-        " events."
-    ),
+    advice="Save everything that results depend on: memories, caches, inputs, parameters, time, pending events.",
     kinds=("cs", "me"),
 )
 def replay(bench: Bench) -> Found:
@@ -87,7 +84,7 @@ def replay(bench: Bench) -> Found:
     # difference.
     restarted = bool(difference(straight_on, at_once))
     if found := compared(
-        bench, straight_on, at_once, "saved and restored at once it continues differently", restarted=restarted
+        bench, straight_on, at_once, "results differ after saving and restoring at once", restarted=restarted
     ):
         yield found
         return
@@ -99,7 +96,7 @@ def replay(bench: Bench) -> Found:
 
 @check(
     "saved.parameters",
-    "a saved state brings back the values that were set",
+    "a saved state restores the values that were set",
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Save inputs and parameters with the state.",
@@ -139,7 +136,7 @@ def shown_value(values: list[Any]) -> str:
 
 @check(
     "saved.states",
-    "several states live side by side, and saving into an old one replaces it",
+    "several saved states coexist, and saving into an existing one replaces it",
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.",
@@ -162,10 +159,10 @@ def several_states(bench: Bench) -> Found:
             found.append((f"{name} is restored wrongly", [expected, a.get(watched)]))
         a.must(f"Get{a.saved}", c.byref(early))  # into the old one
         a.restore(early)
-        found.append(("a state saved into an old one is restored wrongly", [at_late, a.get(watched)]))
+        found.append(("a state saved into an existing one is restored wrongly", [at_late, a.get(watched)]))
         a.must(f"Free{a.saved}", c.byref(early))
         if early.value is not None:
-            found.append(f"Free{a.saved} leaves the pointer at the state that it has freed")
+            found.append(f"Free{a.saved} does not set the pointer to NULL")
             a._saved.remove(early)
         a.call(f"Free{a.saved}", c.byref(c.c_void_p()))  # NULL is ignored
         return found
@@ -186,7 +183,7 @@ def several_states(bench: Bench) -> Found:
 
 @check(
     "saved.serialize",
-    "a serialized state continues with the same results, in this and in a fresh instance",
+    "a serialized state continues with the same results, in the same and in a fresh instance",
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Serialize contents, never pointers.",
@@ -216,15 +213,15 @@ def serialized(bench: Bench) -> Found:
 
 @check(
     "saved.damaged",
-    "bytes that are no state are refused",
+    "bytes that are not a valid state are rejected",
     fmi2=_SAVED2,
     fmi3=_SAVED3,
-    advice="Check the length before bytes are read; a checksum finds the rest.",
+    advice="Check the length before reading, and a checksum for other damage.",
     kinds=("cs", "me"),
     worst="warning",
 )
 def damaged(bench: Bench) -> Found:
-    bench.require(bench.interface.serializes, "it does not promise serialized states")
+    bench.require(bench.interface.serializes, "it does not support serialized states")
     with bench.instance() as a:
         a.initialize()
         data = a.serialize(a.save())
@@ -232,5 +229,5 @@ def damaged(bench: Bench) -> Found:
             state = c.c_void_p()
             name = ("DeSerialize" if a.version == "2" else "Deserialize") + a.saved
             if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
-                yield f"{name} takes a state that is {what}"
+                yield f"{name} accepts a state that is {what}"
                 return

@@ -20,7 +20,7 @@ ENOUGH = 2.0  # s of steps that are enough of a life
 
 @check(
     "states.version",
-    "the library says the FMI version of its description",
+    "the library returns the FMI version of its description",
     fmi2="2.1.4 Inquire Platform and Version Number of Header Files",
     fmi3="2.2.5 Inquire Version Number of Header Files",
     advice="Return the version of the header files.",
@@ -45,10 +45,10 @@ def version(bench: Bench) -> Found:
 
 @check(
     "states.life",
-    "an instance goes through its life: instantiation, initialization, steps, termination, and is freed",
+    "an instance completes its life cycle: instantiation, initialization, steps, termination, and is freed",
     fmi2=_MACHINE2,
     fmi3=_MACHINE3,
-    advice="Look at the message, if there is one; with start values and without connections an FMU must run.",
+    advice="See the logged message, if there is one; an FMU must run with its start values and without connections.",
     kinds=("cs", "me"),
 )
 def life(bench: Bench) -> Found:
@@ -364,10 +364,10 @@ def forbidden(bench: Bench) -> Found:
 
 @check(
     "states.step",
-    "step sizes that are none and times that do not fit are refused",
+    "invalid step sizes and steps beyond stopTime are rejected",
     fmi2="4.2.2 Computation",
     fmi3="2.2.5.1 Advancing Time; 4.2 (fmi3DoStep)",
-    advice="Refuse steps that are not above 0 or not finite, and steps beyond stopTime.",
+    advice="Return an error for steps that are not above 0 or not finite, and for steps beyond stopTime.",
     kinds=("cs",),
     worst="warning",
 )
@@ -385,7 +385,7 @@ def wrong_steps(bench: Bench) -> Found:
         return good(a.do_step(a.time, bench.step))
 
     if bench.alone(beyond_stop):
-        yield "DoStep goes beyond the stopTime that it was told; it has to return an error there"
+        yield "DoStep accepts a step beyond stopTime; it must return an error"
 
 
 @check(
@@ -407,7 +407,7 @@ def free_null(bench: Bench) -> Found:
 
 @check(
     "states.arguments",
-    "NULL arguments and unknown log categories are no crash",
+    "NULL arguments and unknown log categories do not cause a crash",
     fmi2="2.1.3 Status Returned by Functions",
     fmi3="2.2.1 Requirements for Implementations of the C-API (NULL)",
     advice="Guard against NULL: the standard forbids it to importers, and recommends it to FMUs.",
@@ -448,7 +448,7 @@ def token(bench: Bench) -> Found:
 
 @check(
     "states.statuses",
-    "statuses are those of FMI, and errors are explained",
+    "functions return valid FMI statuses, and errors are logged",
     fmi2="2.1.3 Status Returned by Functions",
     fmi3="2.2.4 Status Returned by Functions and Logging Mechanism",
     advice="Log a message before an Error is returned, while logging is on.",

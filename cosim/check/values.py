@@ -116,7 +116,7 @@ def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
 
 @check(
     "values.discrete",
-    "integers and Booleans that are set are what is read",
+    "integers and Booleans are read back as they were set",
     fmi2=_VALUES2,
     fmi3=_VALUES3,
     advice="Keep values that were set until they are set again.",
@@ -141,10 +141,10 @@ def set_discrete(bench: Bench) -> Found:
 
 @check(
     "values.reset",
-    "reset brings all start values back",
+    "reset restores all start values",
     fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
-    advice="In Reset do everything that instantiation does; all variables have their start values again.",
+    advice="Reset must do everything that instantiation does, including all start values.",
     kinds=("cs", "me"),
 )
 def reset(bench: Bench) -> Found:
@@ -249,7 +249,7 @@ def readonly(bench: Bench) -> Found:
     "value references that do not exist, and functions of another type, return an error",
     fmi2="2.1.3 Status Returned by Functions; " + _VALUES2,
     fmi3="2.2.4 Status Returned by Functions; " + _VALUES3,
-    advice="Look value references up, and return Error for those that are not there.",
+    advice="Look up value references, and return Error for unknown ones.",
     kinds=("cs", "me"),
     worst="warning",
 )
@@ -292,10 +292,10 @@ def unknown(bench: Bench) -> Found:
 
 @check(
     "values.extreme",
-    "NaN, infinity and values beyond their range are refused or survived",
+    "NaN, infinity and values out of range are rejected or handled without a crash",
     fmi2=_VALUES2 + " (min, max)",
     fmi3="2.2.6.3 Handling min/max Range Violations",
-    advice="Refuse values that cannot be used with Discard or Error; never crash or hang on them.",
+    advice="Return Discard or Error for invalid values; never crash or hang.",
     kinds=("cs", "me"),
     worst="warning",
 )
@@ -328,10 +328,10 @@ def extreme(bench: Bench) -> Found:
 
 @check(
     "values.range",
-    "values in a run are finite and lie in the range that is declared",
+    "values in a run are finite and lie in their declared range",
     fmi2="2.2.7 Definition of Model Variables (min, max)",
     fmi3="2.2.6.3 Handling min/max Range Violations",
-    advice="Correct min and max, or what is computed.",
+    advice="Correct min and max, or the computation.",
     kinds=("cs", "me"),
     worst="warning",
 )

@@ -42,7 +42,7 @@ from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 
 _SPOKEN = 4096  # bytes for what is being done
 _LAST_WORDS = 400  # characters of what the FMU printed last
-LATE = "it did not come back within"
+LATE = "a call did not return within"
 _POLL = 0.02  # s between looks at a child's memory
 _LONGEST = 1 << 20  # bytes of an answer
 _MOST_MEASURES, _MEASURE = 100, 200  # of an answer; characters of one
@@ -105,7 +105,7 @@ class Answer:
             seconds = float(_typed(given["seconds"], float))
             late: bool = _typed(given["late"], bool)
         except (ValueError, TypeError, RecursionError, MemoryError) as error:
-            raise ValueError(f"it is no answer of a check: {error}") from None
+            raise ValueError(f"not a valid answer of a check: {error}") from None
         return cls(
             findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, late=late, **texts
         )
@@ -219,13 +219,11 @@ def supervise(job: Job) -> Answer:
         try:
             answer = Answer.unpack(data)
         except ValueError as error:
-            ended = f"it wrote into the channel of the check ({error})"
+            ended = f"it wrote to the result channel of the check ({error})"
     if ended or not data:
         answer.late = ended.startswith(LATE)
         answer.lost = ended or (
-            f"signal {-code} ({signal.strsignal(-code)})"
-            if code < 0
-            else f"its process ended itself with exit code {code}"
+            f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"its process ended with exit code {code}"
         )
         (length,) = struct.unpack("=I", memory[:4])
         answer.doing = memory[4 : 4 + min(length, _SPOKEN - 4)].decode("utf-8", "replace")
@@ -251,13 +249,13 @@ def _listen(job: Job, pid: int, readable: int, begin: float) -> tuple[bytes, str
                 return data, ""
             data += part
             if len(data) > _LONGEST:
-                return data, f"it wrote more than {_LONGEST} bytes into the channel of the check"
+                return data, f"it wrote more than {_LONGEST} bytes to the result channel of the check"
         elif ended:  # a process that it has left still holds the other end
             return data, ""
         elif os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
             ended = True
         elif _resident(pid) > job.memory:
-            return data, f"it took more than {job.memory / 1e6:,.0f} MB of memory"
+            return data, f"it used more than {job.memory / 1e6:,.0f} MB of memory"
 
 
 def _resident(pid: int) -> int:

@@ -61,7 +61,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
                 " component that build-fmus compiles"
             )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
-            raise CosimError(f"'{m.name}' has clocks, which {what} does not tick: {remedy}use one without clocks")
+            raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
@@ -297,7 +297,7 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
         missing = [v.name for v in whole if values[v.index] is None]
         if missing:
             raise WiringError(
-                f"'{component.name}': set all of {one.declared}; the FMU tells no start value of {missing[0]}"
+                f"'{component.name}': set all of {one.declared}; the FMU has no start value for {missing[0]}"
             )
         yield one, [float(values[k]) for k in sorted(values)]
 

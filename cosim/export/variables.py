@@ -92,7 +92,7 @@ def _chosen(
             if not reason:
                 chosen[name] = Exported(component, variable, causality, _start(component, variable))
         if plain and not candidates:
-            raise WiringError(f"'{pattern}' is no {causality} of a component")
+            raise WiringError(f"no component has the {causality} '{pattern}'")
     return list(chosen.values())
 
 
@@ -102,7 +102,7 @@ def _unfit(variable: Variable, causality: str, connection: Connection | None) ->
     if connection is not None:
         return f"it is driven by {connection.source_name}"
     if variable.fmi_type not in _FITS:
-        return f"its type is {variable.fmi_type}; what can be are {', '.join(sorted(_FITS))}"
+        return f"its type is {variable.fmi_type}; possible types are {', '.join(sorted(_FITS))}"
     if variable.size > 1:
         return f"it is an element of the array {variable.declared}; set it in the system before the export"
     return ""

@@ -86,19 +86,19 @@ class Archive:
                 file = self.path / name
                 self._check_xml(name, file.stat().st_size)
                 if not file.is_file():
-                    raise self.error(f"{self.path} is not an {self.kind}: its {name} is no file")
+                    raise self.error(f"{self.path} is not an {self.kind}: its {name} is not a file")
                 return file.read_bytes()
             with self._opened() as archive:
                 self.names = archive.namelist()
                 if self.names.count(name) > 1:
-                    raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds more than one {name}")
+                    raise self.error(f"{self.path} is an unsafe {self.kind}: it contains more than one {name}")
                 member = archive.getinfo(name)
                 self._check_xml(name, member.file_size)
                 _check_method(member)
                 with archive.open(member) as stream:  # a part at a time: what is packed may be larger than it says
                     return b"".join(iter(lambda: stream.read(2**20), b""))
         except (KeyError, FileNotFoundError):
-            raise self.error(f"{self.path} is not an {self.kind}: it holds no {name}") from None
+            raise self.error(f"{self.path} is not an {self.kind}: it contains no {name}") from None
         except OSError as error:
             raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         except _DAMAGED as error:
@@ -173,7 +173,9 @@ class Archive:
             _check_method(member)
             if posix.is_absolute() or windows.drive or windows.root or ".." in (*posix.parts, *windows.parts):
                 name = one_line(member.filename)
-                raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds {name!r}, outside of itself")
+                raise self.error(
+                    f"{self.path} is an unsafe {self.kind}: it contains {name!r}, a path outside of the archive"
+                )
         size = sum(member.file_size for member in members)
         if size > LARGEST_RATIO * self.path.stat().st_size:
             what = f"{self.path} would unpack to {_megabytes(size)}, more than {LARGEST_RATIO} times its own size"
@@ -191,7 +193,7 @@ def _check_method(member: zipfile.ZipInfo) -> None:
     if member.compress_type not in _METHODS:
         name = one_line(member.filename, 80)
         raise NotImplementedError(
-            f"{name!r} is packed by method {member.compress_type}; FMI allows 0 (stored) and 8 (deflate)"
+            f"{name!r} is compressed with method {member.compress_type}; FMI allows 0 (stored) and 8 (deflate)"
         )
 
 

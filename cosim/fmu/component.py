@@ -130,7 +130,7 @@ class FmuComponent:
         if events is not None and self.isolation is not None:
             option = surface.hint("isolated=True", "--isolate")
             raise FmuError(
-                f"component '{name}': FMUs with clocks are not isolated; run it without {option or 'isolation'}"
+                f"component '{name}': FMUs with clocks cannot be isolated; run it without {option or 'isolation'}"
             )
         self._events = events
         if reusable and self._call("Reset") <= fmi.WARNING:
@@ -157,7 +157,7 @@ class FmuComponent:
             failure_detail = library.failure_detail()
             said = [f"    {line}" for line in [*self._recent_log(), *([failure_detail] if failure_detail else [])]]
             if self.description.needs_tool:
-                said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
+                said.append("  it needs the tool that exported it (needsExecutionTool): is it installed?")
             colon = ":\n" if said else ""
             raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
         self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
@@ -223,7 +223,7 @@ class FmuComponent:
         if self._instance is None:
             raise CosimError(f"'{self.name}' has no instance: initialize its system first")
         if self._dead:
-            raise CosimError(f"'{self.name}' was lost: initialize its system again")
+            raise CosimError(f"'{self.name}' has failed and was shut down: initialize its system again")
         status = self._function(name)(self._instance, *arguments)
         self._check_environment()
         if status == fmi.FATAL:
@@ -239,8 +239,8 @@ class FmuComponent:
         if bits not in self._reported:
             self._reported.add(bits)
             text = (
-                f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; it is put back after its"
-                " calls"
+                f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; cosim restores it"
+                " after each call"
             )
             warnings.warn(text, stacklevel=2)
 
@@ -332,7 +332,7 @@ class FmuComponent:
             variable = self.description.variables[name]
             data[variable.index] = variable.start
             if variable.start is None and variable not in elements:
-                raise WiringError(f"'{self.name}': set all of {one.declared}; the FMU tells no start value of {name}")
+                raise WiringError(f"'{self.name}': set all of {one.declared}; the FMU has no start value for {name}")
         return data
 
     def _set_raw(self, fmi_type: str, reference: int, data: list[Any], name: str) -> None:
@@ -549,7 +549,7 @@ class FmuComponent:
                 terminated = bool(boolean[0])
         detail = f"step from {t:.9g} s, length {seconds_text(h)}"
         if last is not None and not whole:
-            detail += f"; it got to {last:.9g} s"
+            detail += f"; it reached {last:.9g} s"
         if self._v3 and status <= fmi.WARNING and self._early[0]:
             detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if terminated:
@@ -557,7 +557,7 @@ class FmuComponent:
             said = self._recent_log()[-1:]
             if whole:
                 self._get_outputs()
-            raise EndRequested(self.name, text + (f"; it says: {said[0]}" if said else ""), complete=whole)
+            raise EndRequested(self.name, text + (f"; its message: {said[0]}" if said else ""), complete=whole)
         if status == fmi.PENDING and not self._v3:
             detail += "; asynchronous steps are not supported"
         self._fail("DoStep", max(status, fmi.DISCARD), detail)
@@ -631,7 +631,7 @@ class FmuComponent:
         size = self._ffi.new("size_t*")
         self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", state.pointer[0], size)
         if size[0] > LARGEST:
-            raise CosimError(f"its FMU says that its state takes {size[0]:,} bytes; at most {LARGEST:,} are taken")
+            raise CosimError(f"its FMU reports a state of {size[0]:,} bytes; at most {LARGEST:,} are allowed")
         data = self._ffi.new("char[]", size[0])
         self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", state.pointer[0], data, size[0])
         return bytes(self._ffi.buffer(data))
@@ -648,7 +648,7 @@ class FmuComponent:
     def pack(self, state: Any) -> bytes:
         """A saved state as the FMU serializes it. Raises CosimError when it does not offer that."""
         if self._events is not None:
-            raise CosimError("it has clocks, and when they tick is not in what the FMU serializes")
+            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         if not self.description.can_serialize:
             raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
         if not self._holds(state):
@@ -657,7 +657,7 @@ class FmuComponent:
 
     def unpack(self, data: bytes) -> None:
         if not self.description.can_serialize:
-            raise CosimError(f"'{self.name}' takes no serialized states (canSerializeFMUState)")
+            raise CosimError(f"'{self.name}' cannot restore serialized states (canSerializeFMUState)")
         self.deserialize(data)
 
     def deserialize(self, data: bytes) -> None:

@@ -30,17 +30,17 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
     fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu, quiet=True)
     about = fmu.description
     facts = Table.grid(padding=(0, 2))
-    kind = about.kind or "continuous unless you say kind='discrete' (the FMU does not tell)"
+    kind = about.kind or "continuous (not declared by the FMU; kind='discrete' overrides it)"
     step = about.sample_time if about.kind == "discrete" else about.default_step
     rows = {
         "FMU": f"{about.name}  (FMI {about.fmi_version}, {about.tool or 'tool unknown'})",
         "": about.text,
         "kind": kind,
-        "step": f"{step} s" if step else "none stated: give step=...",
+        "step": f"{step} s" if step else "not declared: give step=...",
         "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
         "can": ", ".join(_abilities(fmu)) or "only step forward",
         "clocks": ", ".join(map(_clock, about.clocks)),
-        "needs": "the tool that made it (needsExecutionTool)" if about.needs_tool else "",
+        "needs": "the tool that exported it (needsExecutionTool)" if about.needs_tool else "",
         "platforms": ", ".join(fmu.platforms()) or "none",
     }
     for label, text in rows.items():
@@ -133,7 +133,7 @@ def _terminals(fmu: FmuFile) -> list[Table]:
         found = [t for terminal in fmu.terminals for t in terminal.all() if t.members or t.streams]
     except FmuError as error:
         table = Table(title="terminals", title_justify="left", title_style="bold", box=None)
-        table.add_row(Text(f"cannot be understood: {error}"))
+        table.add_row(Text(f"invalid: {error}"))
         return [table]
     if not found:
         return []

@@ -25,8 +25,8 @@ _SOURCE = Path(__file__).with_name("environment.c")
 _KINDS = ("the rounding mode", "the treatment of subnormal numbers", "the traps")  # bit by bit
 _KEPT: list[Any] = []
 _EXITED = (
-    "\ncosim: an FMU has ended this process by a call of exit(); its results are not complete. With {} the message"
-    " names the FMU, and cosim recover FILE.csv recovers what was recorded.\n"
+    "\ncosim: an FMU has ended this process by a call of exit(); its results are incomplete. With {} the message"
+    " names the FMU; cosim recover FILE.csv recovers the recorded rows.\n"
 )
 
 

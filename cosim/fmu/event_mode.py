@@ -44,8 +44,8 @@ def refusal(about: Description) -> str:
     for clock in about.clocks:
         if clock.causality == "input" and clock.kind == "triggered":
             return (
-                f"its clock '{clock.name}' ticks when another FMU says so (triggered), and clocks of FMUs are not"
-                " connected here"
+                f"its clock '{clock.name}' is triggered by another FMU, and connections between clocks are not"
+                " supported"
             )
         if clock.causality == "input" and not about.event_mode:
             return f"its clock '{clock.name}' needs event mode, which it does not offer (hasEventMode)"
@@ -269,8 +269,8 @@ class EventMode:
             if to < end and not self.about.variable_step:
                 self._stop(
                     f"a clock ticks at {to:.9g} s, within a step from {t:.9g} s to {end:.9g} s, and the FMU takes no"
-                    " steps of other lengths (canHandleVariableCommunicationStepSize): give it a step such that ticks"
-                    " begin steps"
+                    " steps of other lengths (canHandleVariableCommunicationStepSize): give it a step so that every"
+                    " tick is at the beginning of a step"
                 )
             self._advance(to, within=to < end)
             if to == end:

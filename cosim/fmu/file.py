@@ -144,7 +144,7 @@ class FmuFile:
         if self.verdict:
             version = self.description.fmi_version
             raise FmuError(
-                f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict refuses:"
+                f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict mode rejects:"
                 f" {self.verdict.summary()}"
             )
 
@@ -204,9 +204,9 @@ class FmuFile:
             f"it was built for {', '.join(there)}"
             if there
             else (
-                f"it holds {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}"
+                f"it contains {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}"
                 if others
-                else "it was built for no platform at all"
+                else "it has no binaries"
             )
         )
         raise FmuError(

@@ -64,7 +64,7 @@ def refuse_kinks(
     layout = StateLayout(len(about.parameters) + len(about.inputs), len(states), recomputed=True)
     x, at = layout.read(data), np.array(component.get(knowns), dtype=float)
     if not np.array_equal(x, at[: len(states)]):
-        raise CosimError("its FMU is of another build: where its states lie in a saved state is not known")
+        raise CosimError("its FMU is from another build, so the position of its states in a saved state is unknown")
     steps = STEP * np.maximum(1.0, np.abs(at))
 
     def value(column: int, change: float) -> Array:
@@ -87,7 +87,7 @@ def refuse_kinks(
                 other = " or choose outputs without it (outputs=...)" if what.causality == "output" else ""
                 raise CosimError(
                     f"its {what.name} has a kink or jump over {known.name} = {at[column]:g}, where the slopes on both"
-                    f" sides differ: linearize where it does not stand there (start=..., settle=...){other}"
+                    f" sides differ: linearize at another value (start=..., settle=...){other}"
                 )
     finally:
         component.deserialize(data)

@@ -51,7 +51,7 @@ class Limits:
             try:
                 chosen[name] = int(number)
             except ValueError:
-                raise FmuError(f"limit {name} is {number[:40]!r}, which is no whole number") from None
+                raise FmuError(f"limit {name} is {number[:40]!r}, which is not a whole number") from None
         return replace(cls(), **chosen)
 
     def check(self, name: str, value: int, what: str) -> None:
@@ -63,4 +63,4 @@ class Limits:
     def remedy(self, name: str, value: int) -> str:
         """What to do about a value beyond the limit of that name."""
         more = surface.hint(shell=f"--limit {name}={value}") or f"Limits({name}={value})"
-        return f"at most {getattr(self, name)} are taken unless {more} allows more"
+        return f"at most {getattr(self, name)} are allowed; {more} raises the limit"

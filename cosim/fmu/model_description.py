@@ -71,7 +71,7 @@ def read(root: Any, where: str, limits: Limits) -> Description:
     except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         why = f" ({type(error).__name__}: {one_line(str(error))})"
     line = "" if reader.at is None else f", line {reader.at.sourceline}"
-    raise FmuError(f"{where}: cannot understand modelDescription.xml{line}{why}")
+    raise FmuError(f"{where}: invalid modelDescription.xml{line}{why}")
 
 
 def _integer(element: Any, attribute: str, what: str, low: int = 0, high: int = 2**63 - 1) -> int:
@@ -85,7 +85,7 @@ def _whole(text: str | None, what: str, low: int, high: int) -> int:
     try:
         value = int(text)
     except ValueError:
-        raise _Unreadable(f"{what} is {_short(text)}, which is no whole number") from None
+        raise _Unreadable(f"{what} is {_short(text)}, which is not a whole number") from None
     if not low <= value <= high:
         raise _Unreadable(f"{what} is {_short(text)}; it must be within {low} and {high}")
     return value
@@ -95,7 +95,7 @@ def _number(text: str, what: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise _Unreadable(f"{what} is {_short(text)}, which is no number") from None
+        raise _Unreadable(f"{what} is {_short(text)}, which is not a number") from None
 
 
 def _short(text: str) -> str:
@@ -190,7 +190,7 @@ class _Reader:
         """Note a name, which no other variable may have."""
         line = self.at.sourceline
         if name in self.lines:
-            raise _Unreadable(f"there is a variable '{one_line(name, 80)}' already, in line {self.lines[name]}")
+            raise _Unreadable(f"variable '{one_line(name, 80)}' is already defined in line {self.lines[name]}")
         self.lines[name] = line
 
     def check_count(self, more: int, what: str) -> None:
@@ -290,7 +290,7 @@ class _Fmi2(_Reader):
             if typed is None:
                 others = [c.tag for c in element if c.tag in _TYPES3]
                 raise _Unreadable(
-                    f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file says FMI 2.0"
+                    f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file declares FMI 2.0"
                     if others
                     else f"variable '{name}' has no type; it needs one of {', '.join(_TYPES2)}"
                 )
@@ -330,7 +330,7 @@ class _Fmi3(_Reader):
             name = _name(element, f"variable number {position}")
             if element.tag not in _TYPES3:
                 kind = (
-                    f"{element.tag}, a type of FMI 2.0; this file says FMI 3.0"
+                    f"{element.tag}, a type of FMI 2.0; this file declares FMI 3.0"
                     if element.tag in _TYPES2
                     else element.tag
                 )
@@ -393,9 +393,7 @@ class _Fmi3(_Reader):
         for derivative in derivatives:
             state = self.by_key.get(self.derivative_of.get(derivative.reference, -1))
             if state and derivative.index >= len(state):
-                raise _Unreadable(
-                    f"'{derivative.declared}' has more elements than '{state[0].declared}', which it derives"
-                )
+                raise _Unreadable(f"'{derivative.declared}' has more elements than its state '{state[0].declared}'")
             pairs.append((derivative, state[derivative.index] if state else None))
         self.pair_states(pairs, result)
 

@@ -22,7 +22,7 @@ from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 
 MORE_THAN_STATES = (
-    "it remembers more than states, such as the last solution of a quadratic program: it has no linear model"
+    "it has memory beyond its states, such as the last solution of a quadratic program, so it has no linear model"
 )
 
 _ffi = cffi.FFI()
@@ -79,7 +79,7 @@ def find_states(
     """
     header = _ffi.from_buffer("struct FmuSnapshot *", data) if len(data) >= VALUES_AT else None
     if header is None or [header.magic, header.version] != [_FORMAT["SNAPSHOT_MAGIC"], _FORMAT["SNAPSHOT_VERSION"]]:
-        raise CosimError("its FMU is of another origin: which part of its saved state are states is not known")
+        raise CosimError("its FMU is not from build-fmus, so the position of its states in a saved state is unknown")
     begin = parameters + inputs
     rest = len(_doubles(data)) - begin
     places = np.zeros(outputs, dtype=int)  # of each output in the rest, in binary: one bit is requested at a time

@@ -40,9 +40,9 @@ class _Reader:
         for element in elements:
             name = self.attribute(element, "name")
             if name in made:
-                raise self.refused(element, f"there is a terminal {_quoted(name)} already")
+                raise self.refused(element, f"terminal {_quoted(name)} is defined twice")
             if len(around) >= DEEPEST:
-                raise self.refused(element, f"terminals lie within each other more than {DEEPEST} deep")
+                raise self.refused(element, f"terminals are nested more than {DEEPEST} deep")
             made[name] = self.terminal(element, (*around, name))
         return list(made.values())
 

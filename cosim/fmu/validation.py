@@ -235,7 +235,8 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
         for name, (origin, *others) in lines.items():
             for again in others:
                 yield Finding(
-                    again, f"there is a {kind} {one_line(name, 80)!r} already, in line {origin}; the last one counts"
+                    again,
+                    f"{kind} {one_line(name, 80)!r} is already defined in line {origin}; the last definition is used",
                 )
     settable: dict[tuple[str, int], str] = {}
     arrays: dict[str, list[Variable]] = {}
@@ -254,12 +255,12 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
             if place in settable:
                 other = one_line(settable[place], 80)
                 yield Finding(
-                    line, f"{what}: it has the value reference of {other!r}; what is set last counts for both"
+                    line, f"{what}: it shares the value reference of {other!r}; both have the value that is set last"
                 )
             settable.setdefault(place, first.declared)
     experiment = root.find("DefaultExperiment")
     if experiment is not None and experiment.get("stepSize") and about.default_step is None:
-        yield Finding(experiment.sourceline, "DefaultExperiment: stepSize is not above 0; it counts as none")
+        yield Finding(experiment.sourceline, "DefaultExperiment: stepSize is not above 0; it is ignored")
 
 
 def _names(elements: Iterable[Any]) -> dict[str, list[int]]:
@@ -303,7 +304,7 @@ def _of_variable(
     if needs and first.start is None and first.fmi_type != "Clock" and element.find("Start") is None:
         yield f"{'an' if first.causality == 'input' else 'a'} {first.causality} has no start value"
     if first.start is not None and (first.initial == "calculated" or first.causality == "independent"):
-        yield "it has a start value, although it is calculated or independent; that is not used"
+        yield "it has a start value, although it is calculated or independent; the value is ignored"
 
 
 # ---------------------------------------------------------------------------------------------------------- structure
@@ -331,11 +332,13 @@ def _structure(root: Any, about: Description, major: str) -> Iterator[Finding]:
                 f"{one_line(name, 80)!r} is listed as an output in ModelStructure, but has another causality",
             )
         if name in listed:
-            yield Finding(element.sourceline, f"{one_line(name, 80)!r} is twice among the outputs of ModelStructure")
+            yield Finding(
+                element.sourceline, f"{one_line(name, 80)!r} is listed twice among the outputs of ModelStructure"
+            )
         listed.setdefault(name, element.sourceline)
     for name in dict.fromkeys(v.declared for v in about.outputs.values()):
         if name not in listed:
-            text = f"output {one_line(name, 80)!r} is not in ModelStructure; it counts as depending on all inputs"
+            text = f"output {one_line(name, 80)!r} is not in ModelStructure; it is taken to depend on all inputs"
             yield Finding(structure.sourceline, text)
     for cycle in _cycles(about):
         line = listed.get(cycle[0], structure.sourceline)

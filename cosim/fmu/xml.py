@@ -32,13 +32,13 @@ def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.x
     wide = b"\0" in xml[:4]
     if b"<!DOCTYPE" in (xml.replace(b"\0", b"") if wide else xml):
         # Entities grow without limit; no exporter needs them.
-        raise FmuError(f"{file} has a document type declaration; the standard knows none, remove it")
+        raise FmuError(f"{file} has a document type declaration, which the standard does not allow; remove it")
     declared = _ENCODING.match(xml)
     if (declared and not _LIKE_ASCII.fullmatch(declared[1])) or xml[:3] == b"\x4c\x6f\xa7":  # the last is EBCDIC
         name = declared[1].decode("ascii", "replace") if declared else "EBCDIC"
-        raise FmuError(f"{file} is encoded as {one_line(name, 40)!r}; the standard wants UTF-8")
+        raise FmuError(f"{file} is encoded as {one_line(name, 40)!r}; the standard requires UTF-8")
     nodes = xml.count(b"<") + xml.count(b"=")
-    limits.check("xml_nodes", nodes, f"{file} has some {nodes} elements and attributes")
+    limits.check("xml_nodes", nodes, f"{file} has about {nodes} elements and attributes")
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -52,10 +52,10 @@ def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.x
     except (etree.XMLSyntaxError, ValueError) as error:
         raise FmuError(f"{file} is not well-formed ({one_line(str(error))})") from None
     if root.getroottree().docinfo.internalDTD is not None:
-        raise FmuError(f"{file} has a document type declaration; the standard knows none, remove it")
+        raise FmuError(f"{file} has a document type declaration, which the standard does not allow; remove it")
     if root.xpath(f"boolean(//*[count(@*) > {ATTRIBUTES}])"):
         raise FmuError(
-            f"{file} has an element with more than {ATTRIBUTES} attributes; the standard knows none with more than"
+            f"{file} has an element with more than {ATTRIBUTES} attributes; no element of the standard has more than"
             " thirty"
         )
     return root

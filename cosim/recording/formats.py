@@ -95,7 +95,9 @@ def format_of(path: str | os.PathLike[str]) -> Format:
     if found is None and path.exists() and not path.is_file() and not path.is_dir():
         found = FORMATS[".csv"]
     if found is None:
-        what = f"no format has the ending {ending!r}" if ending else "a recording's file needs an ending"
+        what = (
+            f"no format has the extension {ending!r}" if ending else "the name of a recording's file needs an extension"
+        )
         raise FormatError(f"{path}: {what}; choose one of {', '.join(FORMATS)}")
     if found.extra:
         extras.require("data", f"a recording as {found.name}")
@@ -150,7 +152,7 @@ def _answer() -> None:
 def _check(path: str | os.PathLike[str], recorded: Recorded) -> None:
     twice = {n for n in (TIME, *recorded.names) if (n == TIME and n in recorded.names) or recorded.names.count(n) > 1}
     if twice and Path(path).suffix.lower() != ".csv":
-        raise FormatError(f"{path}: the name '{sorted(twice)[0]}' is there twice")
+        raise FormatError(f"{path}: the name '{sorted(twice)[0]}' appears twice")
 
 
 def columns(recorded: Recorded) -> Iterator[tuple[str, np.ndarray[Any, Any], str]]:

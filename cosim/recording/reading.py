@@ -84,7 +84,7 @@ def answer(read: Callable[[Path], Any]) -> None:
             np.save(folder / f"{name}.npy", getattr(content, name), allow_pickle=False)
         text = json.dumps({name: getattr(content, name) for name in ABOUT})
     except MemoryError:
-        text = json.dumps({"error": "it needs more memory than half of this machine's", "refused": False})
+        text = json.dumps({"error": "it needs more than half of this machine's memory", "refused": False})
     except Exception as error:  # whatever a library makes of a file that nobody wrote
         lines = str(error).splitlines()
         said = (lines[0] if lines else type(error).__name__).removeprefix(f"{path}: ")

@@ -88,8 +88,8 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
         units, types = ({str(k): str(v) for k, v in about.get(key, {}).items()} for key in ("units", "types"))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise CosimError(
-            f"{path}: these are not the rows of a run; give the file NAME.csv{SUFFIX} that a run with csv=NAME.csv has"
-            " left"
+            f"{path}: this file does not contain the rows of a run; give the NAME.csv{SUFFIX} that a crashed run"
+            " with csv=NAME.csv left"
         ) from None
     width = 1 + len(names)
     whole = len(rows) // (width * _ROW.itemsize) * width
@@ -109,11 +109,11 @@ def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = No
     target = Path(to) if to is not None else part.with_suffix("")
     if not part.is_file():
         raise CosimError(
-            f"{part}: there is no such file; a run that has ended makes {part.with_suffix('').name} by itself"
+            f"{part}: no such file; a run that ended normally has already written {part.with_suffix('').name}"
         )
     recording = read_spool(part)
     if to is None and target.exists() and target.stat().st_size:
-        raise CosimError(f"{target} is there already, from a run before: name another file with --to")
+        raise CosimError(f"{target} already exists: name another file with --to")
     recording.write(target)
     part.unlink()
     return target, recording

@@ -39,7 +39,7 @@ class Package:
             archive.description()  # there is one, and it can be unpacked
             twice = sorted({n for n in archive.names if archive.names.count(n) > 1})
             if twice:
-                raise SspError(f"{self.title}: {one_line(twice[0], 80)!r} is in it twice")
+                raise SspError(f"{self.title}: {one_line(twice[0], 80)!r} appears twice")
             archive.unpack(self.folder)
         except FmuError as error:  # of the limits
             raise SspError(str(error)) from None
@@ -55,15 +55,15 @@ class Package:
         try:
             parts = urlsplit(uri)
         except ValueError:
-            raise SspError(f"{name} is no URI") from None
+            raise SspError(f"{name} is not a URI") from None
         if parts.scheme or parts.netloc:
-            raise SspError(f"{name} is elsewhere; what an SSP uses must be in it")
+            raise SspError(f"{name} is outside of the SSP, which must contain all files that it uses")
         relative = unquote(parts.path)
         if not relative or "\0" in relative or relative.startswith(("/", "\\")):
-            raise SspError(f"{name} is no relative path of a file in it")
+            raise SspError(f"{name} is not the relative path of a file in the SSP")
         path = base.parent.joinpath(relative).resolve()
         if not path.is_relative_to(self.folder):
-            raise SspError(f"{name} leads out of it")
+            raise SspError(f"{name} is outside of the SSP")
         try:
             there = path.is_file() or (path.is_dir() and (path / "modelDescription.xml").is_file())
         except OSError:
@@ -74,7 +74,7 @@ class Package:
                 for p in self.folder.rglob("*")
                 if p.is_file() and p.is_relative_to(base.parent)
             ]
-            raise SspError(f"{name} is not in it{did_you_mean(relative, names)}")
+            raise SspError(f"{name} is not in the SSP{did_you_mean(relative, names)}")
         return path
 
     def root(self, file: Path) -> Any:

@@ -61,7 +61,7 @@ class BoundValue:
         t = self.value.transformation
         if t is None or t.kind == "Linear":
             if t is not None and self.value.type not in ("Real", "Float64", "Float32"):
-                raise SspError(f"a LinearTransformation is of real values, and this is {self.value.type}")
+                raise SspError(f"a LinearTransformation needs a real value, and this is {self.value.type}")
             return text
         key: Any = text
         if t.kind == "BooleanMapping":
@@ -80,11 +80,11 @@ class BoundValue:
             return _boolean(text)
         if v.fmi_type == "Enumeration" and self.value.type == "Enumeration":
             if fmu is None:
-                raise SspError(f"{one_line(text, 40)!r} is no number")
+                raise SspError(f"{one_line(text, 40)!r} is not a number")
             items = items_of(fmu, v)[1]
             if text not in items:
                 raise SspError(
-                    f"{one_line(text, 40)!r} is no item of its enumeration{did_you_mean(text, items)}"
+                    f"{one_line(text, 40)!r} is not an item of its enumeration{did_you_mean(text, items)}"
                     f" ({', '.join(items)})"
                 )
             return items[text]
@@ -93,7 +93,7 @@ class BoundValue:
         try:
             return float(text)
         except ValueError:
-            raise SspError(f"{one_line(text, 40)!r} is no number") from None
+            raise SspError(f"{one_line(text, 40)!r} is not a number") from None
 
 
 def values_of(top: System) -> dict[Place, BoundValue]:
@@ -146,7 +146,7 @@ def _boolean(text: str) -> bool:
 
 def _whole(text: str) -> int:
     if len(text) > 20 or not text.removeprefix("-").isdecimal():
-        raise SspError(f"{one_line(text, 40)!r} is no whole number")
+        raise SspError(f"{one_line(text, 40)!r} is not a whole number")
     return int(text)
 
 

@@ -43,7 +43,7 @@ class _Reader:
         self.other_step = None if step is None or isinstance(step, Mapping) else positive(step, "step")
         self.components = dict(structure.system.components())
         if not self.components:
-            raise SspError(f"{self.title}: there is no component in it")
+            raise SspError(f"{self.title}: it contains no component")
         self.named = self.names()
         used: set[str] = set()
         for component_path, component in self.components.items():
@@ -104,8 +104,8 @@ class _Reader:
             if chosen is None:
                 one = surface.hint(f"step={{'{name}': '1 ms'}}", f"--step '{name}=1 ms'")
                 raise SspError(
-                    f"{self.title}: neither it nor the FMU says how often '{name}' is stepped: give"
-                    f" {surface.given(step='1 ms')} for all components that say nothing, or {one}"
+                    f"{self.title}: neither this file nor the FMU declares the step of '{name}': give"
+                    f" {surface.given(step='1 ms')} for all components without one, or {one}"
                 )
             self.wiring.add(name, about, step=chosen, offset=c.own.get("offset", "0"), kind=kind)  # type: ignore[arg-type]
         return set(given)

@@ -100,9 +100,7 @@ def _connect(
         ends if gives[0] or gives[1] is False or gives == [None, None] else ends[::-1]
     )
     if source.kind == "calculatedParameter":
-        raise SspError(
-            f"{here}: a calculated parameter is handed on when components are initialized, which cosim does not do"
-        )
+        raise SspError(f"{here}: cosim does not pass calculated parameters between components during initialization")
     if len(sources) != len(targets):
         raise SspError(f"{here}: {len(sources)} element(s) to {len(targets)}")
     for a, b in zip(sources, targets, strict=True):
@@ -231,10 +229,7 @@ def _transformed(c: Change, t: Transformation, step: Step, here: str) -> Change:
     if t.kind == "BooleanMapping":
         if len(t.table) < 2:
             (known,) = t.table
-            raise SspError(
-                f"{here}: the mapping says what {str(known).lower()} becomes, and not what {str(not known).lower()}"
-                " does"
-            )
+            raise SspError(f"{here}: the mapping defines {str(known).lower()}, but not {str(not known).lower()}")
         low, high = float(t.table[False]), float(t.table[True])
         return _after(c, high - low, low)
     table = t.table if t.kind == "IntegerMapping" else _by_items(t.table, step, here)
@@ -251,13 +246,13 @@ def _by_items(table: dict[str, str], step: Step, here: str) -> dict[int, int]:
     for name, connector, texts in (("start", step.source, list(table)), ("end", step.target, list(table.values()))):
         if connector.items is None:
             raise SspError(
-                f"{here}: the {name} of the connection is no Enumeration that the file defines, so its items have no"
-                " values"
+                f"{here}: the {name} of the connection is not an Enumeration defined in the file, so its items have"
+                " no values"
             )
         missing = [x for x in texts if x not in connector.items]
         if missing:
             raise SspError(
-                f"{here}: '{missing[0]}' is no item of the {name}'s"
+                f"{here}: '{missing[0]}' is not an item of the {name}'s"
                 f" enumeration{did_you_mean(missing[0], connector.items)}"
             )
     assert step.source.items is not None

@@ -236,7 +236,7 @@ class _File:
             reason = (
                 str(error)
                 if isinstance(error, TimeError)
-                else f"{what}: {one_line(text, 40)!r} is no number of seconds"
+                else f"{what}: {one_line(text, 40)!r} is not a number of seconds"
             )
             raise self.error(element, reason) from None
 
@@ -286,7 +286,7 @@ class _File:
             return Reference(**self.element(element), dictionary=self.text(element, "dictionary"))
         if kind != "Component":
             raise self.error(
-                element, f"{kind} is no element of a system: Component, System and SignalDictionaryReference are"
+                element, f"{kind} is not an element of a system; use Component, System or SignalDictionaryReference"
             )
         return self.component(element, step)
 
@@ -314,13 +314,14 @@ class _File:
         if kind != names.FMU:
             known = (names.FMU, names.DEFINITION, names.PACKAGE)
             raise self.error(
-                element, f"component '{name}' is of type {one_line(kind, 80)!r}; what can be run is {', '.join(known)}"
+                element, f"component '{name}' is of type {one_line(kind, 80)!r}; cosim runs {', '.join(known)}"
             )
         implementation = element.get("implementation", "any")
         if implementation not in ("any", "CoSimulation"):
             raise self.error(
                 element,
-                f"component '{name}' is to run as {one_line(implementation, 40)}; cosim runs FMUs for Co-Simulation",
+                f"component '{name}' has the implementation {one_line(implementation, 40)}; cosim runs Co-Simulation"
+                " FMUs",
             )
         hint = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
         own = self.own.get(name)
@@ -377,7 +378,7 @@ class _File:
             self.whole(d, "size") for d in element.iterfind(f"{SSC}Dimension") if d.get("sizeConnector") is None
         )
         if len(shape) < len(element.findall(f"{SSC}Dimension")):
-            raise self.error(element, f"'{name}' has a size that another connector says, which cosim does not support")
+            raise self.error(element, f"'{name}' takes its size from another connector, which cosim does not support")
         if math.prod(shape) > _LARGEST:
             raise self.error(element, f"'{name}' has {math.prod(shape)} elements")
         if typed is None:
@@ -423,7 +424,11 @@ class _File:
         text = self.text(element, attribute)
         if not text.strip().isdecimal() or len(text) > 18:
             raise self.error(
-                element, f"{etree.QName(element).localname} {attribute} is {one_line(text, 40)!r}, no whole number"
+                element,
+                (
+                    f"{etree.QName(element).localname} {attribute} is {one_line(text, 40)!r}, which is not a whole"
+                    " number"
+                ),
             )
         return int(text)
 
@@ -432,7 +437,7 @@ class _File:
         for which in ("start", "end"):
             texts = element.get(f"{which}Indices", "").split()
             if not all(t.isdecimal() and len(t) < 10 for t in texts):
-                raise self.error(element, f"{which}Indices are no whole numbers")
+                raise self.error(element, f"{which}Indices are not whole numbers")
             ends.append(
                 End(
                     element.get(f"{which}Element") or "",
@@ -481,7 +486,7 @@ class _File:
     def content(self, element: Any, what: str, kind: str, tag: str, source: Any = None) -> tuple[Any, Path]:
         """What an element holds inline, or the file that it names."""
         if (found := element.get("type", kind)) != kind:
-            raise self.error(element, f"{what} is of type {one_line(found, 80)!r}; {kind} can be read")
+            raise self.error(element, f"{what} is of type {one_line(found, 80)!r}; it must be {kind}")
         uri = element.get("source")
         if uri is None:
             inline = (element if source is None else source).find(tag)
@@ -489,7 +494,7 @@ class _File:
                 raise self.error(element, f"{what} has neither a source nor a {tag.split('}')[1]}")
             return inline, self.file
         if element.get("sourceBase", "SSD") != "SSD":
-            raise self.error(element, f"{what}: its file is within the component, where cosim reads none")
+            raise self.error(element, f"{what}: its file is inside the component, where cosim cannot read it")
         path = self.package.file(uri, self.file, what)
         root = self.package.root(path)
         if root.tag != tag:
@@ -585,7 +590,7 @@ def _number(element: Any, attribute: str, default: float, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise SspError(f"{where}: {attribute} is {one_line(text, 40)!r}, no finite number")
+        raise SspError(f"{where}: {attribute} is {one_line(text, 40)!r}, which is not a finite number")
     return value
 
 
@@ -598,7 +603,7 @@ def _boolean(text: str | None, what: str) -> bool:
 
 def _integer(text: str | None, what: str) -> int:
     if text is None or len(text) > 20 or not text.strip().removeprefix("-").isdecimal():
-        raise SspError(f"{what} is {text!r}, no whole number")
+        raise SspError(f"{what} is {text!r}, which is not a whole number")
     return int(text)
 
 

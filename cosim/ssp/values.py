@@ -41,7 +41,7 @@ def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: s
         texts = [_text(e, values.get(e.name, e.start)) for e in listed]
         if None in texts:
             raise SspError(
-                f"'{name}': set all of {v.declared}; the FMU tells no start value of {listed[texts.index(None)].name}"
+                f"'{name}': set all of {v.declared}; the FMU has no start value for {listed[texts.index(None)].name}"
             )
         if any(escape.NO_XML.search(t or "") for t in texts):
             raise SspError(
@@ -86,7 +86,7 @@ def _enumerated(typed: etree._Element, v: Variable, fmu: FmuFile, values: list[i
     missing = [n for n in values if n not in by_value]
     if missing:
         raise SspError(
-            f"{fmu.path}: '{v.name}' is {missing[0]}, which is no item of its enumeration:"
+            f"{fmu.path}: '{v.name}' is {missing[0]}, which is not an item of its enumeration:"
             f" {', '.join(by_value.values())}"
         )
     if len(values) == 1:

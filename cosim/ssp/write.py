@@ -81,7 +81,8 @@ def files_of(schedule: Schedule, version: str) -> dict[SystemComponent, FmuFile]
             )
         if m.implementation.isolation is not None:
             raise SspError(
-                f"'{m.name}' is isolated, which no file can say: add it without isolation, and isolate it where it runs"
+                f"'{m.name}' is isolated, which an SSP cannot express: add it without isolation, and isolate it when"
+                " you run the SSP"
             )
         found[m] = _file_of(m, m.implementation.fmu, schedule, names.FMI_OF[version_of(version)])
     return found
@@ -96,7 +97,7 @@ def _file_of(m: SystemComponent, fmu: FmuFile, schedule: Schedule, major: str) -
         return sibling
     if fmu.major == "3":
         raise SspError(
-            f"'{m.name}' ({fmu.path}) is an FMU of FMI 3.0, which SSP 1.0 does not know, and there is no "
+            f"'{m.name}' ({fmu.path}) is an FMU of FMI 3.0, which SSP 1.0 does not support, and there is no "
             f"{fmu.path.parent.parent / 'fmi2' / fmu.path.name}: export the system as SSP 2.0"
         )
     return fmu  # SSP 2.0 knows FMI 2.0 too
@@ -127,9 +128,7 @@ def open_inputs(schedule: Schedule, patterns: Iterable[str]) -> list[str]:
         ]
         free = [n for n in fitting if n not in driven]
         if not free:
-            raise WiringError(
-                f"'{pattern}' is no input that nothing drives{did_you_mean(pattern, schedule.unconnected)}"
-            )
+            raise WiringError(f"'{pattern}' is not an unconnected input{did_you_mean(pattern, schedule.unconnected)}")
         found.update(dict.fromkeys(free))
     return list(found)
 

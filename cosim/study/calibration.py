@@ -211,10 +211,10 @@ class Calibration:
         ):
             lines.append(f"{name:32} {value:11.5g}   {low:.4g} to {high:.4g} ({100 * d:.2g} %)")
         if not self.converged:
-            lines.append("The fit did not converge: none of this is a result.")
+            lines.append("The fit did not converge: these values are not a result.")
         for name, at in zip(self.names, self.at_bounds, strict=True):
             if at:
-                lines.append(f"{name} ended at a bound of its range: its value is that of the range.")
+                lines.append(f"{name} ended at a bound of its range: the data would move it further; check the range.")
         if self.not_identifiable:
             lines.append(f"Not identifiable from these data: {', '.join(self.not_identifiable)}.")
         lines += [
@@ -224,14 +224,14 @@ class Calibration:
         lines.append(f"Noise {kind}: {', '.join(f'{s:.3g}' for s in self.noise.tolist())}.")
         if self.underfits:
             lines.append(
-                f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model lacks"
-                " something, or this is not the smallest sum of squares (others=... tries more first values). The"
-                " intervals say nothing of that."
+                f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model"
+                " underfits, or this is a local minimum (others=... tries more initial values). The intervals do not"
+                " account for that."
             )
         if self.inflation > 1.5:
             lines.append(
-                f"Residuals follow each other (variances times {self.inflation:.3g}): the model lacks something, and"
-                " the intervals say nothing of that."
+                f"Residuals are autocorrelated (variances times {self.inflation:.3g}): the model underfits, and the"
+                " intervals do not account for that."
             )
         return "\n".join(lines)
 
@@ -352,11 +352,11 @@ def _ranges(parameters: Mapping[str, Range]) -> tuple[Array, Array, Array]:
         try:
             start, low, high = (float(v) for v in given)
         except (TypeError, ValueError):
-            raise CalibrationError(f"the range of {name} is {given!r}; give first value, lowest, highest") from None
+            raise CalibrationError(f"the range of {name} is {given!r}; give (initial, lowest, highest)") from None
         if not 0 < low < start < high < math.inf:
             raise CalibrationError(
-                f"{name} begins at {start:g} and is looked for from {low:g} to {high:g}; give positive numbers, the"
-                " first between the others"
+                f"{name} starts at {start:g} in the range {low:g} to {high:g}; give positive numbers, the initial"
+                " one between the others"
             )
     columns = np.array([tuple(map(float, v)) for v in parameters.values()])
     return columns[:, 0], columns[:, 1], columns[:, 2]

@@ -173,7 +173,7 @@ RealTime = Annotated[
     typer.Option(
         "--real-time",
         metavar="[FACTOR]",
-        help=("run in real time, FACTOR times as fast as the clock (1 if left out), and report how well that worked"),
+        help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
     ),
 ]
 DisplayUnits = Annotated[
@@ -477,7 +477,7 @@ def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
     """Metrics of the last run as bars on the screen, as shares of those of the first one."""
     first, last = next(iter(measured)), next(reversed(measured))
     if first == last:
-        console.print("nothing to compare with: bars are shares of a baseline, and this run is one or has none")
+        console.print("no bars: they are shares of a baseline, and this run is the baseline or has none")
         return
     shares = {}
     for key, metric in metrics.items():
@@ -536,7 +536,7 @@ def refuse_none(done: int, failures: Collection[str]) -> None:
         CosimError: it is so.
     """
     if failures and not done:
-        raise CosimError(f"none of {len(failures)} runs came to its end; the first: {next(iter(failures))}")
+        raise CosimError(f"all {len(failures)} runs failed; the first: {next(iter(failures))}")
 
 
 # ------------------------------------------------------------------------------------------------------- their parts
@@ -555,7 +555,7 @@ def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
 def execution(given: Mapping[str, Any]) -> Execution:
     limit = given["memory_limit"]
     if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
-        raise CosimError("--step-timeout and --memory-limit are limits of isolated FMUs: say which with --isolate")
+        raise CosimError("--step-timeout and --memory-limit apply to isolated FMUs only: choose these with --isolate")
     return Execution(
         tuple(given["isolate"] or ()),
         given["step_timeout"],
@@ -696,7 +696,7 @@ def progress_bar(title: str) -> Iterator[Progressed]:
             yield lambda done, total: bar.update(task, completed=done, total=total)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                "interrupted; finished runs are kept, the same command continues from there"
+                "interrupted; finished runs are stored, and the same command continues from there"
             ) from None
 
 
@@ -707,7 +707,7 @@ def kept_recording(path: Path) -> Iterator[None]:
         yield
     except (ComponentError, Interrupted) as error:
         if error.recording is not None and len(error.recording):
-            console.print(f"{path} holds the run up to t = {error.time:g} s")
+            console.print(f"{path} contains the run up to t = {error.time:g} s")
         raise
 
 

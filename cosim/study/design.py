@@ -73,7 +73,7 @@ class Axis:
         n = self.numbers
         if self.kind == "values":
             if not self.values:
-                raise DesignError(f"{self.name}: a list without values")
+                raise DesignError(f"{self.name}: the list has no values")
             return
         if self.kind not in DISTRIBUTIONS:
             raise DesignError(f"{self.name}: {unknown('distribution', self.kind, DISTRIBUTIONS)}")
@@ -85,7 +85,7 @@ class Axis:
         said = dict(zip(names, n, strict=True))
         if "low" in said and said["low"] >= said["high"]:
             raise DesignError(
-                f"{self.name}: the range {said['low']:g} to {said['high']:g} is upside down or empty; give LOW:HIGH"
+                f"{self.name}: the range {said['low']:g} to {said['high']:g} is empty or reversed; give LOW:HIGH"
             )
         if "mode" in said and not said["low"] <= said["mode"] <= said["high"]:
             raise DesignError(
@@ -136,7 +136,7 @@ class Axis:
                 found = np.clip(found, n[2], n[3])
         if not np.isfinite(found).all():
             raise DesignError(
-                f"{self.name}: values of {self} are too far off to be numbers; bring its numbers nearer to each other"
+                f"{self.name}: values of {self} exceed the range of floating-point numbers; give less extreme numbers"
             )
         if not self.whole:
             return found.tolist()  # type: ignore[no-any-return]
@@ -223,7 +223,7 @@ def axis(text: str) -> Axis:
             raise DesignError(f"{name}: a range is LOW:HIGH, or LOW:HIGH:COUNT in a grid, not {spec!r}")
         count = _number(name, parts[2]) if len(parts) == 3 else GRID
         if not (math.isfinite(count) and count == int(count)):
-            raise DesignError(f"{name}: {parts[2].strip()!r} is no number of values")
+            raise DesignError(f"{name}: {parts[2].strip()!r} is not a number of values")
         count = int(count)
         if count < 2:
             raise DesignError(f"{name}: a range in a grid needs two values at least")
@@ -245,7 +245,7 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise DesignError(f"{name}: {text.strip()!r} is no number") from None
+        raise DesignError(f"{name}: {text.strip()!r} is not a number") from None
 
 
 def _plain(text: str) -> Any:
@@ -422,7 +422,7 @@ def from_file(path: Path) -> Design:
         where = f", line {lines[-1]}" if lines else ""
         raise DesignError(f"{path}{where}: {type(error).__name__}: {error}") from None
     if not isinstance(found, Mapping):
-        raise DesignError(f"{path}: DESIGN is to be a dict with {', '.join(_ENTRIES)}")
+        raise DesignError(f"{path}: DESIGN must be a dict with {', '.join(_ENTRIES)}")
     try:
         return _from_mapping(found)
     except DesignError as error:
@@ -442,16 +442,16 @@ def _from_mapping(found: Mapping[str, Any]) -> Design:
         ("cases", Sequence, "a list of tables"),
     ):
         if entry in found and (not isinstance(found[entry], kind) or isinstance(found[entry], bool)):
-            raise DesignError(f"{entry} is to be {what}")
+            raise DesignError(f"{entry} must be {what}")
     fixed = dict(found.get("set", {}))
     rest = {k: found[k] for k in ("method", "samples", "seed") if k in found}
     if "cases" not in found:
         return Design(tuple(_axis(n, v) for n, v in found.get("vary", {}).items()), fixed=fixed, **rest)
     if "vary" in found or rest:
-        raise DesignError("cases are a design of their own: leave out vary, method, samples and seed, or the cases")
+        raise DesignError("cases define the whole design: leave out vary, method, samples and seed, or the cases")
     cases = found["cases"]
     if not cases or not all(isinstance(c, Mapping) and c for c in cases):
-        raise DesignError("cases are to be tables with the values of each")
+        raise DesignError("cases must be tables with the values of each case")
     names = list(cases[0])
     for number, case in enumerate(cases, start=1):
         if set(case) != set(names):

@@ -29,9 +29,9 @@ LARGEST = 500  # runs of a chunk
 TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
 MAX_START_FAILURES = 8  # chunks that nobody could begin, and none that anybody could
-DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
+DIED = "its worker process ended without a message, for example because an FMU crashed"
 LOST = (
-    "the executor's workers, or their scheduler, died; what was finished is stored, and the same study continues from"
+    "the executor's workers, or their scheduler, ended; finished runs are stored, and the same study continues from"
     " there"
 )
 Results = Generator[tuple[int, bytes], None, None]
@@ -183,7 +183,7 @@ class Dispatch:
             self._unbegun += 1
             if not self._began and self._unbegun >= MAX_START_FAILURES:
                 raise ExecutorLostError(
-                    f"no worker could do anything: {type(error).__name__}: {error}; is this project installed there?"
+                    f"no worker could run a task: {type(error).__name__}: {error}; is this project installed there?"
                 )
         for i in chunk:
             self._tries[i] = self._tries.get(i, 0) + 1
@@ -202,7 +202,7 @@ class Dispatch:
         for digest in missing:
             data = Path(paths[digest]).read_bytes()
             if hashlib.sha256(data).hexdigest() != digest:
-                raise CosimError(f"{paths[digest]} has changed while the study runs: start the study again")
+                raise CosimError(f"{paths[digest]} changed during the study: start the study again")
             found[digest] = data
         return found
 

@@ -50,8 +50,8 @@ def _asked(client: Any) -> Iterator[None]:
         yield
     except (OSError, RuntimeError, TimeoutError) as error:
         raise ClusterError(
-            f"the scheduler {client.scheduler.address if client.scheduler else ''} does not answer any more ({error});"
-            " what was finished is stored, and the same study continues from there, with any executor"
+            f"the scheduler {client.scheduler.address if client.scheduler else ''} does not answer any more"
+            f" ({error}); finished runs are stored, and the same study continues from there, with any executor"
         ) from None
 
 
@@ -76,7 +76,7 @@ def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None)
         except EOFError:
             good, found = False, "its process ended"
         if not good:
-            raise ClusterError(f"a Dask cluster on this machine does not start: {found}")
+            raise ClusterError(f"cannot start a Dask cluster on this machine: {found}")
         yield found
     finally:
         ours.close()
@@ -103,7 +103,7 @@ def _connected(connect: Callable[[], Any], address: str) -> Any:
     thread = threading.Thread(target=attempt, name="dask client", daemon=True)
     thread.start()
     thread.join(ANSWER + 2)
-    answer = found[0] if found else TimeoutError(f"silent for {ANSWER:g} s")
+    answer = found[0] if found else TimeoutError(f"no answer for {ANSWER:g} s")
     if isinstance(answer, Exception):
         raise ClusterError(
             f"no Dask scheduler answers at {address} ({answer}); `dask scheduler` starts one and prints its address"
@@ -134,7 +134,8 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """
     if address != LOCAL and not _ADDRESS.fullmatch(address):
         raise ClusterError(
-            f"{address!r} is no address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it, or"
+            f"{address!r} is not an address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints"
+            " it, or"
             f" {LOCAL}"
         )
     with extras.needed("cluster", "a Dask cluster"):

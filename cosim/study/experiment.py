@@ -190,7 +190,7 @@ class Experiment:
     def __post_init__(self) -> None:
         if not self.name or any(c.isspace() or c in "/\\" for c in self.name):
             raise CaseError(
-                f"the name of an experiment is that of a folder: {self.name!r} has blanks or slashes, or is empty"
+                f"the name of an experiment becomes a folder: {self.name!r} is empty, or has blanks or slashes"
             )
 
     def measured(self, run: Run) -> Row:

@@ -132,7 +132,7 @@ def _default_stop_time(system: Any, _: Any) -> float:
     """The longest that any component's default experiment lasts."""
     ends = [m.description.default_stop for m in system.components.values() if m.description.default_stop]
     if not ends:
-        raise ExperimentError("no component says how long it should run: set STOP_TIME [s] in the file")
+        raise ExperimentError("no component declares a stop time: set STOP_TIME [s] in the file")
     return float(max(ends))
 
 

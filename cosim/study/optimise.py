@@ -109,7 +109,7 @@ class Outcome:
         """The best trial of a search with one objective."""
         if len(self.objectives) != 1:
             raise OptimisationError(
-                f"there are {len(self.objectives)} objectives, so there is a front and no best trial"
+                f"there are {len(self.objectives)} objectives, so there is a Pareto front instead of one best trial"
             )
         return self.front[0]
 
@@ -228,7 +228,7 @@ def optimise(
         for number, row in zip(todo, _rows(evaluate, chosen, executor), strict=True):
             lacking += _tell(study, number, row, objectives)
         if lacking and not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False)):
-            raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
+            raise OptimisationError(f"{lacking[0]}: no trial has a value of this objective")
     progress(trials, trials)
     return Outcome(_trials(study), dict(objectives))
 
@@ -376,7 +376,7 @@ def _check(
     first: Sequence[Values],
 ) -> None:
     if not space or not objectives:
-        raise OptimisationError("a search needs something to vary and an objective")
+        raise OptimisationError("a search needs at least one parameter to vary and one objective")
     for name, direction in objectives.items():
         if direction not in ("min", "max"):
             raise OptimisationError(f"the objective {name} is {direction!r}; give 'min' or 'max'")
@@ -386,7 +386,7 @@ def _check(
         _check_limits(name, limits)
     for values in first:
         if set(values) != set(space):
-            raise OptimisationError(f"first values are of {', '.join(values)}; give those of {', '.join(space)}")
+            raise OptimisationError(f"the first values are for {', '.join(values)}; give values for {', '.join(space)}")
 
 
 def _check_limits(name: str, limits: Limits) -> None:

@@ -120,7 +120,9 @@ def optimise_command(experiment: Experiment) -> Any:
     def optimise(**given: Any) -> None:
         objectives = {**dict.fromkeys(given["minimise"] or (), "min"), **dict.fromkeys(given["maximise"] or (), "max")}
         if both := sorted(set(given["minimise"] or ()) & set(given["maximise"] or ())):
-            raise DesignError(f"{both[0]} cannot be both small and large: give it to --minimise or to --maximise")
+            raise DesignError(
+                f"{both[0]} cannot be both minimized and maximized: give it to --minimise or to --maximise"
+            )
         if not objectives:
             raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
         fmus = fmu_set(experiment, given)
@@ -138,7 +140,8 @@ def optimise_command(experiment: Experiment) -> Any:
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
     everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k != "retry_failed"}
     text = (
-        f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
+        "Searches for parameters that minimize or maximize metrics; writes"
+        f" results/{experiment.name}/optimise/report.html."
     )
     return command(
         optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text, own={"Search": _OPTIONS}
@@ -152,7 +155,7 @@ def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits
         DesignError: an axis that is neither a range nor a list of texts, a scale of nothing.
     """
     if unknown := set(logarithmic) - {a.name for a in axes}:
-        raise DesignError(f"--log {sorted(unknown)[0]}: that does not vary")
+        raise DesignError(f"--log {sorted(unknown)[0]}: this parameter does not vary; add it to --vary")
     found: dict[str, Limits] = {}
     for a in axes:
         if a.kind == "values" and all(isinstance(v, str) for v in a.values):
@@ -229,8 +232,8 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
             )
         )
     every = [[t.number, *(t.row[n] for n in names), *t.values.values()] for t in done]
-    text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of them " + (
-        "are on the front." if len(names) > 1 else "is the best."
+    text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of these " + (
+        "are Pareto-optimal." if len(names) > 1 else "is the best."
     )
     sections.append(
         Section("Trials", [text], tables=[Table("trials", "All trials", ["trial", *names, *parameters], every)])
@@ -249,6 +252,6 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
         )
         console.print(f"{'front' if len(names) > 1 else 'best'}: {said}")
     if len(rows) > 5:
-        console.print(f"and {len(rows) - 5} more on the front")
+        console.print(f"and {len(rows) - 5} more Pareto-optimal trials")
     console.print(f"trials: {folder / 'trials.log'}")
     console.print(f"report: {write_report(report, folder)}")

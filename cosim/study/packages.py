@@ -41,9 +41,7 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
             help="record these names and patterns, separated by commas (default: all outputs)",
             label=lambda _: "some",
         ),
-        stop_time: float | None = option(
-            None, unit="s", within=(1e-9, 1e9), help="override the end of the run of the file"
-        ),
+        stop_time: float | None = option(None, unit="s", within=(1e-9, 1e9), help="override the stop time of the file"),
     ) -> None: ...
 
     return Experiment(
@@ -100,7 +98,7 @@ def _value(text: str, kind: str, name: str) -> Any:
     try:
         numbers = [float(t) for t in text.split()]
     except ValueError:
-        raise SspError(f"{name} is {text!r}, which is no number") from None
+        raise SspError(f"{name} is {text!r}, which is not a number") from None
     return numbers[0] if len(numbers) == 1 else numbers
 
 
@@ -130,5 +128,5 @@ def _stop_time(system: System, case: Any) -> float:
         return float(system.experiment[1])
     ends = [m.description.default_stop for m in system.components.values() if m.description.default_stop]
     if not ends:
-        raise SspError(f"neither {case.file} nor its FMUs say how long it runs: give --stop-time")
+        raise SspError(f"neither {case.file} nor its FMUs declare a stop time: give --stop-time")
     return float(max(ends))

@@ -22,7 +22,7 @@ from build_fmus.base.interpreters import forget_safe_path, safe_path
 from build_fmus.base.one_thread import one_thread
 
 PATIENCE = 5.0  # s, that a worker which was told to end may take
-GUARD = 'a script that runs a study does so below `if __name__ == "__main__":`, as workers import it'
+GUARD = 'a script must run its study below `if __name__ == "__main__":`, because worker processes import the script'
 
 
 class WorkerDiedError(RuntimeError):
@@ -133,7 +133,11 @@ class _Processes(Executor):
             except Exception as error:
                 ours.close()
                 theirs.close()
-                remedy = "end others, or raise the limit (ulimit -u)" if isinstance(error, BlockingIOError) else GUARD
+                remedy = (
+                    "end other processes, or raise the limit (ulimit -u)"
+                    if isinstance(error, BlockingIOError)
+                    else GUARD
+                )
                 raise NoWorkerError(f"a worker process cannot be started ({type(error).__name__}); {remedy}") from error
             theirs.close()
             self._processes[number] = process
@@ -144,7 +148,7 @@ class _Processes(Executor):
             self._end(number)
             if self._ended:
                 raise EOFError from None
-            raise NoWorkerError(f"a worker process ends as it starts; {GUARD}") from None
+            raise NoWorkerError(f"a worker process ended during its start; {GUARD}") from None
         return ours
 
     def _end(self, number: int) -> None:

@@ -104,7 +104,7 @@ class Results(Mapping[Any, Row]):
         if "failed" in entry:
             raise RunFailed(f"the run {task.label} failed: {entry['failed']}")
         if part not in entry:
-            raise KeyError(f"the study kept no {part} of the run {task.label}")
+            raise KeyError(f"the study did not store the {part} of the run {task.label}")
         return entry[part]
 
 

@@ -212,7 +212,7 @@ def _keep(path: Path, recording: Recording) -> None:
         write(path, recording)
     except OSError as error:
         raise HistoryError(
-            f"{path}: the recording of a run cannot be kept ({error.strerror or error}); free space or choose another"
+            f"{path}: the recording of a run cannot be stored ({error.strerror or error}); free space or choose another"
             f" folder{surface.hint(shell=' with --out')}"
         ) from None
 

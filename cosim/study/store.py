@@ -116,7 +116,7 @@ class Store:
                 return text
             place = self._batches[row >> 32] if row is not None and line is None else self.directory
             warnings.warn(
-                f"{place}: the result {name} is damaged: it is made again", safe_files.DamagedWarning, stacklevel=2
+                f"{place}: the result {name} is damaged; its run is repeated", safe_files.DamagedWarning, stacklevel=2
             )
             self._lines.pop(key, None)
             self._rows.pop(key, None)
@@ -158,7 +158,7 @@ class Store:
                 try:
                     key = bytes.fromhex(line[:32].decode())
                 except ValueError:
-                    warnings.warn(f"{path} is damaged: a run is made again", safe_files.DamagedWarning, stacklevel=2)
+                    warnings.warn(f"{path} is damaged; the run is repeated", safe_files.DamagedWarning, stacklevel=2)
                     continue
                 self._lines[key] = line
 
@@ -170,7 +170,9 @@ class Store:
         except (ValueError, TypeError, OSError) as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise
-            warnings.warn(f"{path} is damaged: it is discarded and made again", safe_files.DamagedWarning, stacklevel=2)
+            warnings.warn(
+                f"{path} is damaged; it is discarded and created again", safe_files.DamagedWarning, stacklevel=2
+            )
             path.unlink(missing_ok=True)
             return
         self._count(path, keys)

@@ -233,8 +233,8 @@ def history(table: str | Path, run: int) -> Recording:
     name = found["history"][run].as_py() if "history" in found.column_names else ""
     if not name:
         raise DesignError(
-            f"{path}: nothing was kept of run {run} over time; cosim sweep ... --histories keeps it, --run {run} makes"
-            " it again"
+            f"{path}: no time histories of run {run} are stored; cosim sweep ... --histories stores them, --run"
+            f" {run} repeats the run"
         )
     return Recording.read(path.parent / name)
 
@@ -379,8 +379,8 @@ def _check_names(metrics: Mapping[str, Any], sweep: Sweep, i: int) -> None:
     ]
     if wrong:
         raise DesignError(
-            f"a metric is named {wrong[0]!r}, as a column of the table is, and has other values; give it another name"
-            " in `measure`"
+            f"the metric {wrong[0]!r} has the name of a column of the table, but other values; give it another name in"
+            " `measure`"
         )
 
 

@@ -168,14 +168,14 @@ def write_sweep(
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                "interrupted; finished runs are kept, the same command continues from there"
+                "interrupted; finished runs are stored, and the same command continues from there"
             ) from None
     for number, message in list(table.failures.items())[:5]:
         console.print(f"failed: run {number}: {message}")
     if table.failures:
         console.print(f"{len(table.failures)} of {len(sweep)} runs failed; --retry-failed runs them again")
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
-        console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
+        console.print(f"{missing} histories are missing in {folder / HISTORIES}: can all workers write to this folder?")
     path = table.write(folder / "table.parquet")
     page = write_report(
         sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution")), folder
@@ -260,7 +260,7 @@ def _ask(design: Design, yes: bool) -> None:
         if hours < 24 * 730
         else f"{hours / 24 / 365:.0f} years"
     )
-    text = f"{design.runs:.6g} runs: at 0.1 s each some {often} on one core"
+    text = f"{design.runs:.6g} runs: at 0.1 s each about {often} on one core"
     if not (console.is_terminal and typer.confirm(f"{text}. Run them?", default=False)):
         raise DesignError(f"{text}; nothing was run. Take fewer --samples, or give --yes")
 

@@ -175,7 +175,7 @@ def _about_bounds(method: str) -> str:
     if method not in SAMPLED:
         name = METHODS.get(method, "a list of points")
         return (
-            "The quantiles are those of these runs. They have no bounds of confidence, because the points of this"
+            "The quantiles are those of these runs. They have no confidence bounds, because the points of this"
             f" design ({name}) are no random sample of the parameters' distributions; --method random gives quantiles"
             " with bounds."
         )
@@ -183,7 +183,7 @@ def _about_bounds(method: str) -> str:
     return text + (
         "."
         if method == "random"
-        else "; they take the runs for independent, and are usually too wide for a design that fills space evenly."
+        else "; they assume independent runs, and are usually too wide for a design that fills space evenly."
     )
 
 
@@ -270,7 +270,7 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
         Figure(
             "scatter",
             "Metrics over parameters",
-            f"One point for each run; a design of more than {POINTS} is thinned out, the extremes stay.",
+            f"One point for each run; of more than {POINTS} runs a selection with the extremes is shown.",
             panels,
             columns=min(3, max(1, len(axes))),
         )
@@ -330,7 +330,7 @@ def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, 
     Source:
         Saltelli et al., Computer Physics Communications 181, 2010.
     """
-    with extras.needed("sensitivity", "indices of Sobol"):
+    with extras.needed("sensitivity", "Sobol indices"):
         from SALib.analyze import sobol
 
     found = sobol.analyze(
@@ -348,7 +348,7 @@ def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]
     Source:
         Campolongo et al., Environmental Modelling and Software 22, 2007.
     """
-    with extras.needed("sensitivity", "effects of Morris"):
+    with extras.needed("sensitivity", "elementary effects (Morris)"):
         from SALib.analyze import morris
 
     design = table.sweep.design
@@ -398,8 +398,8 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
             for n, mean, s in morris_effects(table, k)
         ]
         paragraphs = [
-            "Elementary effects (Morris), over the whole range of a parameter: a deviation as large as the mean tells"
-            " of interactions or curvature."
+            "Elementary effects (Morris), over the whole range of a parameter: a deviation as large as the mean"
+            " indicates interactions or curvature."
         ]
     else:
         columns = ["metric", "parameter", "rank correlation"]
@@ -484,9 +484,11 @@ def _worst(
 def _origin(runs: Sequence[int], kept: Collection[int]) -> str:
     again = [f"{i}" for i in runs if i not in kept]
     if not kept:
-        return "Made again for this page."
+        return "Repeated for this page."
     return (
-        f"As kept with the table; made again for this page: {', '.join(again)}." if again else "As kept with the table."
+        f"As stored with the table; repeated for this page: {', '.join(again)}."
+        if again
+        else "As stored with the table."
     )
 
 

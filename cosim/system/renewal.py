@@ -43,7 +43,8 @@ class PythonSource:
         if not hasattr(given, "description"):
             name = type(given).__name__
             raise WiringError(
-                f"{name}.__init__ does not call super().__init__(), which reads what {name} declares: call it first"
+                f"{name}.__init__ does not call super().__init__(), which reads the declarations of {name}: call it"
+                " first"
             )
         return cls(given, factory)
 
@@ -58,7 +59,7 @@ def _made(factory: Callable[[], Any]) -> Any:
         ) from error
     if not isinstance(made, PythonComponent):
         raise WiringError(
-            f"{name}() makes no PythonComponent but {type(made).__name__}: give a component, or a class or function "
+            f"{name}() returns {type(made).__name__}, not a PythonComponent: give a component, or a class or function "
             "that makes one"
         )
     return made
@@ -84,7 +85,7 @@ def _must_run_itself(name: str, component: PythonComponent) -> bool:
         return bool(found)
     attribute, why = next(iter(found.items()))
     raise CosimError(
-        f"'{name}' ({type(component).__name__}) cannot be as new in each run: its attribute {attribute} cannot be"
+        f"'{name}' ({type(component).__name__}) cannot be reset for each run: its attribute {attribute} cannot be"
         f" copied ({why}); set its state in begin(), or add a factory that makes it: system.add('{name}', lambda:"
         f" {type(component).__name__}(...))"
     )
@@ -130,8 +131,8 @@ def _check_classes(name: str, cls: type) -> None:
         for attribute, (value, before) in _OF_CLASSES[owner].items():
             if vars(owner).get(attribute) is value and not _same(value, before):
                 raise CosimError(
-                    f"'{name}': {owner.__name__}.{attribute} belongs to the class, and a run has changed it, so it"
-                    f" would differ in the next: set self.{attribute} in __init__ or begin"
+                    f"'{name}': {owner.__name__}.{attribute} is a class attribute that a run has changed, so the"
+                    f" next run would differ: set self.{attribute} in __init__ or begin"
                 )
 
 

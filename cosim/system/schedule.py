@@ -173,6 +173,6 @@ def _loop(waiting: list[SystemComponent], firm: Sequence[Connection]) -> str:
     loop = loop[first:] + loop[:first]
     path = "\n".join(f"    {c.source_name} -> {c.target_name}" for c in loop)
     return (
-        f"the discrete components {', '.join(repr(c.source.name) for c in loop)} wait for each other at the same "
-        f"instant:\n{path}\nGive one of these connections delay=True (one step of delay) to say who comes first."
+        f"the discrete components {', '.join(repr(c.source.name) for c in loop)} depend on each other at the same"
+        f" instant:\n{path}\nGive one of these connections delay=True (one step of delay) to define the order."
     )

@@ -140,7 +140,7 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
     for terminal in (a, b):
         if terminal.rule not in RULES:
             raise WiringError(
-                f"{at}: the matching rule {terminal.rule!r} is not known here; known are {', '.join(RULES)}"
+                f"{at}: the matching rule {terminal.rule!r} is not supported; supported are {', '.join(RULES)}"
             )
     if (a.rule == SEQUENCE) != (b.rule == SEQUENCE):
         raise WiringError(f"{at}: their matching rules differ, {a.rule!r} and {b.rule!r}")
@@ -177,7 +177,7 @@ def _wire(
     for m in (one, other):
         if m.kind not in KINDS:
             raise WiringError(
-                f"{what} is of the kind {m.kind!r}, which is not known here; known are {', '.join(KINDS)}"
+                f"{what} is of the kind {m.kind!r}, which is not supported; supported are {', '.join(KINDS)}"
             )
     flow = one.kind in FLOWS
     if flow != (other.kind in FLOWS):

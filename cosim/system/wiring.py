@@ -76,7 +76,7 @@ class Wiring:
         """
         if not all(name.split(".")) or any(c.isspace() for c in name) or NO_XML.search(name):
             raise WiringError(
-                "a component's name may hold no blanks or control characters, and dots only between its parts:"
+                "a component's name must not contain blanks or control characters; dots may only separate its parts:"
                 f" {name!a}"
             )
         if name in self.components:
@@ -92,9 +92,7 @@ class Wiring:
             raise WiringError(f"component '{name}': kind is 'discrete' or 'continuous', not {kind!r}")
         period = step if step is not None else (about.sample_time if kind == "discrete" else None) or about.default_step
         if period is None:
-            raise WiringError(
-                f"component '{name}' ({about.name}) states no step of its own: give one, e.g. step='1 ms'"
-            )
+            raise WiringError(f"component '{name}' ({about.name}) declares no step: give one, for example step='1 ms'")
         period = positive(period, f"step of '{name}'")
         begin = rational(offset, f"offset of '{name}'")
         if begin < 0:
@@ -308,7 +306,7 @@ class Wiring:
         if method not in ("gauss-seidel", "jacobi"):
             raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
         if NO_XML.search(name):
-            raise WiringError(f"a group's name may hold no control characters: {name!a}")
+            raise WiringError(f"a group's name must not contain control characters: {name!a}")
         chosen = tuple(self[m] for m in components)
         for component in chosen:
             if component.discrete:
@@ -366,7 +364,7 @@ class Wiring:
         if (output.type, input_.type) not in allowed:
             raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
         if extrapolate and (source.discrete or target.discrete):
-            raise WiringError(f"{names}: extrapolation is between continuous components")
+            raise WiringError(f"{names}: extrapolation needs two continuous components")
         if extrapolate and delay:
             raise WiringError(f"{names}: choose delay or extrapolation")
         try:
@@ -459,7 +457,7 @@ def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
     steps = step / about.internal_step
     if abs(steps - max(1, round(steps))) > 1e-6 * steps:
         warnings.warn(
-            f"component '{name}' ({about.name}): its step of {seconds_text(step)} is no multiple of"
+            f"component '{name}' ({about.name}): its step of {seconds_text(step)} is not a multiple of"
             f" {seconds_text(about.internal_step)}, the fixed internal step of its FMU (fixedInternalStepSize), which"
             " may refuse it or reach other times than requested",
             FmuWarning,
@@ -474,7 +472,7 @@ def _can_be_isolated(component: SystemComponent, *, required: bool) -> bool:
     """
     if not isinstance(component.implementation, FmuComponent):
         if required:
-            raise WiringError(f"component '{component.name}' is no FMU, so it cannot be isolated")
+            raise WiringError(f"component '{component.name}' is not an FMU, so it cannot be isolated")
         return False
     require_isolation(f"component '{component.name}'")
     return True

@@ -89,7 +89,7 @@ def read(
     names = [name for name, _ in headers]
     for name in names:
         if not name or names.count(name) > 1:
-            what = f"the column {name!r} is there twice" if name else "a column has no name"
+            what = f"the column {name!r} appears twice" if name else "a column has no name"
             raise TableError(f"{raw.name}: {what}; columns become variables, whose names must differ")
     given = dict(units or {})
     for name in (*given, *(wanted or ())):
@@ -135,8 +135,8 @@ def unit_of(where: str, name: str, text: str) -> Unit | None:
     bare = [u for u in KNOWN if _bare(u) == _bare(text)]
     hint = did_you_mean(text, bare or KNOWN)
     raise TableError(
-        f"{where}: the column '{name}' has the unknown unit '{one_line(text, 40)}'{hint}; name another with "
-        f"units={{'{name}': ...}}, '' for none"
+        f"{where}: the column '{name}' has the unknown unit '{one_line(text, 40)}'{hint}; give another with"
+        f" units={{'{name}': ...}}, '' for none"
     )
 
 
@@ -292,7 +292,8 @@ def _slow(
         mixed = np.flatnonzero(~np.isin(table[:, i], (0.0, 1.0)))
         if mixed.size:
             raise TableError(
-                f"{path}, line {first + int(mixed[0])}: column '{names[i]}' is a number among true and false"
+                f"{path}, line {first + int(mixed[0])}: column '{names[i]}' is a number, but other rows are true or"
+                " false"
             )
     return table, ["boolean" if i in booleans else None for i in range(len(names))]
 
@@ -398,7 +399,7 @@ def _times(raw: _Raw, name: str, values: Any, unit: str) -> Array:
         own = unit_of(raw.name, name, unit)
         if own is not None and own.exponents != KNOWN["s"].exponents:
             raise TableError(
-                f"{raw.name}: the time column '{name}' has the unit '{unit}', which is no unit of time (s, ms)"
+                f"{raw.name}: the time column '{name}' has the unit '{unit}', which is not a unit of time (s, ms)"
             )
         scale, _ = conversion(own, KNOWN["s"])
         seconds = seconds if scale == 1.0 else seconds * scale

@@ -159,7 +159,7 @@ class Table:
         try:
             (now,) = struct.unpack("<d", data)
         except struct.error:
-            raise CosimError(f"the state of '{self._name}' is no state of a table") from None
+            raise CosimError(f"the state of '{self._name}' is not a state of a table") from None
         self._now[0] = now
 
     def sampled_states(self) -> dict[str, float]:

@@ -177,9 +177,9 @@ class DoubleWishbone:
                 break
             wheel, turn = wheel + change[:3], _rotation(change[3:]) @ turn
         raise HardpointError(
-            f"the hardpoints do not close at a travel of {travel:.3f} m of the wheel: no position of the upright keeps"
-            " the lengths of both arms and of the tierod there; correct a hardpoint, or make the range of travel"
-            " smaller"
+            f"the suspension cannot be assembled at a travel of {travel:.3f} m of the wheel: no position of the"
+            " upright keeps the lengths of both arms and of the tierod there; correct a hardpoint, or reduce the range"
+            " of travel"
         )
 
 

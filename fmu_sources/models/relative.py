@@ -99,7 +99,7 @@ def relative_model(
         raise ValueError(f"{car.name}: {', '.join(bad)} depends on absolute heights, not on relative states alone")
     direct = [n for n, row in zip(states, lin.D[np.ix_(rows, [*u, *w])], strict=True) if row.any()]
     if direct:
-        raise ValueError(f"{car.name}: {', '.join(direct)} depends on inputs directly, so it is no state")
+        raise ValueError(f"{car.name}: {', '.join(direct)} depends on inputs directly, so it is not a state")
     return RelativeModel(
         A,
         T @ lin.B[:, u],

@@ -99,8 +99,8 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
         if beside.max(initial=0.0) > _EXACT:
             worst = names[int(beside.argmax())]
             raise ValueError(
-                f"{car.name}: {worst} depends on more than body and wheels: {beside.max():.1e} of it is something"
-                " else's"
+                f"{car.name}: {worst} depends on more than body and wheels: a share of {beside.max():.1e} is not"
+                " explained by their motion"
             )
         return np.asarray(found)
 

@@ -619,7 +619,7 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
             break
     else:
         raise ValueError(
-            f"{c.name}: the car of the vehicle file finds no rest on its springs and tires; look at their tables"
+            f"{c.name}: no static equilibrium on springs and tires was found; check their tables in the vehicle file"
         )
     heights = np.asarray(step(at, 0, values)[1]).ravel()
 

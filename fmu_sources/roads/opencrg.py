@@ -121,9 +121,7 @@ def _check_sides(path: Path, head: dict[str, float], positions: list[float], sec
     for name, told, found in (("RIGHT", right, first), ("LEFT", left, last)):
         if told is not None and found is not None and abs(told - found) > _CLOSE:
             where = f"the outermost of {sections} long sections is at {found:g} m"
-            raise RoadError(
-                f"{path}: LONG_SECTION_V_{name} = {told:g} m, but {where}: which side is which cannot be told"
-            )
+            raise RoadError(f"{path}: LONG_SECTION_V_{name} = {told:g} m, but {where}: left and right are ambiguous")
 
 
 def _numbers(path: Path, lines: list[str]) -> dict[str, float]:

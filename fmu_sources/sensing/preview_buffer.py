@@ -50,7 +50,7 @@ def preview_buffer(
     count, step = layout.preview_count, layout.preview_step
     every = round(step / period)
     if every < 1 or not math.isclose(every * period, step):
-        raise ValueError(f"{name}: preview step {step:g} s is no multiple of the sample time {period:g} s")
+        raise ValueError(f"{name}: preview step {step:g} s is not a multiple of the sample time {period:g} s")
     reach = max(w.x for w in layout.wheels) - min(w.x for w in layout.wheels)
     needed = (count - 1) * step * max_speed + reach + (2 * _FILL + 2) * cell
     if needed > cells * cell:

@@ -138,7 +138,7 @@ def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path:
                 name, text.replace(b'name="force"', b'name="&lt;script&gt;[red]"') if name.endswith(".xml") else text
             )
     report = check(path, Options(only=("description",)), workers=workers)
-    assert [f.text for _, f in report.findings()] == ["variable '<script>[red]' is no structured name"]
+    assert [f.text for _, f in report.findings()] == ["variable '<script>[red]' is not a valid structured name"]
     assert "<script>" not in to_html([report])
     assert b"<script>" not in to_junit([report])
     assert "[red]" in to_json([report])

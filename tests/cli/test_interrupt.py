@@ -62,7 +62,7 @@ def test_a_study_keeps_its_finished_runs(built_fmus: BuiltFmus, tmp_path: Path) 
     text = interrupt(
         tmp_path, Path("results/gpc/.runs/*.lines"), "cosim", "study", "gpc", "--fmus", str(FMUS), "--processes", "2"
     )
-    assert "interrupted; finished runs are kept, the same command continues from there" in text
+    assert "interrupted; finished runs are stored, and the same command continues from there" in text
     assert list((tmp_path / "results" / "gpc" / ".runs").glob("*.lines"))
     assert not (tmp_path / "results" / "gpc" / "report.html").exists()
 
@@ -86,7 +86,7 @@ def test_a_run_keeps_its_recording(built_fmus: BuiltFmus, tmp_path: Path) -> Non
     )  # without a pace it would be through by then
     assert "interrupted at t =" in text
     if "t = 0 s" not in text:  # a busy machine may have come no further than the initialization
-        assert "sine-2kmh-passive.csv holds the run up to" in text
+        assert "sine-2kmh-passive.csv contains the run up to" in text
         lines = (tmp_path / "results" / "gpc" / "sine-2kmh-passive.csv").read_text().splitlines()
         assert lines[0].startswith("time [s],car.x [m]")
 

@@ -12,7 +12,7 @@ from programs import BIN, TIMEOUT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="closes descriptors, as shells of Unix do")
 LIMIT = (
-    "no further thread or process can be started: end others, or raise the limit of this user or container (ulimit"
+    "cannot start another thread or process: end other processes, or raise the limit of this user or container (ulimit"
     " -u)\n"
 )
 
@@ -87,7 +87,8 @@ BUILD = ("build-fmus", "RoadSine", "RoadCurb", "--fmi", "3", "--force", "--out",
         (
             NO_PROCESSES,
             SWEEP,
-            "cosim: a worker process cannot be started (BlockingIOError); end others, or raise the limit (ulimit -u)\n",
+            "cosim: a worker process cannot be started (BlockingIOError); end other processes, or raise the limit"
+            " (ulimit -u)\n",
         ),
         (NO_THREADS, BUILD, f"build-fmus: {LIMIT}"),
         (NO_PROCESSES, BUILD, f"build-fmus: {LIMIT}"),

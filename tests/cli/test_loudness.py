@@ -51,7 +51,7 @@ def test_bars_on_the_screen_are_those_of_the_metrics(tmp_path: Path) -> None:
     base, value = map(float, rows["rms pitch [rad]"][-2:])
     assert shown["rms pitch"] == pytest.approx(100 * value / base, abs=0.6)
     assert heading.endswith("per cent of passive:")
-    assert "nothing to compare with" in run(tmp_path, "cosim", *RUN, "--bars").stderr
+    assert "no bars: they are shares of a baseline" in run(tmp_path, "cosim", *RUN, "--bars").stderr
 
 
 @pytest.mark.usefixtures("built_fmus")

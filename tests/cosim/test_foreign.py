@@ -141,10 +141,10 @@ def test_truncated_and_foreign_files(foreign, tmp_path):
     empty = tmp_path / "empty.fmu"
     with zipfile.ZipFile(empty, "w") as archive:
         archive.writestr("hello.txt", "hello")
-    for path, reason in ((half, "incomplete"), (text, "incomplete"), (empty, "holds no modelDescription.xml")):
+    for path, reason in ((half, "incomplete"), (text, "incomplete"), (empty, "contains no modelDescription.xml")):
         with pytest.raises(FmuError, match=f"{path.name}.*{reason}"):
             System().add("a", path)
-    with pytest.raises(FmuError, match=r"holds no modelDescription\.xml"):
+    with pytest.raises(FmuError, match=r"contains no modelDescription\.xml"):
         Fmu(tmp_path)
 
 

@@ -124,7 +124,7 @@ def test_lists_of_outputs(tmp_path, version):
     path = archive(tmp_path / "a.fmu", xml(version, variables, OUTPUT[version].format(1 if version == 2 else 0, "")))
     assert sorted(f.split(": ", 1)[1] for f in findings(path)) == [
         "'u' is listed as an output in ModelStructure, but has another causality",
-        "output 'y' is not in ModelStructure; it counts as depending on all inputs",
+        "output 'y' is not in ModelStructure; it is taken to depend on all inputs",
     ]
 
 
@@ -148,7 +148,7 @@ def test_what_fmi_2_wants_to_be_said(tmp_path, kind, inner, words):
 def test_inputs_that_share_a_place(tmp_path):
     path = archive(tmp_path / "a.fmu", xml(2, input_(2, "5", "u") + input_(2, "5", "v")))
     assert findings(path) == [
-        "line 4: variable 'v': it has the value reference of 'u'; what is set last counts for both"
+        "line 4: variable 'v': it shares the value reference of 'u'; both have the value that is set last"
     ]
 
 

@@ -244,14 +244,14 @@ WRONG = {
     "time [m],z\n0,0\n1,0\n": ["time column 'time' has the unit 'm'", "s, ms"],
     "x,z\n0,0\n1,0\n": ["no column is the time", "x, z", "time=..."],
     "time\n0\n1\n": ["no column but the time"],
-    "time,z,z [m]\n0,0,0\n1,0,0\n": ["'z' is there twice"],
+    "time,z,z [m]\n0,0,0\n1,0,0\n": ["'z' appears twice"],
     "time,z,\n0,0,0\n1,0,0\n": ["a column has no name"],
     "time,z\n0,0\n": ["1 row(s)", "two at least"],
     "time,z\n": ["0 row(s)"],
     "time," + "z" * 200_000 + "\n0,0\n": ["line 1", "cannot be read", "field"],
     "": ["empty", "header"],
     "\n\n# only this\n": ["empty"],
-    "time,on\n0,true\n1,false\n2,2\n": ["line 4", "'on' is a number among true and false"],
+    "time,on\n0,true\n1,false\n2,2\n": ["line 4", "'on' is a number, but other rows are true or false"],
 }
 
 

@@ -812,10 +812,10 @@ def test_components_are_those_of_print_or_on_their_side_of_passive(study: Result
         ),
     ],
 )
-def test_where_a_claim_turns(study: Results, id_: str, change: dict[Any, dict[str, Any]], well: bool) -> None:
+def test_where_a_claim_turns(study: Results, id_: str, change: dict[Any, dict[str, Any]], passed: bool) -> None:
     """One place, or one side of a limit, is enough."""
     cases = {Case(*k) if isinstance(k, tuple) else k: v for k, v in change.items()}
-    assert (verdict(altered(study, cases), id_) in ("reproduced", "holds")) == well
+    assert (verdict(altered(study, cases), id_) in ("reproduced", "holds")) == passed
 
 
 def test_a_short_preview_must_not_hurt_with_the_last_height_held(study: Results) -> None:

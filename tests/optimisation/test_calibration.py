@@ -152,7 +152,7 @@ def test_a_model_that_lacks_something_is_told_by_its_residuals() -> None:
     assert given.underfits
     assert "The residuals are larger than the noise" in given.text()
     assert estimated.inflation > 10
-    assert "Residuals follow each other" in estimated.text()
+    assert "Residuals are autocorrelated" in estimated.text()
     assert calibrate(decay, noisy(decay(TRUE)), RANGES).inflation < 1.5
 
 

@@ -77,7 +77,7 @@ def test_a_search_continues_and_finds_the_bottom(folder: Path) -> None:
 def test_several_objectives(folder: Path) -> None:
     """`height` is minus `depth`, so every trial that gives numbers is on the front."""
     text = run(*VARY, "--minimise", "depth", "--minimise", "height", "--trials", "8")
-    assert "and 3 more on the front" in text
+    assert "and 3 more Pareto-optimal trials" in text
     assert (folder / "results" / "bowl" / "optimise" / "report.html").is_file()
 
 

@@ -288,7 +288,7 @@ def test_table_that_does_not_increase_is_refused_by_the_fmu(built_fmus, raises):
         ),
         (
             '[suspension.front.points]\nupper_ball = { value = [-2.088, 17.9, 9.0], unit = "in", source = "x" }',
-            ["suspension.front", "points", "do not close at a travel of"],
+            ["suspension.front", "points", "cannot be assembled at a travel of"],
         ),
         (
             '[suspension.front.points]\nlower_rear = { value = [8.79, 12.09, 0.0], unit = "in", source = "x" }',
@@ -296,7 +296,7 @@ def test_table_that_does_not_increase_is_refused_by_the_fmu(built_fmus, raises):
         ),
         (
             '[suspension.front.travel]\nleast = { value = -0.3, unit = "m", source = "x" }',
-            ["suspension.front", "do not close at a travel of -0.1"],
+            ["suspension.front", "cannot be assembled at a travel of -0.1"],
         ),
         (
             '[suspension.front.points]\nwheel_center = { value = [0, 0, 0], unit = "in", source = "x" }',

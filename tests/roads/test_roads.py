@@ -383,11 +383,11 @@ SIDES = "LONG_SECTION_V_RIGHT = {}\nLONG_SECTION_V_LEFT = {}\nLONG_SECTION_V_INC
         ),
         (
             crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, 3)),
-            ["V_LEFT = 2 m", "is at 1 m", "which side is which"],
+            ["V_LEFT = 2 m", "is at 1 m", "left and right are ambiguous"],
         ),
         (
             crg([[0, 0]] * 3, TWO, head="LONG_SECTION_V_RIGHT = -3\n"),
-            ["V_RIGHT = -3 m", "is at -1 m", "which side is which"],
+            ["V_RIGHT = -3 m", "is at -1 m", "left and right are ambiguous"],
         ),
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
         (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),

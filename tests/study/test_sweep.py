@@ -164,7 +164,7 @@ def test_a_command_fails_where_every_run_did(command: str, tmp_path: Path, monke
     Path("failing.py").write_text(FAILING)
     refused = CliRunner().invoke(cosim.cli.app, command.format(810, 820).split())
     assert isinstance(refused.exception, CosimError)
-    assert re.match("none of 2 runs came to its end; the first: .*too fast", str(refused.exception), re.DOTALL)
+    assert re.match("all 2 runs failed; the first: .*too fast", str(refused.exception), re.DOTALL)
     assert len(list(tmp_path.rglob("report.html"))) == 1
     assert CliRunner().invoke(cosim.cli.app, command.format(810, 2).split()).exit_code == 0
 
@@ -388,7 +388,7 @@ def test_a_design_of_a_thousand_million_runs_is_not_begun(tmp_path: Path) -> Non
     text, _ = process.communicate()
     assert process.returncode == 1
     assert (
-        "1e+09 runs: at 0.1 s each some 3 years on one core; nothing was run. Take fewer --samples, or give --yes"
+        "1e+09 runs: at 0.1 s each about 3 years on one core; nothing was run. Take fewer --samples, or give --yes"
         in " ".join(text.split())
     )
     assert not (tmp_path / "results").exists()

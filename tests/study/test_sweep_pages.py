@@ -426,10 +426,10 @@ def test_histories_that_were_kept_are_not_made_again(
     record = Runner.record
     monkeypatch.setattr(Runner, "record", lambda self, case: again.append(case) or record(self, case))
     without = _figure(sweep_report(table, FMUS), "worst-runs")
-    assert (len(again), without.caption) == (3, "Made again for this page.")
+    assert (len(again), without.caption) == (3, "Repeated for this page.")
     again.clear()
     kept = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs")
-    assert (len(again), kept.caption) == (0, "As kept with the table.")
+    assert (len(again), kept.caption) == (0, "As stored with the table.")
     for a, b in zip(kept.panels[0].series, without.panels[0].series, strict=True):
         assert a.name == b.name
         assert (a.x_values.tolist(), np.asarray(a.y).tolist()) == (b.x_values.tolist(), np.asarray(b.y).tolist())
@@ -449,6 +449,6 @@ def test_histories_that_were_kept_are_not_made_again(
     assert (np.min(series.y), np.max(series.y)) == (-9.0, 9.0)
     gone = replace(table, histories=[*table.histories[:2], "", table.histories[3]])
     figure = _figure(sweep_report(gone, FMUS, folder=tmp_path), "worst-runs")
-    assert figure.caption == "As kept with the table; made again for this page: 2."
+    assert figure.caption == "As stored with the table; repeated for this page: 2."
     assert [case.parameter_0 for case in again] == [3]
     assert [p.y_label for p in figure.panels] == ["mass.z [m]"]

@@ -138,5 +138,5 @@ def _usable(path: Path) -> bool:
 
 
 def _discard(path: Path) -> None:
-    warnings.warn(f"{path} is damaged: it is discarded and made again", DamagedWarning, stacklevel=3)
+    warnings.warn(f"{path} is damaged; it is discarded and created again", DamagedWarning, stacklevel=3)
     path.unlink(missing_ok=True)

@@ -132,7 +132,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     }
     self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
-                            .due = part[12], .list = part[13], .published = part[14], .computed = part[15], .check_finite = true};
+                            .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
+                            .check_finite = true};
     self->state->mode = MODE_INSTANTIATED;
     return self;
 }

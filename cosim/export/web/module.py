@@ -67,9 +67,7 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
                 )
     for part in parts:
         if part.version != _FMI:
-            raise CosimError(
-                f"{part.fmu.path} is an FMU of FMI {part.version}.0; a page is made of FMUs of FMI {_FMI}.0"
-            )
+            raise CosimError(f"{part.fmu.path} is an FMU of FMI {part.version}.0; a page needs FMUs of FMI {_FMI}.0")
     toolchain, cache = find_zig(), ObjectCache.of_user("export")
     files = {name: data for code in codes for name, data in code.files(cache).items()}
     own = {name: files.pop(name) for name in _PER_SYSTEM}

@@ -93,7 +93,7 @@ class Measure:
 
     def __post_init__(self) -> None:
         if self.how not in get_args(How):
-            raise CosimError(f"measure '{self.label}': {self.how!r} is none of {', '.join(get_args(How))}")
+            raise CosimError(f"measure '{self.label}': {self.how!r} is not one of {', '.join(get_args(How))}")
 
 
 @dataclass(frozen=True)
@@ -292,8 +292,8 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
     for c in codes:
         if (interval / c.schedule.tick).denominator != 1:
             raise CosimError(
-                f"an interval of {seconds_text(interval)} is no number of steps of {seconds_text(c.schedule.tick)}, the"
-                " tick of the system"
+                f"an interval of {seconds_text(interval)} is not a multiple of the system's tick of"
+                f" {seconds_text(c.schedule.tick)}"
             )
     return interval
 
@@ -339,16 +339,20 @@ def _check_names(systems: Sequence[PageSystem], codes: Sequence[SystemCode], pag
         ):
             if name not in settable:
                 raise WiringError(
-                    f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}"
+                    f"the control '{control.label}' names '{name}', which is not an input or"
+                    f" parameter{did_you_mean(name, settable)}"
                 )
     for what, name in [("be plotted", n) for n in page.plots] + [
         ("be measured", n) for m in page.measures for n in m.names
     ]:
         if name not in outputs:
-            raise WiringError(f"'{name}' is no output that could {what}{did_you_mean(name, outputs)}")
+            raise WiringError(f"'{name}' is not an output and cannot {what}{did_you_mean(name, outputs)}")
     for name in page.finish.when.terms if page.finish and page.finish.when else ():
         if name not in settable | outputs:
-            raise WiringError(f"where a run is over: there is no '{name}'{did_you_mean(name, settable | outputs)}")
+            raise WiringError(
+                f"the end condition of the run names '{name}', which does not"
+                f" exist{did_you_mean(name, settable | outputs)}"
+            )
     for shown, code in zip(systems, codes, strict=True):
         own = {e.name for e in code.variables if e.causality != "output"}
         for name in shown.values:

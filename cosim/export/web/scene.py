@@ -521,7 +521,7 @@ def _items(where: str, name: str, given: Iterable[T], kind: type) -> tuple[T, ..
     items = tuple(given)
     for item in items:
         if not isinstance(item, kind):
-            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {kind.__name__}")
+            raise ValueError(f"{where}: '{name}' holds {item!r}, which is not a {kind.__name__}")
     return items
 
 

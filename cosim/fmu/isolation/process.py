@@ -253,22 +253,22 @@ class IsolatedLibrary:
             return None
         if end == client.LINK_TOO_SLOW:
             return (
-                f"it did not come back within step_timeout = {self.isolation.step_timeout:g} s, and its process was"
-                " ended"
+                f"a call did not return within step_timeout = {self.isolation.step_timeout:g} s; its process was"
+                " terminated"
             )
         if end == client.LINK_CANCELLED:
             self.cancelled = True
-            return "it was waited for no longer, and its process was ended"
+            return "the call was canceled and its process terminated"
         if end == client.LINK_INHERITED:
-            return "its process is that of the process from which this one was forked; run a system of your own"
+            return "its process belongs to the parent of this forked process; create a new system here"
         if end == client.LINK_RELEASED:
             return "it is closed"
         if end == client.LINK_LIED:
-            return "its process spoiled what it shares with the master, and was ended"
+            return "its process corrupted the memory shared with the master and was terminated"
         code = _exit_code(self._process)
         if code is None:
-            return "it closed the connection of its process, which was ended"
-        text = f"its process ended itself with exit code {code}"
+            return "it closed the connection to the master; its process was terminated"
+        text = f"its process ended with exit code {code}"
         if code < 0:
             text = f"its process was ended by signal {-code} ({signal.strsignal(-code) or 'unknown'})"
         if client.link_no_memory(self._link):

@@ -203,7 +203,8 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         if free and not settings["allow_unconnected"]:
             shown = ", ".join(free[:10]) + (f" and {len(free) - 10} more" if len(free) > 10 else "")
             text = (
-                f"inputs that no action sets keep their start values: {shown} (allow_unconnected=True if that is meant)"
+                f"inputs that no action sets keep their start values: {shown} (allow_unconnected=True if this is"
+                " intended)"
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=4)
         interval = settings["record_interval"]
@@ -212,14 +213,16 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         tick = system.schedule(*extra).tick
         self.step_size: Fraction = positive(step, "step")
         if (self.step_size / tick).denominator != 1:
-            raise TimeError(f"a step of {step} is no multiple of the system's tick of {seconds_text(tick)}")
+            raise TimeError(f"a step of {step} is not a multiple of the system's tick of {seconds_text(tick)}")
         if extra and (self.step_size / extra[0]).denominator != 1:
-            raise TimeError(f"a step of {step} is no multiple of record_interval = {interval}")
+            raise TimeError(f"a step of {step} is not a multiple of record_interval = {interval}")
         self.steps: int | None = None
         if length is not None:
             count = positive(length, "length") / self.step_size
             if count.denominator != 1:
-                raise TimeError(f"an episode of {length} is no multiple of its step of {seconds_text(self.step_size)}")
+                raise TimeError(
+                    f"an episode of {length} is not a multiple of its step of {seconds_text(self.step_size)}"
+                )
             self.steps = int(count)
         recorded = system.select(
             [
@@ -325,7 +328,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             found = float(reward)
         except (TypeError, ValueError):
             self._over = True
-            raise CosimError(f"the reward at t = {step.time:.9g} s is {reward!r}, which is no number") from None
+            raise CosimError(f"the reward at t = {step.time:.9g} s is {reward!r}, which is not a number") from None
         if not math.isfinite(found):
             self._over = True
             raise CosimError(f"the reward at t = {step.time:.9g} s is {found}; rewards are finite")
@@ -367,7 +370,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         """Another environment that stands where this one stands, and goes its own way from there."""
         if self._make is None:
             raise CosimError(
-                "fork needs another system: give SystemEnv a function that puts one together, instead of a System"
+                "fork needs a second system: give SystemEnv a function that returns a new System, instead of a System"
             )
         other = SystemEnv(self._make, **self._settings)
         if self._simulation is not None:

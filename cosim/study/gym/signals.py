@@ -106,7 +106,7 @@ def actions(system: System, ranges: Ranges) -> Signals:
     """
     listed = _named(ranges)
     if not listed:
-        raise WiringError("no action: name an input that nothing drives, or a tunable parameter")
+        raise WiringError("no action: name an unconnected input or a tunable parameter")
     found: dict[str, tuple[SystemComponent, Variable, tuple[float, float] | None]] = {}
     for pattern, limits in listed:
         for component, variable in _inputs(system, pattern):
@@ -124,7 +124,7 @@ def _inputs(system: System, pattern: str) -> list[tuple[SystemComponent, Variabl
         chosen = [(m, v) for m, v in chosen if f"{m.name}.{v.name}" not in system.connections]
     if not chosen:
         free = ", ".join(system.unconnected()) or "none"
-        raise WiringError(f"the action '{pattern}' fits no input that nothing drives; there are: {free}")
+        raise WiringError(f"the action '{pattern}' fits no unconnected input; there are: {free}")
     for component, variable in chosen:
         name = f"{component.name}.{variable.name}"
         driven = system.connections.get(name)
@@ -183,7 +183,7 @@ def _range(name: str, variable: Variable, limits: Range) -> tuple[float, float] 
         ) from None
     if unit:
         if unit not in KNOWN:
-            raise WiringError(f"the range of {name} is in {unit!r}, which is no unit{did_you_mean(unit, KNOWN)}")
+            raise WiringError(f"the range of {name} is in {unit!r}, which is not a unit{did_you_mean(unit, KNOWN)}")
         try:
             scale, offset = conversion(KNOWN[unit], variable.unit)
         except UnitMismatchError as error:

@@ -47,7 +47,7 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
         for env in self.envs[1:]:
             if (env.action_space, env.observation_space) != (first.action_space, first.observation_space):
                 self._close_all()
-                raise CosimError("the environments have other spaces than the first one")
+                raise CosimError("the environments differ from the first one in their action or observation space")
         self.num_envs = count
         self.metadata = {**first.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
         self.render_mode = first.render_mode

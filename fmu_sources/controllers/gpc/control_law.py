@@ -214,7 +214,7 @@ class GpcLaw:
             if used[name] and value is None:
                 raise ValueError(f"the {self.variant} control law needs {name}")
             if not used[name] and value is not None:
-                raise ValueError(f"the {self.variant} control law has no use for {name}")
+                raise ValueError(f"the {self.variant} control law does not use {name}; leave it out")
         u = self.gain_y @ rows("y_hist", y_hist, self.order, self.outputs).ravel()
         u += self.gain_u @ rows("u_hist", u_hist, self.order, self.controls).ravel()
         if self.variant != "implicit":

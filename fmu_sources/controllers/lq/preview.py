@@ -137,13 +137,13 @@ def preview_lq(
         tunable: the weights are parameters, and the FMU designs its control law when it is initialized.
 
     Raises:
-        ValueError: the spacing is no multiple of the period, or a tunable control law has another period than
+        ValueError: the spacing is not a multiple of the period, or a tunable control law has another period than
             `CONTINUOUS_PERIOD`, or is for a car whose sides differ.
         LqError: the design has no stabilizing solution.
     """
     every = round(preview_step / period)
     if every < 1 or not math.isclose(every * period, preview_step):
-        raise ValueError(f"{name}: preview step {preview_step:g} s is no multiple of the period {period:g} s")
+        raise ValueError(f"{name}: preview step {preview_step:g} s is not a multiple of the period {period:g} s")
     if tunable and not math.isclose(period, CONTINUOUS_PERIOD):
         raise ValueError(
             f"{name}: a control law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every"

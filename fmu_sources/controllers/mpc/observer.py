@@ -83,7 +83,8 @@ class Observer:
         if gain is None or np.abs(linalg.eigvals(model.A - model.A @ gain @ C)).max() >= 1 - 1e-9:
             unknown = ", ".join(model.states[n:]) or "the states of the plant"
             raise MpcError(
-                f"observer: {unknown} cannot all be told from {', '.join(measured)}; measure more, or let less wander"
+                f"observer: {unknown} cannot all be observed from {', '.join(measured)}; measure more outputs, or"
+                " give fewer offsets or walks"
             )
         noise = {"measured": dict(measured), "input": push.tolist(), "offsets": dict(offsets), "walks": walks}
         return cls(model, tuple(measured), gain, P, noise)

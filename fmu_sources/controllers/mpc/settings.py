@@ -27,7 +27,7 @@ def _number(where: str, name: str, value: float, *, least: float | None = None, 
 
 def _order(where: str, low: float, high: float, what: str) -> None:
     if low > high:
-        raise MpcError(f"{where}: {what} contradict each other: the least is {low:g}, the most {high:g}")
+        raise MpcError(f"{where}: {what} contradict each other: {low:g} is above {high:g}")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,8 @@ class Input:
         _order(where, self.rate_min, self.rate_max, "rate_min and rate_max")
         if self.rate_min > 0 or self.rate_max < 0:
             raise MpcError(
-                f"{where}: rate_min {self.rate_min:g} to rate_max {self.rate_max:g} does not allow to hold it"
+                f"{where}: rate_min {self.rate_min:g} to rate_max {self.rate_max:g} must include 0, so that the"
+                " input can be held"
             )
 
 

@@ -142,7 +142,7 @@ def continuous_lq(plant: LinearPlant, index: QuadraticIndex) -> ContinuousLq:
     if not relative <= RESIDUAL_LIMIT or eigenvalues[-1].real >= 0.0:
         raise LqError(
             f"the Riccati equation (16) was solved to {relative:.1e} |P| only, with the slowest closed-loop "
-            f"eigenvalue at {rate(eigenvalues[-1])}; the weights are too far apart, or a mode is hardly reached"
+            f"eigenvalue at {rate(eigenvalues[-1])}; the weights are too far apart, or a mode is nearly uncontrollable"
         )
     return ContinuousLq(
         P=P,

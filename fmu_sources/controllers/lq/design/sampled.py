@@ -92,7 +92,7 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     if mode is not None:
         states = dominant(mode[1], plant.states)
         raise LqError(
-            f"at a period of {period:g} s the control loses the mode at {rate(mode[0], 'per sample')}, mostly "
+            f"at a period of {period:g} s the controls cannot reach the mode at {rate(mode[0], 'per sample')}, mostly "
             f"{', '.join(states)}: it is undamped and turns by whole or half turns between samples; change the period",
             mode[0],
             states,
