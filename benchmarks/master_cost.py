@@ -1,4 +1,4 @@
-"""Cost of the engine and of the Python master per FMU step, in one run.
+"""Cost of the engine per FMU step, in one run.
 
 Beside FMPy's wrapper calls and a bare C loop over the same FMUs.
 
@@ -176,7 +176,6 @@ def compare(
         "engine": lambda: time_master(system, steps, record),
         "engine, recording every step": lambda: time_master(system, steps, record, record_interval="1 ms"),
         "engine, not looking for NaN": lambda: time_master(system, steps, record, allow_nan=True),
-        "Python master": lambda: time_master(system, steps // 4, record) * 4,
         "FMPy wrapper calls": lambda: time_fmpy(components, steps // 4) * 4,
     }
     with tempfile.TemporaryDirectory() as tmp:

@@ -1,7 +1,7 @@
 """Many copies of one system, stepped together on all cores.
 
 - `batch`: `Batch`, the interface for users;
-- `structs`: the plan of all copies for the compiled engine, and the failures;
+- `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
 - `statements`: its generated functions, read back;
 - `lanes`: these functions vectorized over several copies, in C;

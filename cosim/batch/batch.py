@@ -462,8 +462,7 @@ class Batch:
             raise TimeError(f"cannot advance to {until} s: the batch stands at {self.time:.9g} s")
         if not self._plan.exact_until(end):
             raise TimeError(
-                f"{until} s is beyond what the compiled engine counts exactly with a tick of"
-                f" {seconds_text(self._schedule.tick)}"
+                f"{until} s is beyond what a batch counts exactly with a tick of {seconds_text(self._schedule.tick)}"
             )
         if end == self._tick:
             return

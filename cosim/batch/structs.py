@@ -56,7 +56,7 @@ class Lanes:
 
 
 class Structs:
-    """A plan for all copies, ready for the compiled engine.
+    """A plan for all copies, ready for the engine.
 
     `exchanges`: of each copy, None where it could not be initialized; those of copies with scalar components are
         kept.

@@ -1,9 +1,10 @@
-"""The compiled engine: the schedule as flat arrays, and C that executes them, bit-identical to the Python master.
+"""How a system is executed: its initialization, its instants, its states.
 
-- `plan`: the flat arrays, made from the values and the clocks of an exchange;
-- `library`: the C engine, compiled once per machine;
-- `table.c`: the step of a component that plays signals from a table (`cosim.tables`);
-- `compiled`: an exchange whose instants the engine executes.
-
-`engine.h` says what is in a plan, `engine.c` executes it; nothing in both knows of Python.
+- `plan`: the system as flat arrays, made from its values and clocks;
+- `engine.c`: executes these arrays (`engine.h` says what is in them; nothing in both knows of Python);
+- `bound`, `library`: the engine, compiled once per machine and bound to one system;
+- `exchange`: the rule in words, the position in time, and what ends a run;
+- `initialization`, `loops`: initial values;
+- `simulation`: what users step, with states, pace and interrupts;
+- `table.c`: the step of a component that plays signals from a table (`cosim.tables`).
 """

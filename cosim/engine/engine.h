@@ -1,7 +1,7 @@
 /* The plan of a system's exchange as flat arrays, and the engine that executes it.
  *
- * The rule of exchange is written in exchange.py, and again in tests/oracles/exchange_rule.py, with which this engine is
- * bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
+ * The rule of exchange is written in exchange.py, and again in tests/oracles/exchange_rule.py, to which this engine
+ * is bit-identical. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and
  * there are no globals. Lines that do not begin with # are also read by cffi. */
 #ifndef ENGINE_H
 #define ENGINE_H
@@ -147,8 +147,8 @@ typedef struct {
  * `tick` at the instant where that happened, or at `end`. */
 int engine_run(Engine *e, int64_t end);
 
-/* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. After a failure
- * of a component, sample and advance continue behind it when they are called again. */
+/* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. When sample or
+ * advance is called again after a component has failed, it continues behind that component. */
 void engine_arrive(Engine *e, double t);
 int engine_sample(Engine *e, double t);
 int engine_advance(Engine *e, double t);

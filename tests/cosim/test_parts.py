@@ -1,16 +1,16 @@
-"""Exact time, timetables, recordings, descriptions, the stability check."""
+"""Exact time, clocks, recordings, descriptions, the stability check."""
 
 import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from cosim.engine.timetable import Clock, Timetable
 
 from build_fmus import component
 from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
 from cosim.core.errors import FmuError
 from cosim.core.time import TimeBase, gcd, rational
+from cosim.engine.clock import Clock, cycle
 from cosim.fmu.model_description import LONGEST_SOURCE, parse
 
 
@@ -55,20 +55,13 @@ def test_time_base(raises):
         base.count(Fraction(1, 7))
 
 
-@pytest.mark.parametrize("longest", [0, 20_000])
-@pytest.mark.parametrize("block", [1, 7, 2000])
-def test_timetable_lists_every_instant_once(longest, block, monkeypatch):
-    monkeypatch.setattr(Timetable, "LONGEST", longest)
-    monkeypatch.setattr(Timetable, "BLOCK", block)
+def test_clocks_and_their_cycle():
     clocks = [Clock(3), Clock(4, 5), Clock(6, 1)]
-    table = Timetable(clocks, lambda due: due)
-    expected = [(t, frozenset(i for i, c in enumerate(clocks) if c.due(t))) for t in range(100)]
-    expected = [(t, due) for t, due in expected if due]
-    for first in range(0, 40, 3):
-        for end in (first, first + 1, first + 13, 99):
-            assert list(table.instants(first, end)) == [(t, due) for t, due in expected if first <= t < end]
-    assert table.at(0) == {0}
-    assert table.at(2) == frozenset()
+    assert [t for t in range(14) if clocks[1].due(t)] == [5, 9, 13]
+    assert [clocks[1].next(t) for t in (0, 5, 6, 9, 10)] == [5, 5, 9, 9, 13]
+    begin, length = cycle(clocks)
+    assert (begin, length) == (12, 12)
+    assert all(c.due(t) == c.due(t + length) for c in clocks for t in range(begin, begin + length))
 
 
 def test_recording_survives_the_disk(tmp_path, raises):

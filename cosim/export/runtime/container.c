@@ -1,6 +1,6 @@
 /* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its components and the engine.
  *
- * The order of everything is that of the Python master (cosim/engine): initialization, one instant after the other,
+ * The order of everything is that of a run (cosim/engine): initialization, one instant after the other,
  * arrival at the end of a step. What changes lies in one block without pointers, and in the components. */
 
 #include <float.h>
@@ -280,7 +280,7 @@ static int64_t gcd(int64_t a, int64_t b) {
 
 static double nearest(double x) { return floor(x + 0.5); }
 
-/* The simplest fraction that is the start time: that of the shortest denominator, as the Python master finds it. */
+/* The simplest fraction that is the start time: that of the shortest denominator, as cosim/core/time.py finds it. */
 static FmuStatus use_start(FmuInstance *self, double start) {
     State *s = self->state;
     for (int64_t q = 1; q <= 1000000; q++) {
