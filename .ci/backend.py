@@ -23,6 +23,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from setuptools import build_meta
@@ -40,13 +41,19 @@ SOURCES = ("LICENSE", "README.md", "pyproject.toml", ".ci", *PACKAGES)
 _IGNORED = shutil.ignore_patterns("__pycache__", "*.py[co]", ".*_cache")
 
 
-def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:  # noqa: ARG001
-    """The wheel of setuptools, repacked with one name at its top."""
+def build_wheel(
+    wheel_directory: str,
+    config_settings: Any = None,
+    metadata_directory: str | None = None,  # noqa: ARG001
+    more: Mapping[str, bytes] = MappingProxyType({}),
+) -> str:
+    """The wheel of setuptools, repacked with one name at its top; `more`: further files by path."""
     target = Path(wheel_directory).resolve()
     with _copy():
         name = build_meta.build_wheel(".", config_settings)
         with zipfile.ZipFile(name) as made:
             files = {_installed(n): made.read(n) for n in made.namelist() if not n.endswith("/")}
+    files |= {_installed(n): data for n, data in more.items()}
     (record,) = (n for n in files if n.endswith(".dist-info/RECORD"))
     info = record.removesuffix("RECORD")
     files[f"{NAME}.pth"] = f"{NAME}\n".encode()

@@ -2,7 +2,7 @@
 
 - `suspension-fmus-VERSION-fmus.zip`: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill
   of materials, their checksums, and the pages in which systems run live;
-- the wheel and the source distribution;
+- the wheel, with the engine for all five platforms, and the source distribution;
 - `SHA256SUMS` of these.
 """
 
@@ -24,6 +24,7 @@ from build_fmus import package, related
 from build_fmus.base import safe_files
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
+from cosim.engine import library
 from cosim.experiments.live_pages import write_pages
 from cosim.study import FmuSet
 from fmu_sources import cli
@@ -104,8 +105,11 @@ def main() -> None:
     )
     options.folder.mkdir(parents=True, exist_ok=True)
     files = {f"{PROJECT['name']}-{PROJECT['version']}-fmus.zip": fmu_archive(options.fmus, names)}
-    for make in (backend.build_wheel, backend.build_sdist):
-        name = make(str(options.folder))
+    engines = {f"cosim/engine/prebuilt/{library.prebuilt_name(p)}": library.compiled(p).read_bytes() for p in PLATFORMS}
+    for name in (
+        backend.build_wheel(str(options.folder), more=engines),
+        backend.build_sdist(str(options.folder)),
+    ):
         files[name] = (options.folder / name).read_bytes()
     for name, data in {**files, SUMS: sums(files)}.items():
         safe_files.write(options.folder / name, data)

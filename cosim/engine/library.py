@@ -1,4 +1,4 @@
-"""The engine as a shared library, compiled once per machine and version of its sources, stored with a verified hash."""
+"""The engine as a shared library: part of a published wheel, else compiled once per machine."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any
 
 import cffi
 
-from build_fmus.base import extras
-from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
+from build_fmus.compile import PLATFORMS, CompileError, ObjectCache, find_toolchain, host
 from cosim.core.errors import CosimError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
@@ -31,10 +30,7 @@ class NoEngine(CosimError):  # noqa: N818
     """The engine could not be compiled; the argument says why, and what to install."""
 
     def __init__(self, reason: str):
-        super().__init__(
-            f"systems are run by an engine in C, which could not be compiled: {reason}; install a C compiler, or"
-            f" {extras.named('zig')}"
-        )
+        super().__init__(f"the engine that runs systems could not be compiled: {reason}")
 
 
 @lru_cache
@@ -46,14 +42,32 @@ def interface() -> cffi.FFI:
     return ffi
 
 
+def compiled(platform_name: str) -> Path:
+    """The engine as a shared library for a platform.
+
+    Raises:
+        CompileError: there is no compiler for it, or it failed.
+    """
+    include = [HEADER.parent, ENVIRONMENT.parent]
+    return ObjectCache.of_user("engine").library(find_toolchain(platform_name), SOURCES, include, "engine")
+
+
+def prebuilt_name(platform_name: str) -> str:
+    """Name of the engine for a platform in the folder `prebuilt` of a published wheel."""
+    return platform_name + PLATFORMS[platform_name].suffix
+
+
 @lru_cache
 def library() -> Any:
-    """The engine, ready to be called. Raises NoEngine with the reason."""
+    """The engine, ready to be called: the one that came with the wheel, else compiled here.
+
+    Raises:
+        NoEngine: there is none.
+    """
     ffi = interface()
     try:
-        toolchain = find_toolchain(host())
-        path = ObjectCache.of_user("engine").library(toolchain, SOURCES, [HEADER.parent, ENVIRONMENT.parent], "engine")
-        loaded: Any = ffi.dlopen(str(path))
+        path = HEADER.parent / "prebuilt" / prebuilt_name(host())
+        loaded: Any = ffi.dlopen(str(path if path.is_file() else compiled(host())))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
     if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineComponent") + ffi.sizeof("Table"):

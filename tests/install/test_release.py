@@ -16,6 +16,7 @@ import yaml
 from built import ROOT, share_objects
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
+from environments import make
 
 import cosim
 from build_fmus.compile import PLATFORMS
@@ -23,6 +24,22 @@ from fmu_sources.catalog import PAPERS
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 NAME = "Skyhook"
+WITHOUT_A_COMPILER = """
+import os
+os.environ |= {"PATH": "", "CC": "no-compiler"}
+from cosim import PythonComponent, System
+
+class Count(PythonComponent):
+    outputs = ("y",)
+
+    def step(self, t, h, u, y):
+        y[0] += h
+
+with System() as system:
+    system.add("count", Count(), step="1 ms")
+    recording = system.run(0.1)
+print(len(recording), recording.time[-1])
+"""
 
 
 def release(folder: Path, fmus: Path) -> dict[str, bytes]:
@@ -67,6 +84,16 @@ def test_it_has_fmus_wheel_and_sources(files: dict[str, bytes], tmp_path: Path) 
         f"{under}-{version}-py3-none-any.whl",
         f"{under}-{version}.tar.gz",
     }
+
+
+def test_the_wheel_runs_systems_without_a_compiler(files: dict[str, bytes], tmp_path: Path) -> None:
+    """The engine is in it for all platforms, and is loaded from there."""
+    (name,) = (n for n in files if n.endswith(".whl"))
+    (tmp_path / name).write_bytes(files[name])
+    environment = make(tmp_path / "environment", tmp_path / name)
+    place = environment.site / "suspension_fmus" / "cosim" / "engine" / "prebuilt"
+    assert {p.name for p in place.iterdir()} == {f"{n}{p.suffix}" for n, p in PLATFORMS.items()}
+    assert environment.execute(WITHOUT_A_COMPILER).split() == ["101", "0.1"]
 
 
 def test_every_file_of_the_zip_has_its_checksum(fmus: Path) -> None:
