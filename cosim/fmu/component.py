@@ -43,18 +43,10 @@ LARGEST = 2**30  # bytes of a serialized state
 
 @dataclass(frozen=True)
 class _Bound:
-    """One bound FMI call that moves values.
-
-    `move` does it and checks the status; `call` is the bare call, enough when the FMU works on the master's buffer.
-    """
+    """One bound FMI call that moves values: `move` does it and checks the status; `transfer` is the same for C."""
 
     move: Action
-    call: Callable[[], int]
     transfer: Transfer
-
-    @property
-    def direct(self) -> bool:
-        return self.transfer.element is None
 
 
 _DoStep = tuple[Callable[..., int], list[Any], Any]
@@ -380,8 +372,6 @@ class FmuComponent:
         do_step = self._do_step()
         calls = self._fmi_calls([s.transfer for s in setters], [g.transfer for g in getters])
         ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
-        if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
-            ports = replace(ports, run=self._fused(setters[0], do_step, getters[0]))
         return self._with_guards(ports)
 
     def _advance(self, t: float, h: float) -> None:
@@ -483,7 +473,7 @@ class FmuComponent:
             data,
             *(() if how.in_place else (element, place)),
         )
-        return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, call, transfer)
+        return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, transfer)
 
     def _do_step(self) -> _DoStep:
         """The step function as (call, last arguments, ended): `call(t, h, *last arguments)`.
@@ -512,25 +502,6 @@ class FmuComponent:
                 fail(status, t, h)
 
         return step
-
-    def _fused(self, setter: _Bound, do_step: _DoStep, getter: _Bound) -> Callable[[float, float], None]:
-        """Set, step, get without a Python call in between."""
-        send, receive = setter.call, getter.call
-        call, rest, ended = do_step
-        fail, fail_step, warning = self._fail, self._step_failed, fmi.WARNING
-
-        def run(t: float, h: float) -> None:
-            status = send()
-            if status > warning:
-                fail(setter.transfer.function, status)
-            status = call(t, h, *rest)
-            if status > warning or ended[0]:
-                fail_step(status, t, h)
-            status = receive()
-            if status > warning:
-                fail(getter.transfer.function, status)
-
-        return run
 
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
