@@ -53,11 +53,17 @@ _DoStep = tuple[Callable[..., int], list[Any], Any]
 
 
 class _SavedState:
-    """A saved state, as callers hold it: freed when they drop it."""
+    """A saved state, as callers hold it: `drop` is called when they drop it."""
 
-    def __init__(self, pointer: Any, events: Any = None):
+    __slots__ = ("_drop", "events", "pointer")
+
+    def __init__(self, pointer: Any, drop: Callable[[int], None], events: Any = None):
         self.pointer = pointer
         self.events = events  # when clocks tick next, and what they have shown
+        self._drop = drop
+
+    def __del__(self) -> None:  # a finalizer of weakref costs more than the state itself
+        self._drop(id(self))
 
 
 class FmuComponent:
@@ -546,11 +552,10 @@ class FmuComponent:
         self._free_dropped()
         pointer = self._ffi.new("void**")
         self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
-        state = _SavedState(pointer, None if self._events is None else self._events.saved())
+        state = _SavedState(pointer, self._drop, None if self._events is None else self._events.saved())
         self._states[id(state)] = pointer
         self._may_roll_back.add(id(state))
         self._tell_roll_back()
-        weakref.finalize(state, self._drop, id(state)).atexit = False
         return state
 
     def restore(self, state: Any) -> None:
