@@ -66,7 +66,7 @@ def _ride(fmus: FmuSet) -> Iterator[System]:
         if "HydraulicActuator" in fmus.own:
             yield runner.system(ride.runs.Case("hmmwv", "lqr", "hydraulic"))
         for name, car in ride.runs.CARS.items():
-            for law in (("passive",) if name == "sedan" else car.laws) if car.plant in fmus.own else ():
+            for law in (("passive",) if name == "sedan" else car.controllers) if car.plant in fmus.own else ():
                 pump_off = (name, law) == ("hmmwv", "passive")
                 yield runner.system(ride.runs.Case(name, law, "hydraulic" if pump_off else "ideal"))
 
