@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ PATTERNS: dict[str, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
 
 INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
+_TICK = 12  # characters of a line below a bar: four bars fit a phone
 _ON_DARK = {
     **dict(
         zip(
@@ -242,7 +244,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         if panel.x_names:
             x_axis |= {
                 "tickvals": list(range(len(panel.x_names))),
-                "ticktext": [escape.html(name).replace(", ", ",<br>") for name in panel.x_names],
+                "ticktext": ["<br>".join(map(escape.html, textwrap.wrap(name, _TICK))) for name in panel.x_names],
                 "range": [-0.5, len(panel.x_names) - 0.5],
                 "ticks": "",
             }
