@@ -24,7 +24,7 @@ from cosim.study.store import pack
 from cosim.study.work import JobContext, Reply, TaskSpec, work
 
 CHUNK = 0.2  # s
-CLUSTER = 1.0  # s, of executors whose tasks cost client and scheduler some 7 ms (Dask)
+CLUSTER = 1.0  # s, of executors whose tasks cost client and scheduler about 7 ms (Dask)
 LARGEST = 500  # runs of a chunk
 TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash

@@ -2,8 +2,8 @@
 
     python docs/examples/warm_starts.py
 
-The corner of hmmwv_corner.py drives until oil and car have settled. That state lies in a file; processes of a pool
-begin there, each as often as it likes, and what one run does is nothing to the next.
+The corner of hmmwv_corner.py drives until oil and car have settled. That state is written to a file. The processes of a
+pool start every run from this state, so the runs do not affect each other.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ __all__ = [
 
 FEET_PER_METRE = 1 / 0.3048
 ABSORBED_POWER_LIMIT = 6.0  # W, what a driver bears for long; Donahue and Hedrick, section 1.6
-LOWEST_RATE = 100.0  # Hz, for accelerations that a rider feels up to some 10 Hz
+LOWEST_RATE = 100.0  # Hz, for accelerations that a rider feels up to about 10 Hz
 
 
 @dataclass(frozen=True)

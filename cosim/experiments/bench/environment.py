@@ -31,7 +31,7 @@ RANGES = {
 LENGTH = 5.0  # s, of an episode
 LIFTED = 0.15  # m, of suspension travel: the bench would be broken
 OFFSETS = (0.0, 5e4)  # s, where in the random motion episodes start; what is beyond is for tests
-FAILED = -1000.0  # of a step, where an undisturbed one costs 0 and a passive one some 0.1
+FAILED = -1000.0  # of a step, where an undisturbed one costs 0 and a passive one about 0.1
 
 
 def cost(step: Step) -> float:

@@ -35,9 +35,9 @@ BODY_RANGES = {
     "car.body.az": (-20.0, 20.0),
 }
 HEIGHT = (-0.5, 0.5)  # m, of the road
-STEPS = 150  # of an episode: 4.5 s, some 40 m
+STEPS = 150  # of an episode: 4.5 s, about 40 m
 OFFSETS = (0.0, 600.0)  # m, where on the road episodes start; what is beyond is for tests, to 1300 m
-FAILED = -1e4  # of a step; one of the passive car costs some 10
+FAILED = -1e4  # of a step; one of the passive car costs about 10
 
 
 def cost(step: Step) -> float:
