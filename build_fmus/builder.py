@@ -170,7 +170,7 @@ def build(
         sources: `source_hash` of the code that makes components.
         task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
             module-level function or a picklable object.
-        report: told `(name, "built" | "up to date")` as the build proceeds.
+        report: called with `(name, "built" | "up to date")` as the build proceeds.
         force: build what is up to date too, and use nothing that was kept in caches before.
 
     Returns:

@@ -120,7 +120,7 @@ class System(Wiring):
         The default is 0, or the start time of the system's SSP.
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
-        variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
+        variables that can be read while it runs (`simulation["car.x"]`). Only the FMUs use `stop_time`. With
         `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way
         elsewhere, the simulation continues from there with bit-identical values (start_time is not used). Wiring, rates
         and parameters of components that are not in it may have changed, at a common multiple of all steps: several

@@ -38,7 +38,7 @@ class BoundEngine:
     """The engine's structs for one system, and what keeps their arrays alive."""
 
     def __init__(self, setup: Setup, stops: Sequence[SlotStop] = (), check: Timed | None = None):
-        """Both `stops` and `check`, a function of the time, are looked at after every sample."""
+        """Both `stops` and `check`, a function of the time, are checked after every sample."""
         self._ffi, self._library = interface(), library()
         self._setup, self._stops, self._check = setup, stops, check
         self._keep: list[Any] = []

@@ -212,7 +212,7 @@ COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
 }
 
 /* The same for all continuous components that are due, piece by piece; who it is is looked up if something is found. */
-INLINE int look_at_reached(Engine *e) {
+INLINE int check_computed_finite(Engine *e) {
     if (!e->check_finite) return ENGINE_AT_END;
     for (int32_t k = 0; k < e->n_computed; k++)
         if (!all_finite(e->values + e->computed[k].from, e->computed[k].n))
@@ -302,7 +302,7 @@ INLINE int advance(Engine *e, double t) {
         const int result = run_component(e, e->list[k], t);
         if (RARELY(result)) return failed_at(e, k, result);
     }
-    return look_at_reached(e);
+    return check_computed_finite(e);
 }
 
 void engine_arrive(Engine *e, double t) { arrive(e, t); }

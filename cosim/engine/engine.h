@@ -23,7 +23,7 @@ typedef enum {
     ENGINE_STOPPED,     /* a stop condition is fulfilled; steps of continuous components are still to be done */
     ENGINE_NOT_FINITE,  /* an output of the component is NaN or infinite */
     ENGINE_CALL_FAILED, /* `call` of the component returned `status`, or its step ended early or requests termination */
-    ENGINE_BACK_FAILED  /* the callback of the component returned another value than 0 */
+    ENGINE_BACK_FAILED  /* `back` returned another value than 0, called for a component or for a check (-1) */
 } EngineResult;
 
 /* Statuses that are no failure are 0 and 1 in FMI 2.0 and 3.0; as unsigned numbers all others are larger. */

@@ -5,7 +5,7 @@ The rule. Time is an integer count of base ticks. At every instant t at which so
 1. Arrival. Continuous components whose step ends at t show the outputs they reached.
 2. Discrete components that are due run in topological order of direct feed-through: each reads its inputs as they
    stand now, is stepped from t to its next sample, and its outputs are used from t on.
-3. The recorder takes its sample if it is due, and the stop conditions are looked at. A recording at t therefore
+3. The recorder takes its sample if it is due, and the stop conditions are checked. A recording at t therefore
    shows plant outputs at t together with the controllers' new outputs at t.
 4. Continuous components that are due advance from t to t + step with inputs as of t. What they reach stays hidden
    until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, components see at once
@@ -21,7 +21,7 @@ A component may ask to end the simulation. When its step was done the run ends a
 and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced
 further.
 
-No component ever reads a NaN or an infinity that another one has made: outputs are looked at as soon as they are there,
+No component ever reads a NaN or an infinity that another one has made: outputs are checked as soon as they are there,
 and the first that is not finite ends the run (unless `allow_nan`).
 
 A delayed connection delivers what the source showed before its latest step (discrete: its latest run).
@@ -82,9 +82,9 @@ class Exchange(Setup):
         self.forget()
 
     def stop_when(self, conditions: Sequence[StopCondition], read: Reader) -> None:
-        """Look at `conditions` after every sample from now on; `read` gives the present value of a variable.
+        """Check `conditions` after every sample from now on; `read` gives the present value of a variable.
 
-        The engine looks at them itself, unless one of them is a function or reads what is not in the values.
+        The engine checks them itself, unless one of them is a function or reads what is not in the values.
         """
         plain = [c for c in conditions if isinstance(c, StopWhen)]
         canonical = SystemComponents((m.name, m) for m in self.schedule.components).canonical

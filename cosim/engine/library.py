@@ -27,10 +27,10 @@ uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
 
 
 class NoEngine(CosimError):  # noqa: N818
-    """The engine could not be compiled; the argument says why, and what to install."""
+    """There is no engine for this machine; the argument says why, and what to install."""
 
     def __init__(self, reason: str):
-        super().__init__(f"the engine that runs systems could not be compiled: {reason}")
+        super().__init__(f"the engine, which runs systems, is not available: {reason}")
 
 
 @lru_cache
@@ -59,15 +59,19 @@ def prebuilt_name(platform_name: str) -> str:
 
 @lru_cache
 def library() -> Any:
-    """The engine, ready to be called: the one that came with the wheel, else compiled here.
+    """The engine, ready to be called: the one that came with the wheel, else, or if it cannot be loaded, compiled here.
 
     Raises:
         NoEngine: there is none.
     """
     ffi = interface()
+    path = HEADER.parent / "prebuilt" / prebuilt_name(host())
     try:
-        path = HEADER.parent / "prebuilt" / prebuilt_name(host())
-        loaded: Any = ffi.dlopen(str(path if path.is_file() else compiled(host())))
+        try:
+            loaded: Any = ffi.dlopen(str(path))
+        except OSError:  # a source installation has none, and not every machine can load it
+            path = compiled(host())
+            loaded = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
     if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineComponent") + ffi.sizeof("Table"):

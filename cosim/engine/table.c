@@ -9,8 +9,8 @@ uint32_t table_step(void *table, double t, double h, int no_set_prior) {
     (void)no_set_prior;
     if (!(t <= s->end)) return ERROR;
     size_t row = s->row;
-    while (row + 1 < s->rows && s->reached[row + 1] <= t) row++;
-    while (row > 0 && s->reached[row] > t) row--;
+    while (row + 1 < s->rows && s->valid_from[row + 1] <= t) row++;
+    while (row > 0 && s->valid_from[row] > t) row--;
     s->row = row;
     const double *const a = s->values + row * s->width;
     size_t i = 0;

@@ -8,7 +8,7 @@
 
 typedef struct {
     const double *times;      /* of the rows, increasing [s] */
-    const double *reached;    /* from when on each row counts, a little before its time: a time in a file is rounded */
+    const double *valid_from; /* from when on each row counts, a little before its time: a time in a file is rounded */
     const double *values;     /* row by row, `width` of each */
     size_t rows, width;
     double end;               /* up to here the table tells anything */

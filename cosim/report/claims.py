@@ -324,7 +324,7 @@ class Claims(list[Claim]):
         verdict = verdict_of(holds, value, band, over, undecided)
         rules = [criterion] if criterion else []
         if band is not None:
-            share = f" in clearly most {over.of}" if over is not None and band.open else ""
+            share = f" in a significant majority of the {over.of}" if over is not None and band.open else ""
             rules.append(f"magnitude {band.text(unit)}{share}" + (f" ({band.reason})" if band.reason else ""))
         reason = undecided or reason
         self._add(id, claim, published, result, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)

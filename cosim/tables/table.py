@@ -72,7 +72,7 @@ class Table:
         self._linear = frozenset(linear)
         self._values = np.column_stack([s.values for s in self.signals.columns])
         shortest = float(np.diff(self.times).min())
-        self._reached = self.times - _EARLY * shortest
+        self._valid_from = self.times - _EARLY * shortest
         last = float(self.times[-1] - self.times[-2])
         self.end = np.inf if after == "hold" else float(self.times[-1]) + last * (1 + _EQUAL)
         self._now = np.zeros(1)
@@ -111,7 +111,7 @@ class Table:
     def enter_initialization(self, start: float, stop: float | None) -> None:
         """Refuses a run that is not within the table."""
         self._now[0] = start
-        if start < self._reached[0]:
+        if start < self._valid_from[0]:
             raise TableError(
                 f"'{self._name}': {self.signals.name} begins at t = {self.times[0]:.9g} s, the run at {start:.9g} s;"
                 f" begin it there{surface.hint(' (start_time=...)')}, or move the table by {start - self.times[0]:.9g}"
@@ -195,7 +195,7 @@ class _Sampler:
 
     def sample(self, t: float) -> None:
         table, y, columns = self._table, self._y, self._columns
-        row = max(0, int(np.searchsorted(table._reached, t, "right")) - 1)
+        row = max(0, int(np.searchsorted(table._valid_from, t, "right")) - 1)
         a = table._values[row]
         y[self._held] = a[columns[self._held]]
         at = columns[self._linear]
@@ -215,10 +215,10 @@ class _Sampler:
             "places": order.astype(np.uint32),
             "values": np.ascontiguousarray(table._values),
             "times": table.times,
-            "reached": table._reached,
+            "valid_from": table._valid_from,
         }
         c = ffi.new("Table*")
-        for name in ("times", "reached", "values"):
+        for name in ("times", "valid_from", "values"):
             setattr(c, name, ffi.cast("double*", keep[name].ctypes.data))
         c.columns, c.places = (ffi.cast("uint32_t*", keep[n].ctypes.data) for n in ("columns", "places"))
         c.rows, c.width = table._values.shape

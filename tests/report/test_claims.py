@@ -58,7 +58,7 @@ class TestDistributionAsValue:
         assert verdict(value=seeds.median, band=bound).reproduced
         split = verdict(over=seeds, band=bound)
         assert split.verdict == "trend reproduced, magnitude differs"
-        assert split.criterion == "magnitude at least 25 in clearly most seeds"
+        assert split.criterion == "magnitude at least 25 in a significant majority of the seeds"
         assert verdict(over=Distribution([30] * 7 + [20]), band=bound).reproduced
 
     def test_a_value_beside_it_is_a_mistake(self, raises):

@@ -188,7 +188,7 @@ def _random_body(study: Results) -> Finding:
         f" {beyond.text('{:.2f}', holds=_halved)}",
         body.is_significant(_halved) and beyond.is_significant(_halved),
         "not halved on most stretches",
-        criterion="at least halved, as over the bumps; clearly so over the stretches of road (sign test at 5 %)",
+        criterion="at least halved, as over the bumps; significantly so over the stretches of road (sign test at 5 %)",
     )
 
 
@@ -204,7 +204,9 @@ def _random_wheel(study: Results) -> Finding:
         f"rms tire deflection of passive: {tire.text('{:.2f}', holds=_firmer)}",
         tire.is_significant(_firmer),
         "the tire is deflected about as much as on the passive bench, or more",
-        criterion=f"tire deflection at least {100 * FIRMLY:g} % below passive; clearly so over the stretches of road",
+        criterion=(
+            f"tire deflection at least {100 * FIRMLY:g} % below passive; significantly so over the stretches of road"
+        ),
     )
 
 

@@ -88,7 +88,7 @@ def _gain_on_sine(controller: str) -> Callable[[Judge], Finding]:
             unit="%",
             over=gains,
             band=Band.around(60),
-            criterion="clearly below the passive car's response over the seeds"
+            criterion="significantly below the passive car's response over the seeds"
             + ("; implicit and preview can be matched in as many" if matched else ""),
             fitted=chosen(j.fitted, EXCITATION if controller == "implicit" else None, MATCHING if matched else None),
             undecided=j.open(gains.median, Band.around(60), "%"),
@@ -155,7 +155,7 @@ def _implicit_power_80(j: Judge) -> Finding:
         "times",
         ALMOST_TWICE,
         power,
-        criterion="more power than explicit, clearly over the seeds in which explicit lowers the response",
+        criterion="more power than explicit, significantly over the seeds in which explicit lowers the response",
         fitted=f"{MATCHING}; {EXCITATION}",
         evidence=seen,
     )
@@ -184,7 +184,7 @@ def _implicit_force_50(j: Judge) -> Finding:
         MUCH_MORE,
         least,
         criterion=(
-            "more force than explicit and than preview, clearly over the seeds; value: the smaller of both ratios"
+            "more force than explicit and than preview, significantly over the seeds; value: the smaller of both ratios"
         ),
         fitted=f"{MATCHING}; {EXCITATION}",
         evidence=seen,
@@ -222,8 +222,9 @@ def _sine_signals(j: Judge) -> Finding:
             else "not all three controllers lower both"
         ),
         criterion=(
-            "r.m.s. of acceleration and pitch clearly below the passive car's over the seeds with every controller;"
-            f" r.m.s. of roll, which is 0 for the passive car, clearly at least {100 * VISIBLE_ROLL:g}"
+            "r.m.s. of acceleration and pitch significantly below the passive car's over the seeds with every"
+            " controller;"
+            f" r.m.s. of roll, which is 0 for the passive car, significantly at least {100 * VISIBLE_ROLL:g}"
             " % of that of pitch (less adds about 0.1 % to the response)"
         ),
         fitted=MATCHING,
@@ -259,7 +260,7 @@ def _sine_implicit_signals(j: Judge) -> Finding:
         min(known) if known else math.nan,
         "%",
         SLIGHTLY,
-        criterion="clearly over the seeds, compared with each of the others; value: by how much pitch is lower",
+        criterion="significantly over the seeds, compared with each of the others; value: by how much pitch is lower",
         fitted=f"{MATCHING}; {EXCITATION}",
         evidence=seen,
     )
@@ -281,7 +282,9 @@ def _gain_on_perryman(controller: str) -> Callable[[Judge], Finding]:
             unit="%",
             over=gains,
             band=MORE_THAN_25,
-            criterion="clearly below the passive car's response over the seeds, at the speed of its highest response",
+            criterion=(
+                "significantly below the passive car's response over the seeds, at the speed of its highest response"
+            ),
             fitted=chosen(EXCITATION if controller == "implicit" else None, STAND_IN["perryman3"]),
             undecided=j.open(gains.median, MORE_THAN_25, "%"),
             evidence=seen,
@@ -348,7 +351,8 @@ def _perryman_roll(j: Judge) -> Finding:
         "%",
         SLIGHTLY,
         criterion=(
-            "peak of pitch clearly below, r.m.s. of roll and of acceleration clearly above the passive car's over the "
+            "peak of pitch significantly below, r.m.s. of roll and of acceleration significantly above the passive"
+            " car's over the "
             "seeds with every controller; value: the largest rise"
         ),
         fitted=chosen(MATCHING, STAND_IN["perryman3"]),
@@ -388,7 +392,8 @@ def _curb_gain(j: Judge) -> Finding:
         over=gains,
         band=Band.around(14),
         criterion=(
-            "clearly below the passive car's response over the seeds at every speed: explicit, and at the same weight "
+            "significantly below the passive car's response over the seeds at every speed: explicit, and at the same"
+            " weight "
             "implicit and preview; value: explicit at the highest speed"
         ),
         fitted=MATCHING,
@@ -430,7 +435,8 @@ def _curb_explicit_force(j: Judge) -> Finding:
         Band.around(2),
         farthest,
         criterion=(
-            "more force and more power than implicit and than preview, clearly over the seeds, at every speed; value:"
+            "more force and more power than implicit and than preview, significantly over the seeds, at every speed;"
+            " value:"
             " median over the speeds of force or power compared with implicit, whichever lies farther from 2"
         ),
         fitted=MATCHING,
@@ -463,7 +469,8 @@ def _curb_preview_200(j: Judge) -> Finding:
         largest.median if largest else math.nan,
         "W",
         criterion=(
-            f"clearly below {POWER_LIMIT:g} W over the seeds at every speed above {POWER_ABOVE:g} km/h; value: the"
+            f"significantly below {POWER_LIMIT:g} W over the seeds at every speed above {POWER_ABOVE:g} km/h; value:"
+            " the"
             " largest median"
         ),
         fitted=MATCHING,
@@ -493,7 +500,8 @@ def _curb_preview_power(j: Judge) -> Finding:
         least == list(j.speeds),
         "far less than explicit everywhere, but implicit matches the same response with about as much mean power",
         criterion=(
-            "less power than implicit and than explicit for the same response, clearly over the seeds, at every speed"
+            "less power than implicit and than explicit for the same response, significantly over the seeds, at"
+            " every speed"
         ),
         fitted=MATCHING,
         evidence=seen,
@@ -531,7 +539,7 @@ def _curb_peak(j: Judge) -> Finding:
         None if ratio else math.nan,
         "times",
         over=ratio,
-        criterion="below both explicit's and implicit's, clearly over the seeds that can be matched",
+        criterion="below both explicit's and implicit's, significantly over the seeds that can be matched",
         fitted=MATCHING,
         undecided=(
             f"lowest in all {len(ratio.values)} seeds that can be matched, but so few may be chance"
@@ -561,7 +569,9 @@ def _weight_power(j: Judge) -> Finding:
         falls == list(j.speeds),
         "elsewhere a smaller weight is not always less effective per power: improvement is small or negative there, or"
         " two neighboring weights are about equally effective",
-        criterion=f"lower at each smaller one of the {len(WEIGHTS)} weights, clearly over the seeds, at every speed",
+        criterion=(
+            f"lower at each smaller one of the {len(WEIGHTS)} weights, significantly over the seeds, at every speed"
+        ),
         evidence=seen,
     )
 
@@ -591,7 +601,8 @@ def _weight_force(j: Judge) -> Finding:
         middle.median if math.isfinite(middle.median) else math.nan,
         "times",
         criterion=(
-            f"largest at most {COALESCE:g} times the smallest (curves that lie on one another), clearly over the seeds,"
+            f"largest at most {COALESCE:g} times the smallest (curves that lie on one another), significantly over"
+            " the seeds,"
             " at every speed; value: median over the speeds"
         ),
         evidence=seen,

@@ -1,9 +1,9 @@
 """How the claims of paper 000 are judged: on seeds, on speeds, at equal response, within bands.
 
 The excitation that the controllers are identified with is random, so a claim about a controller is judged on all
-identification seeds ("clearly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all speeds of
-the study. Implicit and preview are compared at the weights at which their response equals explicit's, as in the paper;
-what they do at R = 1e-7 is said beside it.
+identification seeds ("significantly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all
+speeds of the study. Implicit and preview are compared at the weights at which their response equals explicit's, as in
+the paper; what they do at R = 1e-7 is said beside it.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Judge:
     def where(
         self, seen: Evidence, quantity: str, at: Callable[[float], Distribution | None], holds: Above, unit: str = "-"
     ) -> list[float]:
-        """Speeds at which the seeds clearly decide for the claimed side; what they decide on is kept in `seen`."""
+        """Speeds at which the seeds decide significantly for the claimed side; `seen` keeps the evidence."""
         return [v for v in self.speeds if seen.is_significant(f"{quantity}, {v:g} km/h", at(v), holds, unit)]
 
     def open(self, value: float, band: Band, unit: str) -> str:
@@ -86,7 +86,7 @@ class Judge:
 
 
 def most(count: int, seeds: Sequence[int]) -> bool:
-    """Whether so many seeds are clearly most of them."""
+    """Whether so many seeds are significantly more than half of them."""
     return Distribution([1.0] * count + [0.0] * (len(seeds) - count)).is_significant(lambda x: x > 0)
 
 
@@ -103,7 +103,8 @@ def same(j: Judge, road: str) -> Finding:
         f"at the other speeds force or power is not {SAME.text('times')} explicit's, or the seeds do not decide:"
         " explicit takes the road ahead to be at height 0, as printed, and pays for that where it is not",
         criterion=(
-            f"force and power {SAME.text('times')} explicit's ({SAME.reason}), clearly over the seeds, at every speed"
+            f"force and power {SAME.text('times')} explicit's ({SAME.reason}), significantly over the seeds, at"
+            " every speed"
         ),
         fitted=chosen(MATCHING, STAND_IN.get(road)),
         evidence=seen,
@@ -129,7 +130,8 @@ def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Findi
         MORE,
         over,
         criterion=(
-            "more force and more power than explicit, clearly over the seeds, at every speed; value: median over the "
+            "more force and more power than explicit, significantly over the seeds, at every speed; value: median"
+            " over the "
             f"speeds of {first}"
         ),
         fitted=chosen(MATCHING, EXCITATION, STAND_IN.get(road)),

@@ -92,10 +92,10 @@ def _state(s: Statement, suffix: str, at: Condition) -> None:
             reason += f" (on the claimed side in {found.count(s.side)} of {len(found.values)})"
         reason += holds
         if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
-            computed = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
-            return Finding(computed, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
-        computed = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
-        return Finding(computed, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
+            result = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
+            return Finding(result, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
+        result = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
+        return Finding(result, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
 
 
 for _statement in STATEMENTS:

@@ -422,15 +422,15 @@ def _estimates(study: Averages) -> Section:
     rows: list[list[Scalar]] = []
     for road in ROADS:
         for controller in ESTIMATED:
-            true, computed = study.power(Case(road, controller)), study.power(estimated(controller, road))
+            true, estimated_power = study.power(Case(road, controller)), study.power(estimated(controller, road))
             sensed = study.power(estimated(controller, road, sensed=True)) if controller == "mpc-preview" else None
             rows.append(
                 [
                     ROAD_NAMES[road],
                     NAMES[controller],
                     round(true, 2),
-                    round(computed, 2),
-                    round(100 * (computed / true - 1), 1),
+                    round(estimated_power, 2),
+                    round(100 * (estimated_power / true - 1), 1),
                     None if sensed is None else round(sensed, 2),
                 ]
             )

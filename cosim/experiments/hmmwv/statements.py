@@ -120,8 +120,8 @@ def _opening(road: str, controller: str, band: Band) -> Callable[[Averages, Cond
     """What the opening of the passive car's spools does to a ratio to it."""
 
     def text(study: Averages, at: Condition) -> str:
-        computed = study.power(at(Case(road, controller)))
-        ratios = [study.power(Case(road, "passive", null_opening_mm=mm)) / computed for mm in NULL_OPENINGS_MM]
+        power = study.power(at(Case(road, controller)))
+        ratios = [study.power(Case(road, "passive", null_opening_mm=mm)) / power for mm in NULL_OPENINGS_MM]
         least, most = min(ratios), max(ratios)
         same = len({r in band for r in ratios}) == 1
         span = f"{min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm"

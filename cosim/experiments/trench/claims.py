@@ -16,7 +16,7 @@ FITTED_CONTROLLED = (
     "windows of the cases, pitch reference and weight of the height, which the thesis does not print, and the sign of"
     " the forced ranges, chosen with these 36 verdicts in view"
 )
-_ASSUMED = "the thesis keeps its vehicle to itself, computed IS assumed; so are bumpers and belly"
+_ASSUMED = "the thesis keeps its vehicle to itself, ours is assumed; so are bumpers and belly"
 _SEE_TABLE = "see the failures in the table of controlled runs"
 _FELT = "retracting an axle is felt where the passive vehicle hardly notices the trench"
 _LEFT_OUT = "these crossings were left out: the study ran the published ones only"
@@ -63,8 +63,8 @@ def score(study: Results) -> dict[Key, float]:
 
 def improvements(study: Results) -> dict[Key, float]:
     """By how many per cent control lowers the normalized cost (Table 5.11), where the passive one is above 0."""
-    computed, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
-    return {k: improvement_percent(computed[k], base[k]) for k in GRID if base[k] > 0}
+    controlled, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
+    return {k: improvement_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
 
 
 def lower(study: Results, quantity: str) -> list[Key]:

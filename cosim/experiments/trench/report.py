@@ -357,10 +357,11 @@ def _reductions(study: Results) -> Section:
     names = {"az": "az", "ax": "ax", "pitch": "pitch", "az_rms": "az rms", "ax_rms": "ax rms"}
     rows = []
     for key in GRID:
-        computed, base = (study[Case(*key, s)] for s in ("mpc", "passive"))
+        controlled, base = (study[Case(*key, s)] for s in ("mpc", "passive"))
         row: list[Any] = [*key]
         for n, printed in names.items():
-            row += [round(reduction_percent(computed[n], base[n])), published.number(*key, f"{printed} reduction [%]")]
+            reduction = published.number(*key, f"{printed} reduction [%]")
+            row += [round(reduction_percent(controlled[n], base[n])), reduction]
         rows.append(row)
     columns = ["length [m]", "speed [km/h]"]
     for printed in names.values():
@@ -383,8 +384,8 @@ def _over_length(study: Results, metric: str, label: str) -> Figure:
     for speed in SPEEDS:
         shown = []
         for system, name in _NAMES.items():
-            computed = [study[Case(length, speed, system)][metric] for length in LENGTHS]
-            shown.append(Series(name, LENGTHS, computed))
+            values = [study[Case(length, speed, system)][metric] for length in LENGTHS]
+            shown.append(Series(name, LENGTHS, values))
             cells = [published.number(length, speed, f"{name} {column}") for length in LENGTHS]
             theirs = [math.nan if cell is None else cell for cell in cells]
             shown.append(Series(f"{name}, thesis", LENGTHS, theirs, color=_LOOKS[name]["color"], mode="markers"))
@@ -404,13 +405,13 @@ def _costs(study: Results) -> Section:
     scores, taken = score(study), improvements(study)
     scaled = {s: normalized_costs(study, s) for s in SYSTEMS}
     for key in GRID:
-        base, computed = (study[Case(*key, s)]["cost"] for s in SYSTEMS)
+        base, controlled = (study[Case(*key, s)]["cost"] for s in SYSTEMS)
         rows.append(
             [
                 *key,
                 round(base),
                 published.number(*key, "passive cost"),
-                round(computed),
+                round(controlled),
                 published.number(*key, "controlled cost"),
                 *(round(scaled[s][key], 3) for s in SYSTEMS),
                 round(taken[key], 1) if key in taken else None,
