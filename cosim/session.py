@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
+import threading
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -53,6 +54,7 @@ class System(Wiring):
     def __init__(self) -> None:
         super().__init__()
         self._simulation: Simulation | None = None
+        self._use = threading.RLock()  # of the components: its simulations and their saved states call them
         self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
         self._ssp: Path | None = None
         self.experiment: tuple[Fraction, Fraction | None] = Fraction(0), None
@@ -153,7 +155,8 @@ class System(Wiring):
 
     def _begin(self, schedule: Schedule, start_time: TimeLike | None = None, **arguments: Any) -> Simulation:
         """A simulation of this system by a schedule of it; `arguments` are those of `Simulation`."""
-        self._simulation = Simulation(schedule, self.experiment[0] if start_time is None else start_time, **arguments)
+        start = self.experiment[0] if start_time is None else start_time
+        self._simulation = Simulation(schedule, start, **arguments, use=self._use)
         return self._simulation
 
     def end_simulation(self) -> None:
@@ -415,7 +418,7 @@ class System(Wiring):
     def close(self) -> None:
         """Free all instances and remove unpacked FMUs."""
         self.reset()
-        with held():
+        with self._use, held():
             for component in self.components.values():
                 component.implementation.close()
         for fmu in self._fmus.values():

@@ -22,6 +22,16 @@ EXPORT void cosim_engine_gather(const Engine *e, int32_t component, double t) {
     engine_gather(e, &e->components[component], t);
 }
 EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table); }
+/* The states of n FMUs. Returns how many were saved; if not all, `status` is that of the one that failed. */
+EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
+    int32_t i = 0;
+    while (i < n && (*status = fmus[i].get(fmus[i].instance, &states[i])) <= 1) i++;
+    return i;
+}
+EXPORT void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states) {
+    for (int32_t i = 0; i < n; i++)
+        if (states[i]) fmus[i].free(fmus[i].instance, &states[i]);
+}
 EXPORT uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior) {
     return table_step(table, t, h, no_set_prior);
 }

@@ -21,6 +21,8 @@ _EXPORTED = """
 int cosim_engine_run(Engine *e, int64_t end);
 int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances);
 void cosim_engine_gather(Engine *e, int32_t component, double t);
+int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
+void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
 """

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import threading
 import time as clock
 import warnings
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
@@ -34,9 +36,11 @@ from cosim.core.time import TimeLike, gcd, positive, rational
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.engine.progress import ProgressBar
+from cosim.engine.saving import keeper_of
 from cosim.engine.state import SystemState, Wiring, wiring_of
 from cosim.engine.stops import Stop, StopCondition
 from cosim.engine.values import EXACT
+from cosim.fmu.saved_states import SavedStates, StateKeeper
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool
 from cosim.system.components import Connection, SystemComponent
@@ -69,8 +73,12 @@ class Simulation:
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
+        use: AbstractContextManager[Any] | None = None,
     ):
-        """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`."""
+        """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`.
+
+        `use`: a reentrant lock; whoever calls the components holds it.
+        """
         start = rational(start_time, "start_time")
         if state is not None:
             start = state.base.exact(state.tick)
@@ -84,6 +92,7 @@ class Simulation:
             schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
         )
         self._layout = self._exchange.layout
+        self._use = threading.RLock() if use is None else use
         self._over: str | None = None  # why it cannot be continued
         self._terminated = False
         self._stops: list[StopCondition] = []
@@ -380,7 +389,8 @@ class Simulation:
         if self._over:
             raise CosimError(f"this simulation cannot be continued: {self._over}")
         try:
-            work()
+            with self._use:
+                work()
         except CallFailed as failure:
             self._over = "a component failed"
             recording = self.recording if self._exchange.recorder.count else None
@@ -417,55 +427,66 @@ class Simulation:
 
     # Saved states.
 
-    def save(self, *, travels: bool = True) -> SystemState:
-        """A copy of the whole state: components, exchanged values, time and length of the recording.
+    @cached_property
+    def _keeper(self) -> StateKeeper | None:
+        """What saves the FMUs that C may call."""
+        calls = {m: ports.fmi for m, ports in self._exchange.ports.items() if ports.fmi and ports.fmi.get_state}
+        return keeper_of(calls) if calls else None
 
-        Pickled or written to a file, it continues in other processes, for which FMUs serialize their states now, unless
-        `travels` is false. Raises CosimError naming the components that cannot save their state.
-        """
+    @cached_property
+    def _saved_alone(self) -> list[SystemComponent]:
+        """Components that `_keeper` does not save. Raises CosimError naming those that cannot save their state."""
         unable = [m.name for m in self.schedule.components if not m.implementation.description.can_save]
         if unable:
             raise CosimError(
                 f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
                 "(canGetAndSetFMUState); rerun from the start instead"
             )
-        components: dict[str, Any] = {}
-        serialized: dict[str, bytes | CosimError] = {}
+        together = () if self._keeper is None else self._keeper.names
+        return [m for m in self.schedule.components if m.name not in together]
+
+    def save(self) -> SystemState:
+        """A copy of the whole state: components, exchanged values, time and length of the recording.
+
+        Pickled or written to a file, it continues in other processes; FMUs serialize their states then. Raises
+        CosimError naming the components that cannot save their state.
+        """
+        e, alone, keeper = self._exchange, self._saved_alone, self._keeper
+        saved: dict[str, Any] = {}
+        together: SavedStates | None = None
 
         def save() -> None:
-            for m in self.schedule.components:
-                components[m.name] = saved = m.implementation.save()
-                if (
-                    travels and m.description.can_serialize and hasattr(m.implementation, "pack")
-                ):  # isinstance of a Protocol takes as long as saving
-                    try:
-                        serialized[m.name] = m.implementation.pack(saved)
-                    except CosimError as error:
-                        if isinstance(error, CallFailed) and error.status not in ("Discard", "Error"):
-                            raise
-                        serialized[m.name] = error  # reported when it is requested
+            nonlocal together
+            for m in alone:
+                saved[m.name] = m.implementation.save()
+            if keeper is not None:
+                together = keeper.save()
 
-        self.guarded(save)
-        e = self._exchange
+        (self.guarded if alone else self._tried)(save)  # C comes back before Python looks for Ctrl-C
         return SystemState(
             tick=e.tick,
             phase=e.phase,
             base=e.base,
             values=e.values.copy(),
             keys=self._layout.keys,
-            components=components,
+            saved=saved,
             wiring=self._wiring,
-            serialized=serialized,
+            together=together,
             samples=e.recorder.count,
             ending=e.ending,
-            instances={m.name: m for m in self.schedule.components},
+            instances=self._components,
             owner=weakref.ref(e),
+            use=self._use,
         )
 
     def restore(self, state: SystemState) -> None:
         """Go back to a saved state of this simulation; samples recorded after it are dropped."""
         if state.owner is None or state.owner() is not self._exchange:
             raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
+
+        missing = [m.name for m in self.schedule.components if m.name not in state.components]
+        if missing:
+            raise CosimError(f"this state does not contain '{missing[0]}'; was it freed by Simulation.forget?")
 
         def restore() -> None:
             for m in self.schedule.components:
@@ -482,9 +503,10 @@ class Simulation:
 
     def forget(self, state: SystemState) -> None:
         """Free a saved state; it cannot be restored any more."""
-        for m in self.schedule.components:
-            if m.name in state.components and state.instances.get(m.name) is m:
-                m.implementation.forget(state.components.pop(m.name))
+        with self._use:
+            for m in self.schedule.components:
+                if m.name in state.components and state.instances.get(m.name) is m:
+                    m.implementation.forget(state.components.pop(m.name))
 
     # The end.
 
@@ -494,7 +516,7 @@ class Simulation:
             return
         self._terminated = True
         if self._over is None or self._exchange.ending is not None:
-            with held():
+            with self._use, held():
                 for m in self.schedule.components:
                     m.implementation.terminate()
         self._over = self._over or "it is closed"

@@ -1,8 +1,8 @@
 """Saved states: of a simulation that continues, and on their way to another process or another day.
 
 A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`,
-pickle) it holds what they serialized, the exchanged values by name, the exact time, and what tells systems apart:
-components with their FMUs, rates, wiring.
+pickle) it holds what they serialize then, the exchanged values by name, the exact time, and what tells systems apart:
+components with their FMUs, rates, wiring. When an instance ends, its live states become bytes.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import os
 import re
 import weakref
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,10 +24,12 @@ from build_fmus.base import safe_files
 from cosim.core import packing
 from cosim.core.component import Array, Portable
 from cosim.core.errors import CosimError
+from cosim.core.interrupt import held
 from cosim.core.time import LONGEST, MOST_TICKS, TimeBase
 from cosim.engine.clock import Clock
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.values import Key
+from cosim.fmu.saved_states import SavedStates
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 
@@ -40,7 +44,7 @@ Wiring = dict[str, Any]
 
 @dataclass(frozen=True)
 class Packed:
-    """A component's state away from its instance. `identity` says of which component, `data` what it remembers."""
+    """A component's state away from its instance. `identity` says of which component, `data` is the state."""
 
     identity: Mapping[str, str]
     data: bytes
@@ -53,7 +57,7 @@ class SystemState:
     Give it to `Simulation.restore` of the same simulation, or to `System.initialize(state=...)` of the same system,
     whose wiring may have changed. Pickled, or written to a file (`write`, `read`), it also continues in other
     processes, in a system that is put together in the same way; all components must be able to serialize their states
-    then. `components` holds what each component remembers: a component that is deleted there begins afresh.
+    then. `components` holds the state of each component: a component that is deleted there begins afresh.
     """
 
     tick: int
@@ -61,15 +65,22 @@ class SystemState:
     base: TimeBase
     values: Array
     keys: Sequence[Key]
-    components: dict[str, Any]
+    saved: dict[str, Any]  # of the components that were saved alone
     wiring: Wiring
-    serialized: dict[str, bytes | CosimError] = field(default_factory=dict, repr=False)  # by FMUs, when it was saved
+    together: SavedStates | None = None  # of those that were saved by one call
     samples: int = 0
     ending: tuple[int, str] | None = None
     instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
     )  # whose instances hold it; none when it traveled
     owner: weakref.ref[Exchange] | None = field(default=None, repr=False)
+    use: AbstractContextManager[Any] = field(default_factory=nullcontext, repr=False)  # held by who calls components
+
+    @cached_property
+    def components(self) -> dict[str, Any]:
+        """The state of each component, in their order."""
+        found = self.saved if self.together is None else {**self.saved, **self.together.by_name()}
+        return {name: found[name] for name in self.wiring["components"] if name in found}
 
     @property
     def time(self) -> float:
@@ -93,14 +104,16 @@ class SystemState:
     def to_bytes(self) -> bytes:
         """The state as bytes, for other processes; see `read`.
 
-        Raises CosimError naming the components that cannot serialize their states, and why.
+        In another thread than that of its simulation, as pools pickle, it waits until a call of that has ended. Raises
+        CosimError naming the components that cannot serialize their states, and why.
         """
         packed, unable = {}, []
-        for name, saved in self.components.items():
-            try:
-                packed[name] = saved if isinstance(saved, Packed) else self._packed(self.instances[name], saved)
-            except CosimError as error:
-                unable.append(f"'{name}': {error}")
+        with self.use, held():
+            for name, saved in self.components.items():
+                try:
+                    packed[name] = saved if isinstance(saved, Packed) else _packed(self.instances[name], saved)
+                except CosimError as error:
+                    unable.append(f"'{name}': {error}")
         if unable:
             raise CosimError(f"this state cannot leave its process, because of {'; '.join(unable)}")
         description = {
@@ -113,27 +126,6 @@ class SystemState:
             "components": [[name, dict(p.identity)] for name, p in packed.items()],
         }
         return packing.pack(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
-
-    def _packed(self, component: SystemComponent, saved: Any) -> Packed:
-        """Saved state of a live component.
-
-        No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step.
-        """
-        implementation = component.implementation
-        if not isinstance(implementation, Portable):
-            raise CosimError(
-                f"{type(implementation).__name__} does not say how (identity, pack and unpack of cosim.core.component)"
-            )
-        data = self.serialized.get(component.name)
-        if isinstance(data, CosimError):
-            raise data
-        if data is None and component.description.fmi_version:
-            raise CosimError(
-                "it was saved with travels=False"
-                if component.description.can_serialize
-                else "its FMU does not serialize states (canSerializeFMUState)"
-            )
-        return Packed(implementation.identity(), implementation.pack(saved) if data is None else data)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> SystemState:
@@ -164,6 +156,16 @@ class SystemState:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return SystemState.from_bytes, (self.to_bytes(),)
+
+
+def _packed(component: SystemComponent, saved: Any) -> Packed:
+    """Saved state of a live component."""
+    implementation = component.implementation
+    if not isinstance(implementation, Portable):
+        raise CosimError(
+            f"{type(implementation).__name__} does not say how (identity, pack and unpack of cosim.core.component)"
+        )
+    return Packed(implementation.identity(), implementation.pack(saved))
 
 
 def wiring_of(schedule: Schedule) -> Wiring:
@@ -278,7 +280,7 @@ def _read(data: bytes, what: str) -> SystemState:
             base=base,
             values=np.frombuffer(pieces[0], dtype="<f8").astype(float),
             keys=keys,
-            components=components,
+            saved=components,
             wiring=wiring,
             ending=None if ending is None else (ending[0], ending[1]),
         )

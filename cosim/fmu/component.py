@@ -36,6 +36,7 @@ from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
+from cosim.fmu.saved_states import FmuState, StateKeeper
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 LARGEST = 2**30  # bytes of a serialized state
@@ -49,21 +50,7 @@ class _Bound:
     transfer: Transfer
 
 
-_DoStep = tuple[Callable[..., int], list[Any], Any]
-
-
-class _SavedState:
-    """A saved state, as callers hold it: `drop` is called when they drop it."""
-
-    __slots__ = ("_drop", "events", "pointer")
-
-    def __init__(self, pointer: Any, drop: Callable[[int], None], events: Any = None):
-        self.pointer = pointer
-        self.events = events  # when clocks tick next, and what they have shown
-        self._drop = drop
-
-    def __del__(self) -> None:  # a finalizer of weakref costs more than the state itself
-        self._drop(id(self))
+_DoStep = tuple[Callable[..., int], tuple[Any, ...], Any]
 
 
 class FmuComponent:
@@ -92,14 +79,13 @@ class FmuComponent:
         self._dead = False
         self._keep: list[Any] = []
         self._kept_from_start = 0  # of `_keep`, what the instance itself needs
-        self._states: dict[int, Any] = {}  # saved and held by somebody: id of the handle -> pointer
-        self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
-        self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
+        self.keepers: list[StateKeeper] = []  # of the states that it saved in this run
+        self._earlier_keepers: list[StateKeeper] = []
+        self._keeper: StateKeeper | None = None  # of the states that it saved alone
         self._layout: StateLayout | None = None  # of the states of a sampled FMU of ours
         self._reads_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
-        self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
         self._events: EventMode | None = None
 
     @property
@@ -122,7 +108,8 @@ class FmuComponent:
         self._reads_values = False
         self._given.clear()
         self._kept.clear()
-        self._may_roll_back.clear()  # what was saved before belongs to another run
+        self._earlier_keepers = [k for k in (*self._earlier_keepers, *self.keepers) if k.holds()]
+        self.keepers, self._keeper = [], None
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
         events = EventMode(self) if self.in_event_mode else None
         if events is not None and self.isolation is not None:
@@ -200,13 +187,10 @@ class FmuComponent:
         """
         if self._instance is not None:
             if not self._dead:
-                self._dropped += self._states.values()
-                self._free_dropped()
+                self._release_states()
                 self._finalizer()
                 self._warn_of_crash("FreeInstance")
             self._instance = None
-            self._states.clear()
-            self._dropped.clear()
 
     def _warn_of_crash(self, function: str) -> None:
         """Warn where an isolated FMU crashed after its last call."""
@@ -271,6 +255,7 @@ class FmuComponent:
         if self._dead:
             return
         self._dead = True
+        self._release_states()
         self._finalizer.detach()
         if isinstance(self._library, Library):
             self.fmu.abandon(self._library)
@@ -383,7 +368,7 @@ class FmuComponent:
     def _advance(self, t: float, h: float) -> None:
         """One fmi3DoStep, for steps with events."""
         call, rest, ended = self._bound_step
-        status = call(t, h, *rest)
+        status = call(t, h, self._no_set_prior(), *rest)
         if status > fmi.WARNING or ended[0]:
             self._step_failed(status, t, h)
 
@@ -422,7 +407,8 @@ class FmuComponent:
             gets=gets,
             flags=address(self._flags) if self._v3 else 0,
             last=address(self._last) if self._v3 else 0,
-            no_set_prior=lambda: bool(self._step_arguments[0]),
+            no_set_prior=self._no_set_prior,
+            **self._state_calls(),
             call_failed=self._fail,
             step_failed=self._step_failed,
             foreign=self._foreign,
@@ -488,22 +474,20 @@ class FmuComponent:
         """
         call = partial(self._function("DoStep"), self._instance)
         if not self._v3:
-            self._step_arguments = [1]
-            return call, self._step_arguments, (0,)
+            return call, (), (0,)
         flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
         self._flags = flags
         self._terminate, self._early = flags + 2, flags + 3
         self._keep += [flags, self._last]
         ended = self._ffi.cast("uint16_t*", self._terminate)
-        self._step_arguments = [True, flags, self._terminate, self._early, self._last]
-        return call, self._step_arguments, ended
+        return call, (flags, self._terminate, self._early, self._last), ended
 
     def _stepper(self, do_step: _DoStep) -> Callable[[float, float], None]:
         call, rest, ended = do_step
-        fail, warning = self._step_failed, fmi.WARNING
+        fail, warning, no_set_prior = self._step_failed, fmi.WARNING, self._no_set_prior
 
         def step(t: float, h: float) -> None:
-            status = call(t, h, *rest)
+            status = call(t, h, no_set_prior(), *rest)
             if status > warning or ended[0]:
                 fail(status, t, h)
 
@@ -548,50 +532,52 @@ class FmuComponent:
 
     # State and derivatives.
 
-    def save(self) -> Any:
-        self._free_dropped()
-        pointer = self._ffi.new("void**")
-        self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
-        state = _SavedState(pointer, self._drop, None if self._events is None else self._events.saved())
-        self._states[id(state)] = pointer
-        self._may_roll_back.add(id(state))
-        self._tell_roll_back()
-        return state
+    def save(self) -> FmuState:
+        if self._keeper is None:
+            self._keeper = StateKeeper({self.name: self}, self._ffi, self._save_pointer, self.free_pointer)
+        return FmuState(self._keeper.save(), events=None if self._events is None else self._events.saved())
 
-    def restore(self, state: Any) -> None:
-        if not self._holds(state):
-            raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
-        self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer[0])
+    def restore(self, state: FmuState) -> None:
+        if not state.belongs_to(self):
+            raise CosimError(f"'{self.name}': this is a state of another instance")
+        if not state.pointer:
+            self.deserialize(state.pack())
+            return
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer)
         if self._events is not None:
             self._events.restore(state.events)
         self._keep_values()
 
-    def forget(self, state: Any) -> None:
-        if self._holds(state):
-            self._drop(id(state))
-            self._free_dropped()
+    def forget(self, state: FmuState) -> None:
+        state.saved.keeper.forget(state.saved)
 
-    def _holds(self, state: Any) -> bool:
-        return not self._dead and id(state) in self._states
+    def _save_pointer(self, pointer: Any) -> None:
+        self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
 
-    def _drop(self, key: int) -> None:
-        """Nobody can restore this state any more. Called at any time, so the FMU is not."""
-        pointer = self._states.pop(key, None)
-        if pointer is not None:
-            self._dropped.append(pointer)
-        self._may_roll_back.discard(key)
-        self._tell_roll_back()
+    def free_pointer(self, pointer: Any) -> None:
+        """Free the state that a `void**` points to."""
+        if pointer[0]:
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", pointer)
 
-    def _free_dropped(self) -> None:
-        while self._dropped and not self._dead:
-            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", self._dropped.pop())
+    def _release_states(self) -> None:
+        """The instance ends."""
+        for keeper in (*self._earlier_keepers, *self.keepers):
+            keeper.release(self, dead=self._dead)
 
-    def _tell_roll_back(self) -> None:
-        """Set noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back.
+    def _no_set_prior(self) -> bool:
+        """The argument noSetFMUStatePriorToCurrentPoint of the next step: true unless this run may be rolled back.
 
         Until it is true, FMUs may hold back actions that they cannot undo: files, hardware, or all progress.
         """
-        self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
+        return not any(k.in_use for k in self.keepers)
+
+    def _state_calls(self) -> dict[str, int]:
+        """Addresses of the functions that save and free states, if nothing else is to be done with them."""
+        if self._foreign or not self.description.can_save:
+            return {}
+        functions = ("GetFMUState", "FreeFMUState") if self._v3 else ("GetFMUstate", "FreeFMUstate")
+        get, free = (self._address(self._function(name)) for name in functions)
+        return {"get_state": get, "free_state": free}
 
     def serialize(self) -> bytes:
         """The present state as bytes. Raises CosimError when the FMU does not offer it."""
@@ -599,17 +585,22 @@ class FmuComponent:
             raise CosimError("its FMU cannot serialize its state")
         state = self.save()
         try:
-            return self._serialized(state)
+            return self.pack(state)
         finally:
             self.forget(state)
 
-    def _serialized(self, state: _SavedState) -> bytes:
+    def pack_pointer(self, pointer: Any) -> bytes:
+        """A state as the FMU serializes it. Raises CosimError where it does not."""
+        if self._events is not None:
+            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
+        if not self.description.can_serialize:
+            raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
         size = self._ffi.new("size_t*")
-        self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", state.pointer[0], size)
+        self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", pointer, size)
         if size[0] > LARGEST:
             raise CosimError(f"its FMU reports a state of {size[0]:,} bytes; at most {LARGEST:,} are allowed")
         data = self._ffi.new("char[]", size[0])
-        self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", state.pointer[0], data, size[0])
+        self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", pointer, data, size[0])
         return bytes(self._ffi.buffer(data))
 
     def identity(self) -> Mapping[str, str]:
@@ -621,15 +612,9 @@ class FmuComponent:
             "content (SHA-256 of description and library)": self.fmu.digest,
         }
 
-    def pack(self, state: Any) -> bytes:
+    def pack(self, state: FmuState) -> bytes:
         """A saved state as the FMU serializes it. Raises CosimError when it does not offer that."""
-        if self._events is not None:
-            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
-        if not self.description.can_serialize:
-            raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
-        if not self._holds(state):
-            raise CosimError("this saved state was freed, or its instance was")
-        return self._serialized(state)
+        return state.pack()
 
     def unpack(self, data: bytes) -> None:
         if not self.description.can_serialize:

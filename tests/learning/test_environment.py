@@ -207,7 +207,7 @@ def test_planning_leaves_no_trace(make: Make) -> None:
     env.reset(seed=1)
     chosen, played = [], []
     for _ in range(10):
-        state = env.save(travels=False)
+        state = env.save()
         worth = []
         for a in (-1.0, 0.0, 1.0):
             worth.append(env.step(np.array([a]))[1])

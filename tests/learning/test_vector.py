@@ -57,7 +57,7 @@ def test_saved_together_and_restored(raises) -> None:
     vector = SystemVectorEnv(one, COUNT)
     vector.reset(seed=[1, None, 3])
     vector.step(np.full((COUNT, 1), 0.5))
-    states = vector.save(travels=False)
+    states = vector.save()
     after = vector.step(np.full((COUNT, 1), 0.5))[0].tobytes()
     vector.step(np.full((COUNT, 1), -0.5))
     vector.restore(states)

@@ -7,6 +7,7 @@ import json
 import pickle
 import random
 import struct
+import threading
 from pathlib import Path
 
 import awkward
@@ -340,13 +341,58 @@ def test_fmus_that_do_not_serialize_are_named(awkward_fmus, raises):
             simulation.restore(state)  # here it can be used
 
 
-def test_states_without_a_copy_for_others(follower, raises):
-    with System() as system:
-        system.add("plant", follower[3], step="1 ms")
+def test_states_that_are_held_when_a_system_closes_become_bytes(follower, elsewhere):
+    """Those of FMUs that were saved together, and of one that was saved alone."""
+    for isolated in (False, True):
+        with wired_pair(follower, isolated=isolated) as system, system.initialize(record=["b.y"]) as simulation:
+            simulation.advance(0.3)
+            state, dropped, forgotten = simulation.save(), simulation.save(), simulation.save()
+            del dropped
+            simulation.forget(forgotten)
+            simulation.advance(0.6)
+            whole = simulation.recording
+        assert_tail(elsewhere(wired_pair, (follower,), state, [0.6], record=["b.y"]), whole, 0.3)
+        assert_tail(system.run(0.6, record=["b.y"], state=state), whole, 0.3)
+        assert not forgotten.components
+
+
+def test_a_state_is_serialized_in_another_thread_when_the_simulation_stands(follower):
+    """As pools do it, which pickle in a thread of their own."""
+    stands = threading.Event()
+
+    class Waits(PythonComponent):
+        outputs = ("y",)
+
+        def step(self, t, h, u, y):  # noqa: ARG002
+            if t > 0.5 and not stands.is_set():
+                pickling.start()
+                pickling.join(0.2)
+                assert pickling.is_alive()  # it waits
+                stands.set()
+
+    data = []
+    with wired_pair(follower) as system:
+        system.add("waits", Waits(), step="1 ms")
         with system.initialize() as simulation:
-            state = simulation.save(travels=False)
-            simulation.advance(0.1)
-            simulation.restore(state)
+            simulation.advance(0.5)
+            state = simulation.save()
+            expected = state.to_bytes()
+            pickling = threading.Thread(target=lambda: data.append(state.to_bytes()))
+            simulation.advance(1.0)
+            pickling.join()
+    assert stands.is_set()
+    assert data == [expected]
+
+
+def test_states_of_an_fmu_that_failed_are_lost(awkward_fmus, raises):
+    """The FMU returns fmi3Fatal at 0.3 s."""
+    with System() as system:
+        system.add("plant", awkward_fmus[3], parameters={"trouble": awkward.STATUS, "at": 0.3, "value": 4.0})
+        with system.initialize() as simulation:
+            simulation.advance(0.2)
+            state = simulation.save()
+            with pytest.raises(CosimError):
+                simulation.advance(0.5)
             with raises(CosimError):
                 state.to_bytes()
 
@@ -514,7 +560,7 @@ def test_a_hundred_runs_from_one_settled_state(elsewhere, follower, tmp_path):
 
 def tells_no_roll_back(system: System) -> list[bool]:
     """Argument noSetFMUStatePriorToCurrentPoint of the next steps."""
-    return [bool(system[name].implementation._step_arguments[0]) for name in ("a", "b")]
+    return [system[name].implementation._no_set_prior() for name in ("a", "b")]
 
 
 def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
@@ -530,14 +576,14 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, rais
         simulation.advance(0.5)
         traveled = SystemState.from_bytes(simulation.save().to_bytes())
         gc.collect()
-        assert not system["a"].implementation._states
+        assert not any(k.in_use for k in system["a"].implementation.keepers)
         assert traveled.owner is None
         assert not traveled.instances
         with raises(CosimError):
             simulation.restore(traveled)
         fork = system.initialize(record=["b.y"], state=traveled)  # in the system where it comes from
         fork.advance(0.6)
-        assert not system["a"].implementation._states
+        assert not any(k.in_use for k in system["a"].implementation.keepers)
         assert all(tells_no_roll_back(system))
         kept = fork.save()
         assert not any(tells_no_roll_back(system))

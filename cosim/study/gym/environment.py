@@ -336,15 +336,12 @@ class SystemEnv(gymnasium.Env[Array, Array]):
 
     # Looking ahead.
 
-    def save(self, *, travels: bool = True) -> EnvState:
-        """Save the state, for `restore` here or in an environment made in the same way, also in another process.
-
-        With `travels=False` for this environment alone, which is cheaper.
-        """
+    def save(self) -> EnvState:
+        """Save the state, for `restore` here or in an environment made in the same way, also in another process."""
         if self._simulation is None:
             raise EpisodeOver("there is nothing to save before the first reset()")
         return EnvState(
-            self._simulation.save(travels=travels),
+            self._simulation.save(),
             self._steps,
             self._over,
             self.np_random.bit_generator.state,

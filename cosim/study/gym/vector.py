@@ -101,9 +101,9 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
 
     # Looking ahead.
 
-    def save(self, *, travels: bool = True) -> list[EnvState]:
+    def save(self) -> list[EnvState]:
         """Where each stands, see `SystemEnv.save`."""
-        return [env.save(travels=travels) for env in self.envs]
+        return [env.save() for env in self.envs]
 
     def restore(self, states: Sequence[EnvState]) -> Array:
         """Go back to saved states, one for each environment; returns the observations (count, n) there.
