@@ -540,8 +540,12 @@ class FmuComponent:
     def restore(self, state: FmuState) -> None:
         if not state.belongs_to(self):
             raise CosimError(f"'{self.name}': this is a state of another instance")
-        if not state.pointer:
-            self.deserialize(state.pack())
+        if not state.pointer:  # its instance has ended
+            try:
+                data = state.pack()
+            except CosimError as error:
+                raise CosimError(f"'{self.name}': {error}") from None
+            self.deserialize(data)
             return
         self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer)
         if self._events is not None:
@@ -591,10 +595,10 @@ class FmuComponent:
 
     def pack_pointer(self, pointer: Any) -> bytes:
         """A state as the FMU serializes it. Raises CosimError where it does not."""
-        if self._events is not None:
-            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         if not self.description.can_serialize:
             raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
+        if self._events is not None:
+            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         size = self._ffi.new("size_t*")
         self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", pointer, size)
         if size[0] > LARGEST:
