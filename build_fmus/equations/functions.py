@@ -296,8 +296,9 @@ def _argument(pointer: str) -> str:
 
 
 def _signature(part: _Part) -> str:
+    once = "CALLED_ONCE\n" if part.function in ("start", "fwd_start") else ""
     second = ", double *second" if len(part.results) > 1 else ""
-    return f"static void {part.name}(const FmuArguments *at, double *result{second})"
+    return f"{once}static void {part.name}(const FmuArguments *at, double *result{second})"
 
 
 def _head(title: str, source: str = "") -> str:

@@ -2,7 +2,8 @@
  *
  * Mathematical libraries differ in the last digits, and compilers compute functions of constants with one of theirs.
  * With these names code that includes this header gives bit-identical results on all platforms and compilers.
- * Functions that are not here (sqrt, fabs, copysign) are exact operations of the processor.
+ * Functions that are not here (sqrt, fabs, copysign) are exact operations of the processor, with GCC and Clang also in
+ * functions that are not optimized.
  */
 #ifndef FMU_MATH_H
 #define FMU_MATH_H
@@ -22,6 +23,12 @@
 #define FMU_HIDDEN __attribute__((visibility("hidden")))
 #else
 #define FMU_HIDDEN
+#endif
+
+#ifdef __GNUC__
+#define copysign(x, y) __builtin_copysign(x, y)
+#define fabs(x) __builtin_fabs(x)
+#define sqrt(x) __builtin_sqrt(x)
 #endif
 
 /* Whether the compiler knows the number. */

@@ -283,6 +283,12 @@ def test_sections_of_a_continuous_component_and_their_sources() -> None:
     assert ".body_mass = 2800.0," in code
 
 
+def test_what_is_called_once_is_not_optimized() -> None:
+    code = generate.generate_c(model("FullCarHmmwv"), arrays=False, token="t")
+    assert re.findall(r"^CALLED_ONCE\nstatic void (\w+)", code, re.MULTILINE) == ["start_states", "directional_start"]
+    assert code.count("CALLED_ONCE") == 2
+
+
 def test_what_is_not_there_is_not_written() -> None:
     """No functions that copy, no tables without entries, no field that is 0."""
     code = quarter_car()
