@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -45,8 +46,8 @@ class BoundEngine:
         self._failure: BaseException | None = None
         self._rows: Any = None  # the recorder's chunk that the engine writes to
         ffi = self._ffi
-        names = ("AT_END", "FULL", "STOPPED", "NOT_FINITE", "CALL_FAILED", "BACK_FAILED")
-        self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.CALL_FAILED, self.BACK_FAILED = (
+        names = ("AT_END", "FULL", "STOPPED", "NOT_FINITE", "BACK_FAILED", "UNSETTLED")
+        self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.BACK_FAILED, self.UNSETTLED = (
             getattr(self._library, f"ENGINE_{name}") for name in names
         )
         self.plan = plan = make_plan(setup)
@@ -117,9 +118,23 @@ class BoundEngine:
         else:
             calls.step_failed(status, t, float(component.step))
 
-    def gather(self, number: int, t: float) -> None:
-        """Copy the inputs of component `number` from the values to its buffer, converted and extrapolated."""
-        self._library.cosim_engine_gather(self._state, number, t)
+    def publish(self) -> None:
+        """Computed outputs become visible, and visible ones previous ones, of all components."""
+        self._library.cosim_engine_publish(self._state)
+
+    def settle(self, components: Sequence[SystemComponent]) -> npt.NDArray[np.bool_]:
+        """Pass outputs to inputs of initialized components until nothing changes except for rounding.
+
+        Returns which of the values still change then. Raises what the calls raise.
+        """
+        values = self._setup.values
+        chosen = np.array([m in components for m in self._setup.schedule.components], dtype=np.bool_)
+        changes = np.zeros(len(values))
+        pointers = self._address("bool*", chosen), self._address("double*", changes)
+        result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
+        if result not in (self.AT_END, self.UNSETTLED):
+            self.raise_failure(result)
+        return changes.astype(np.bool_)
 
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
@@ -222,8 +237,8 @@ class BoundEngine:
         return {"slot": slot, "relation": relation, "scale": scale, "offset": offset, "value": float(stop.value)}
 
     def _back(self) -> Any:
-        components, ports = self._setup.schedule.components, self._setup.ports
-        runs, check = [(ports[m].run, float(m.step)) for m in components], self._check
+        components, check = self._setup.schedule.components, self._check
+        called = [(self._setup.ports[m], float(m.step)) for m in components]
 
         def back(_: Any, i: int, t: float) -> int:
             try:
@@ -231,8 +246,12 @@ class BoundEngine:
                     assert check is not None
                     check(t)
                 else:
-                    run, h = runs[i]
-                    run(t, h)
+                    ports, h = called[i]
+                    if math.isnan(t):
+                        ports.set_inputs()
+                        ports.get_outputs()
+                    else:
+                        ports.run(t, h)
             except BaseException as error:
                 self._failure = error
                 return 1

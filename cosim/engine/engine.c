@@ -3,6 +3,7 @@
 
 #include "environment.h"
 
+#include <math.h>
 #include <string.h>
 
 #if defined(_MSC_VER) && !defined(__clang__)
@@ -55,8 +56,6 @@ INLINE void gather(const double *values, const EngineComponent *m, double t) {
     for (size_t i = 0; i < m->n_inputs; i++) u[i] = values[m->index[i]];
     if (m->n_extrapolations | (m->scale != NULL)) convert(values, m, t);
 }
-
-void engine_gather(const Engine *e, const EngineComponent *m, double t) { gather(e->values, m, t); }
 
 #define FOR_ALL(type, to, from) \
     for (size_t i = 0; i < s->n; i++) to = (type)(from); \
@@ -303,6 +302,50 @@ INLINE int advance(Engine *e, double t) {
         if (RARELY(result)) return failed_at(e, k, result);
     }
     return check_computed_finite(e);
+}
+
+/* ------------------------------------------------------------------ initialization */
+
+void engine_publish(Engine *e) {
+    for (int pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < e->n_components; i++) {
+            const EngineComponent *m = &e->components[i];
+            const int32_t end = pass ? m->n_copies_before : m->n_copies;
+            for (int32_t c = pass ? 0 : m->n_copies_before; c < end; c++) copy(e->values, &m->copies[c]);
+        }
+}
+
+/* Inputs and outputs of a component without a step. */
+static int exchange(Engine *e, const EngineComponent *m) {
+    gather(e->values, m, 0.0);
+    int result = m->fmi ? engine_set(e, m) : run_back(e, m, NAN);
+    if (m->fmi && !result) result = engine_get(e, m);
+    if (m->foreign) put_back(e, m);
+    return result;
+}
+
+int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
+    e->environment = environment_bits();
+    for (int32_t round = 0; round < 20 + e->n_components; round++) {
+        memcpy(before, e->values, n_values * sizeof(double));
+        for (int32_t i = 0; i < e->n_components; i++) {
+            if (settles && !settles[i]) continue;
+            const int result = exchange(e, &e->components[i]);
+            if (result) {
+                e->component = i;
+                return result;
+            }
+            engine_publish(e);
+        }
+        bool moved = false;
+        for (size_t k = 0; k < n_values; k++) {
+            const double was = before[k], size = fabs(was) > 1.0 ? fabs(was) : 1.0;
+            before[k] = fabs(e->values[k] - was) > 1e-12 * size;
+            if (before[k] != 0.0) moved = true;
+        }
+        if (!moved) return ENGINE_AT_END;
+    }
+    return ENGINE_UNSETTLED;
 }
 
 void engine_arrive(Engine *e, double t) { arrive(e, t); }

@@ -23,6 +23,7 @@ typedef enum {
     ENGINE_STOPPED,     /* a stop condition is fulfilled; steps of continuous components are still to be done */
     ENGINE_NOT_FINITE,  /* an output of the component is NaN or infinite */
     ENGINE_CALL_FAILED, /* `call` of the component returned `status`, or its step ended early or requests termination */
+    ENGINE_UNSETTLED,   /* initial values still change after many rounds: there is a loop among them */
     ENGINE_BACK_FAILED  /* `back` returned another value than 0, called for a component or for a check (-1) */
 } EngineResult;
 
@@ -32,6 +33,7 @@ typedef uint32_t (*EngineValues3)(void *instance, const uint32_t *references, si
 typedef uint32_t (*EngineStep2)(void *instance, double t, double h, int no_set_prior);
 typedef uint32_t (*EngineStep3)(
     void *instance, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last);
+/* A step of the component at time t; where t is NaN, inputs and outputs without a step. Component -1: see `checks`. */
 typedef int (*EngineBack)(void *context, int32_t component, double t);
 
 /* One call that sets or gets all connected variables of one type. */
@@ -162,11 +164,15 @@ int engine_advance(Engine *e, double t);
 
 /* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
-/* Inputs of a component from the values. */
-void engine_gather(const Engine *e, const EngineComponent *m, double t);
-/* Hand inputs over, or fetch outputs. Returns 0, or 1 with what failed in `call` and `status`. */
+/* Hand inputs over, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
 int engine_set(Engine *e, const EngineComponent *m);
 int engine_get(Engine *e, const EngineComponent *m);
+/* Of all components: what was computed is published, and what is published becomes the previous value. */
+void engine_publish(Engine *e);
+/* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of
+ * the components that `settles` says, NULL: all. Of values that still change, ENGINE_UNSETTLED, `before` is 1, else 0;
+ * it has as many elements as there are values. */
+int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_component(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);

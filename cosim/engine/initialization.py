@@ -53,7 +53,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for (m, variable), slot in exchange.layout.constants.items():
         if m in restored:
             exchange.values[slot] = float(m.implementation.get([variable])[0])
-    exchange.layout.publish_everything()
+    exchange.engine.publish()
     fresh = [m for m in components if m not in restored]
     unsettled = _settle(exchange, fresh)
     check_loops(exchange.schedule, fresh)
@@ -65,7 +65,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for m in fresh:
         m.implementation.exit_initialization()
         exchange.ports[m].get_outputs()
-    exchange.layout.publish_everything()
+    exchange.engine.publish()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
@@ -159,26 +159,12 @@ def _continued(exchange: Exchange, state: SystemState) -> list[SystemComponent]:
 
 
 def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[str]:
-    """Pass outputs to inputs, in order of execution, until nothing changes except for rounding.
-
-    Returns the values that still change.
-    """
-    numbers = [exchange.schedule.components.index(m) for m in components]
-    for _ in range(20 + len(components)):
-        before = exchange.values.copy()
-        for number, m in zip(numbers, components, strict=True):
-            exchange.engine.gather(number, 0.0)
-            exchange.ports[m].set_inputs()
-            exchange.ports[m].get_outputs()
-            exchange.layout.publish_everything()
-        with np.errstate(invalid="ignore"):
-            moved = np.abs(exchange.values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
-        if not moved.any():
-            return []
+    """Pass outputs to inputs until nothing changes except for rounding; returns the values that still change."""
+    changes = exchange.engine.settle(components)
     return [
         f"{component}.{variable}"
-        for (part, component, variable), changes in zip(exchange.layout.keys, moved, strict=True)
-        if part == "visible" and changes
+        for (part, component, variable), changed in zip(exchange.layout.keys, changes, strict=True)
+        if part == "visible" and changed
     ]
 
 

@@ -18,8 +18,9 @@ EXPORT int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives,
     const int result = samples ? engine_sample(e, t) : ENGINE_AT_END;
     return result || !advances ? result : engine_advance(e, t);
 }
-EXPORT void cosim_engine_gather(const Engine *e, int32_t component, double t) {
-    engine_gather(e, &e->components[component], t);
+EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
+EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
+    return engine_settle(e, settles, before, n_values);
 }
 EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table); }
 /* The states of n FMUs. Returns how many were saved; if not all, `status` is that of the one that failed. */

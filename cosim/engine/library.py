@@ -20,7 +20,8 @@ SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c
 _EXPORTED = """
 int cosim_engine_run(Engine *e, int64_t end);
 int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances);
-void cosim_engine_gather(Engine *e, int32_t component, double t);
+void cosim_engine_publish(Engine *e);
+int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
 void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states);
 size_t cosim_engine_size(void);

@@ -102,13 +102,6 @@ class Layout:
         published = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is component]
         return previous, published
 
-    def publish_everything(self) -> None:
-        """Latest becomes visible becomes previous, everywhere: initial values."""
-        for to, source in ((self.visible, self.latest), (self.previous, self.visible)):
-            for key, slot in to.items():
-                if key in source:
-                    self.values[slot] = self.values[source[key]]
-
     @cached_property
     def keys(self) -> tuple[Key, ...]:
         """What each value is: which part, of which component, of which variable (of `sample_time` none)."""

@@ -400,41 +400,15 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         self->engine.status);
 }
 
-static void show_everything(FmuInstance *self) {
-    for (int pass = 0; pass < 2; pass++) /* what was reached is shown, then what is shown is remembered */
-        for (int32_t i = 0; i < P->n_components; i++) {
-            const PlanComponent *p = &P->components[i];
-            const int32_t first = pass ? 0 : p->n_copies_before, end = pass ? p->n_copies_before : p->n_copies;
-            for (int32_t k = first; k < end; k++)
-                memcpy(
-                    self->values + p->copies[k].to, self->values + p->copies[k].from, p->copies[k].n * sizeof(double));
-        }
-}
-
-/* Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding. */
+/* Pass outputs to inputs until nothing changes any more. */
 static FmuStatus settle(FmuInstance *self) {
     State *s = self->state;
     if (s->settled) return FMU_OK;
-    for (int32_t round = 0; round < 20 + P->n_components; round++) {
-        memcpy(self->before, self->values, P->n_values * sizeof(double));
-        for (int32_t i = 0; i < P->n_components; i++) {
-            EngineComponent *e = &self->bound[i];
-            if (e->n_inputs) engine_gather(&self->engine, e, 0.0);
-            if (engine_set(&self->engine, e) || engine_get(&self->engine, e)) return call_failed(self, i);
-            show_everything(self);
-        }
-        bool moved = false;
-        for (uint32_t k = 0; k < P->n_values; k++) {
-            const double was = fabs(self->before[k]);
-            if (fabs(self->values[k] - self->before[k]) > 1e-12 * (was > 1.0 ? was : 1.0)) moved = true;
-        }
-        if (!moved) {
-            s->settled = 1;
-            return FMU_OK;
-        }
-    }
+    const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
+    if (result == ENGINE_CALL_FAILED) return call_failed(self, self->engine.component);
     s->settled = 1;
-    (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
+    if (result == ENGINE_UNSETTLED)
+        (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
     return FMU_OK;
 }
 
@@ -479,7 +453,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
             if (status > fmi3Warning) return component_failed(self, v->component, "getting a value", status);
         }
     }
-    show_everything(self);
+    engine_publish(&self->engine);
     return FMU_OK;
 }
 
@@ -498,7 +472,7 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
         if (status > fmi3Warning) result = component_failed(self, i, "ExitInitializationMode", status);
         else if (engine_get(&self->engine, &self->bound[i])) result = call_failed(self, i);
     }
-    show_everything(self);
+    engine_publish(&self->engine);
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
     if (result == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", fmu_model.name, fmu_time(self));
