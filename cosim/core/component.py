@@ -58,8 +58,7 @@ class FmiCalls:
     no_set_prior: Callable[[], bool]  # noSetFMUStatePriorToCurrentPoint of the next step
     call_failed: Callable[[str, int], None]  # (function, status)
     step_failed: Callable[[int, float, float], None]  # (status, time at its begin [s], length [s])
-    get_state: int = 0  # fmiXGetFMUState and fmiXFreeFMUState; 0: it does not offer them
-    free_state: int = 0
+    states: Mapping[str, int] | None = None  # fmiXGetFMUState, fmiXSetFMUState, fmiXFreeFMUState: `get`, `set`, `free`
     foreign: bool = False  # the floating-point environment is put back after its calls
     changed: Callable[[int], None] = lambda bits: None  # says what it has changed there
 

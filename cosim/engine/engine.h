@@ -92,11 +92,13 @@ typedef struct {
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineComponent;
 
-/* Calls of an FMU that save and free its state; the same in FMI 2.0 and 3.0. */
+/* Calls of an FMU that save, restore and free its state; the same in FMI 2.0 and 3.0. */
 typedef uint32_t (*EngineState)(void *instance, void **state);
+typedef uint32_t (*EngineStateSet)(void *instance, void *state);
 typedef struct {
     void *instance;
     EngineState get, free;
+    EngineStateSet set;
 } EngineStates;
 
 /* Outputs of components that lie side by side: values[from] to values[from + n - 1]. */

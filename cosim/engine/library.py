@@ -23,6 +23,7 @@ int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool s
 void cosim_engine_publish(Engine *e);
 int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
+int32_t cosim_engine_restore(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
 void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);

@@ -1,40 +1,43 @@
-"""Saves the states of a simulation's FMUs by one call of the engine's library."""
+"""Saves and restores the states of a simulation's FMUs by one call of the engine's library each."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from cosim.core.component import FmiCalls
 from cosim.engine.library import interface, library
-from cosim.fmu.saved_states import StateKeeper
+from cosim.fmu.saved_states import SavedStates, StateKeeper
 from cosim.system.components import SystemComponent
 
 
-def keeper_of(fmus: Mapping[SystemComponent, FmiCalls]) -> StateKeeper:
-    """Saves the states of these FMUs together; their `get_state` and `free_state` are not 0."""
-    ffi, called = interface(), list(fmus.values())
-    structs = ffi.new(
-        "EngineStates[]",
-        [
-            {
-                "instance": ffi.cast("void*", calls.instance),
-                "get": ffi.cast("EngineState", calls.get_state),
-                "free": ffi.cast("EngineState", calls.free_state),
-            }
-            for calls in called
-        ],
-    )
-    status, save_all, free_all = ffi.new("uint32_t*"), library().cosim_engine_save, library().cosim_engine_free
+class EngineKeeper(StateKeeper):
+    """Keeps states of FMUs that C may call."""
 
-    def save(pointers: Any) -> None:
-        done = save_all(structs, len(called), pointers, status)
-        if done < len(called):
-            failed = called[done]
-            failed.call_failed("GetFMUState" if failed.version == 3 else "GetFMUstate", status[0])
+    def __init__(self, fmus: Mapping[SystemComponent, FmiCalls]):
+        """The `states` of all `fmus` are not None."""
+        self._library, self._calls, ffi = library(), list(fmus.values()), interface()
+        self._status, types = ffi.new("uint32_t*"), {"instance": "void*", "set": "EngineStateSet"}
+        structs = []
+        for calls in self._calls:
+            assert calls.states is not None
+            addresses = {"instance": calls.instance, **calls.states}
+            structs.append({n: ffi.cast(types.get(n, "EngineState"), a) for n, a in addresses.items()})
+        self._structs = ffi.new("EngineStates[]", structs)
+        super().__init__({m.name: m.implementation for m in fmus}, ffi, self._save_all, self._free_all)  # type: ignore[misc]
 
-    def free(pointers: Any) -> None:
-        free_all(structs, len(called), pointers)
+    def restore(self, saved: SavedStates) -> None:
+        """Restore all. Raises what the calls raise."""
+        self._call("SetFMU{}tate", self._library.cosim_engine_restore, saved.pointers)
 
-    stateful: dict[str, Any] = {m.name: m.implementation for m in fmus}
-    return StateKeeper(stateful, ffi, save, free)
+    def _save_all(self, pointers: Any) -> None:
+        self._call("GetFMU{}tate", self._library.cosim_engine_save, pointers)
+
+    def _free_all(self, pointers: Any) -> None:
+        self._library.cosim_engine_free(self._structs, len(self._calls), pointers)
+
+    def _call(self, name: str, call: Callable[..., int], pointers: Any) -> None:
+        done = call(self._structs, len(self._calls), pointers, self._status)
+        if done < len(self._calls):
+            failed = self._calls[done]
+            failed.call_failed(name.format("S" if failed.version == 3 else "s"), self._status[0])

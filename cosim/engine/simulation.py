@@ -36,11 +36,11 @@ from cosim.core.time import TimeLike, gcd, positive, rational
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.engine.progress import ProgressBar
-from cosim.engine.saving import keeper_of
+from cosim.engine.saving import EngineKeeper
 from cosim.engine.state import SystemState, Wiring, wiring_of
 from cosim.engine.stops import Stop, StopCondition
 from cosim.engine.values import EXACT
-from cosim.fmu.saved_states import SavedStates, StateKeeper
+from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool
 from cosim.system.components import Connection, SystemComponent
@@ -428,10 +428,10 @@ class Simulation:
     # Saved states.
 
     @cached_property
-    def _keeper(self) -> StateKeeper | None:
+    def _keeper(self) -> EngineKeeper | None:
         """What saves the FMUs that C may call."""
-        calls = {m: ports.fmi for m, ports in self._exchange.ports.items() if ports.fmi and ports.fmi.get_state}
-        return keeper_of(calls) if calls else None
+        calls = {m: ports.fmi for m, ports in self._exchange.ports.items() if ports.fmi and ports.fmi.states}
+        return EngineKeeper(calls) if calls else None
 
     @cached_property
     def _saved_alone(self) -> list[SystemComponent]:
@@ -484,15 +484,18 @@ class Simulation:
         if state.owner is None or state.owner() is not self._exchange:
             raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
 
+        alone, keeper, together = self._saved_alone, self._keeper, state.together
         missing = [m.name for m in self.schedule.components if m.name not in state.components]
         if missing:
             raise CosimError(f"this state does not contain '{missing[0]}'; was it freed by Simulation.forget?")
 
         def restore() -> None:
-            for m in self.schedule.components:
+            for m in alone:
                 m.implementation.restore(state.components[m.name])
+            if keeper is not None and together is not None:
+                keeper.restore(together)
 
-        self.guarded(restore)
+        (self.guarded if alone else self._tried)(restore)
         exchange = self._exchange
         self._pace = None
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending

@@ -408,7 +408,7 @@ class FmuComponent:
             flags=address(self._flags) if self._v3 else 0,
             last=address(self._last) if self._v3 else 0,
             no_set_prior=self._no_set_prior,
-            **self._state_calls(),
+            states=self._state_calls(),
             call_failed=self._fail,
             step_failed=self._step_failed,
             foreign=self._foreign,
@@ -575,13 +575,12 @@ class FmuComponent:
         """
         return not any(k.in_use for k in self.keepers)
 
-    def _state_calls(self) -> dict[str, int]:
-        """Addresses of the functions that save and free states, if nothing else is to be done with them."""
-        if self._foreign or not self.description.can_save:
-            return {}
-        functions = ("GetFMUState", "FreeFMUState") if self._v3 else ("GetFMUstate", "FreeFMUstate")
-        get, free = (self._address(self._function(name)) for name in functions)
-        return {"get_state": get, "free_state": free}
+    def _state_calls(self) -> dict[str, int] | None:
+        """Addresses of the functions for states, if nothing else is to be done with a state."""
+        if self._foreign or self._kept or not self.description.can_save:
+            return None
+        state = "FMUState" if self._v3 else "FMUstate"
+        return {n: self._address(self._function(f"{n.title()}{state}")) for n in ("get", "set", "free")}
 
     def serialize(self) -> bytes:
         """The present state as bytes. Raises CosimError when the FMU does not offer it."""
