@@ -23,7 +23,7 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
     return engine_settle(e, settles, before, n_values);
 }
 EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table); }
-/* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the one that failed. */
+/* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
     int32_t i = 0;
     while (i < n && (*status = fmus[i].get(fmus[i].instance, &states[i])) <= 1) i++;
