@@ -12,8 +12,8 @@ from collections import Counter
 from pathlib import PurePosixPath
 
 ENDINGS = (".py", ".c", ".h", ".js", ".css", ".html", ".j2")
-THIRD_PARTY = {"musl", "vendor", "third_party", "schemas"}
-"""Folders of third-party code."""
+THIRD_PARTY = "third_party"
+"""Name of the folders of third-party code."""
 
 
 def count(commit: str | None = None) -> dict[str, int]:
@@ -24,7 +24,7 @@ def count(commit: str | None = None) -> dict[str, int]:
     for line in listed.splitlines():
         name, _, lines = line.removeprefix(f"{commit}:").rpartition(":")
         parts = PurePosixPath(name).parts
-        if not THIRD_PARTY & set(parts):
+        if THIRD_PARTY not in parts:
             found["/".join(parts[: min(2, len(parts) - 1)]) or "."] += int(lines)
     return dict(found)
 

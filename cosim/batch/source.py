@@ -13,7 +13,7 @@ from cosim.batch.lanes import FUNCTIONS, translated
 from cosim.batch.statements import NotRead, without_comments
 from cosim.fmu.file import FmuFile
 
-RUNTIME = Path(building.__file__).with_name("runtime")
+RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
 _SAME = (
     "equations.h",
     "fmu_core.c",
@@ -185,7 +185,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
 def _expected(names: frozenset[str]) -> dict[str, bytes]:
     """The runtime's own files, of which an FMU must have the same."""
     return {
-        n: (RUNTIME / n).read_bytes() for n in names if n in _SAME or (n.startswith("musl/") and (RUNTIME / n).exists())
+        n: (_THIRD_PARTY / n).read_bytes() for n in names if n.startswith("musl/") and (_THIRD_PARTY / n).exists()
     } | {n: (RUNTIME / n).read_bytes() for n in _SAME}
 
 

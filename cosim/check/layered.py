@@ -25,7 +25,7 @@ SCHEMAS = {
 }
 """Layered standards whose schema is carried: its file, and the version that it belongs to (None: any)."""
 MOST_SHOWN = 5
-_FOLDERS = (Path(__file__).parent / "schemas", Path(validation.__file__).parent / "schemas" / "fmi3")
+_FOLDERS = (Path(__file__).parent / "third_party", Path(validation.__file__).parent / "third_party" / "fmi3")
 
 Found = Iterator[Finding]
 

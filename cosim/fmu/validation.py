@@ -119,7 +119,7 @@ def _key(xml: bytes) -> str:
 @cache
 def _makers() -> bytes:
     """Hash of what verdicts are made with: the code of this package, the quirks and the schemas."""
-    files = [*_HERE.glob("*.py"), _QUIRKS, *_HERE.glob("schemas/*/*.xsd")]
+    files = [*_HERE.glob("*.py"), _QUIRKS, *_HERE.glob("third_party/*/*.xsd")]
     return hashlib.sha256(b"\0".join(f.name.encode() + b"\0" + f.read_bytes() for f in sorted(files))).digest()
 
 
@@ -145,7 +145,7 @@ def judge(root: Any, about: Description) -> Verdict:
 
 @cache
 def _compiled(major: str) -> Any:
-    path = _HERE / "schemas" / f"fmi{major}" / f"fmi{major}ModelDescription.xsd"
+    path = _HERE / "third_party" / f"fmi{major}" / f"fmi{major}ModelDescription.xsd"
     return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
 
 

@@ -137,10 +137,10 @@ def render(report: Report) -> str:
         scripts.append(_script(_asset("animation.js")))
         style += _asset("animation.css")
     if plots or motions:
-        inflate = _asset("tiny-inflate.js", "vendor")  # made for Node.js: a module
+        inflate = _asset("tiny-inflate.js", "third_party")  # made for Node.js: a module
         inflate = f"const inflate = ((module) => {{\n{inflate}\nreturn module.exports; }})({{}});"
         scripts.insert(0, _script(f"{inflate}\n{_asset('packed.js')}"))
-    library = _script(_asset("plotly-cartesian.min.js", "vendor")) if plots else None
+    library = _script(_asset("plotly-cartesian.min.js", "third_party")) if plots else None
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_asset),
         autoescape=True,

@@ -16,7 +16,7 @@ _FILES = {
     "ParameterMapping": "SystemStructureParameterMapping",
     "SignalDictionary": "SystemStructureSignalDictionary",
 }
-_HERE = Path(__file__).parent / "schemas"
+_HERE = Path(__file__).parent / "third_party"
 
 
 @cache

@@ -207,7 +207,7 @@ def test_installed_package_has_the_runtime_and_the_templates() -> None:
         assert package.joinpath("runtime", name).read_text().startswith("/*")
     assert "{{ component.name }}" in package.joinpath("templates", "documentation.html").read_text()
     assert package.joinpath("py.typed").is_file()
-    assert "MIT" in package.joinpath("runtime", "musl", "COPYRIGHT").read_text()
+    assert "MIT" in package.joinpath("third_party", "musl", "COPYRIGHT").read_text()
 
     project = Path(__file__).parents[2] / "pyproject.toml"
     patterns = tomllib.loads(project.read_text())["tool"]["setuptools"]["package-data"]["*"]

@@ -15,15 +15,16 @@ from typing import Any
 import pytest
 from pages import PAGES, ROOT
 
+from benchmarks.lines import THIRD_PARTY
+
 WORDS = tomllib.loads(Path(__file__).with_name("language.toml").read_text(encoding="utf-8"))["words"]
 PACKAGES = ("build_fmus", "cosim", "fmu_sources", "benchmarks", ".ci")
-OTHERS = {"third_party", "vendor", "musl"}  # third-party code
 C_WORD = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"|[A-Za-z_]\w*", re.DOTALL)
 
 
 def sources(*endings: str) -> list[Path]:
     found = [p for d in PACKAGES for e in endings for p in (ROOT / d).rglob(f"*{e}")]
-    return [p for p in found if not OTHERS & set(p.relative_to(ROOT).parts)]
+    return [p for p in found if THIRD_PARTY not in p.parts]
 
 
 def parts_of_python(text: str) -> Iterator[tuple[str, int, str]]:

@@ -173,9 +173,11 @@ class TestSelfContained:
 
     def test_what_others_wrote_is_the_file_that_was_released(self):
         """The hash that stands beside it, which anybody can take from the package on npm."""
-        vendor = resources.files("cosim.report").joinpath("vendor")
-        said = re.findall(r"SHA-256 of (\S+): (\w{64})", vendor.joinpath("COPYRIGHT").read_text(encoding="utf-8"))
-        files = {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in vendor.iterdir() if f.name.endswith(".js")}
+        third_party = resources.files("cosim.report").joinpath("third_party")
+        said = re.findall(r"SHA-256 of (\S+): (\w{64})", third_party.joinpath("COPYRIGHT").read_text(encoding="utf-8"))
+        files = {
+            f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in third_party.iterdir() if f.name.endswith(".js")
+        }
         assert dict(said) == files
 
     @pytest.mark.parametrize("text", ["", "a", "abc" * 1000, "Größe ≤ 1 \N{KANGAROO}", "plotly", "noise"])
@@ -183,7 +185,7 @@ class TestSelfContained:
         plain = {
             "plotly": lambda: (
                 resources.files("cosim.report")
-                .joinpath("vendor", "plotly-cartesian.min.js")
+                .joinpath("third_party", "plotly-cartesian.min.js")
                 .read_text(encoding="utf-8")
             ),
             "noise": lambda: b64encode(np.random.default_rng(0).bytes(200_000)).decode(),
@@ -192,7 +194,7 @@ class TestSelfContained:
         script = MiniRacer()
         script.eval(
             "var module = {};"
-            + resources.files("cosim.report").joinpath("vendor", "tiny-inflate.js").read_text(encoding="utf-8")
+            + resources.files("cosim.report").joinpath("third_party", "tiny-inflate.js").read_text(encoding="utf-8")
         )
         source = list(b64decode(packed.content))
         found = script.eval(
