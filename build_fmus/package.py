@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import description, generate, licenses, reference, related
+from build_fmus import description_xml, generate, licenses, reference, related
 from build_fmus.base import extras, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
@@ -66,7 +66,7 @@ def _pack(
     sources = [n for n in files if n.endswith(".c")]
     token = generate.identity(component, arrays=arrays, clocks=clocks)
     content: dict[str, bytes] = {f"sources/{name}": data for name, data in files.items()}
-    content["modelDescription.xml"] = description.model_description(
+    content["modelDescription.xml"] = description_xml.model_description(
         component, fmi, token=token, sources=sources, arrays=arrays, clocks=clocks
     )
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
@@ -84,8 +84,10 @@ def _pack(
     if fmi == 2:
         content["model.png"] = icon
     else:
-        content["sources/buildDescription.xml"] = description.build_description(component.name, sources)
-        content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
+        content["sources/buildDescription.xml"] = description_xml.build_description(component.name, sources)
+        content["terminalsAndIcons/terminalsAndIcons.xml"] = description_xml.terminals_and_icons(
+            component, arrays=arrays
+        )
         content["terminalsAndIcons/icon.png"] = icon
     result = reference.simulate(component)
     content |= _documentation(component, fmi, result)
@@ -131,7 +133,7 @@ def _documentation(component: Model, fmi: int, result: reference.ReferenceResult
     page = environment.get_template("documentation.html").render(
         component=component,
         fmi=f"{fmi}.0",
-        rows=description.variable_rows(component),
+        rows=description_xml.variable_rows(component),
         papers=generate.cited(component),
         version=metadata.version("suspension-fmus"),
         dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},

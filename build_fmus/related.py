@@ -21,7 +21,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.compile import CFLAGS, Toolchain
-from build_fmus.description import TOOL
+from build_fmus.description_xml import TOOL
 from build_fmus.licenses import Part
 
 NAME = "org.fmi-standard.fmi-ls-ref"

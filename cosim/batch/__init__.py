@@ -1,6 +1,6 @@
 """Many copies of one system, stepped together on all cores.
 
-- `batch`: `Batch`, the interface for users;
+- `copies`: `Batch`, the interface for users;
 - `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
 - `statements`: its generated functions, read back;
@@ -11,7 +11,7 @@ In `runtime/` are the vectors (`lanes.h`), solvers and samples in lanes (`lane_c
 groups (`batch.c`).
 """
 
-from cosim.batch.batch import Batch, BatchRecording, CopyFailedWarning
+from cosim.batch.copies import Batch, BatchRecording, CopyFailedWarning
 from cosim.batch.structs import CopyFailure
 
 __all__ = ["Batch", "BatchRecording", "CopyFailedWarning", "CopyFailure"]

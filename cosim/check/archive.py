@@ -13,7 +13,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base.checks import one_line
-from cosim.check.description import File
+from cosim.check.description_rules import File
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from cosim.check.description import File
+from cosim.check.description_rules import File
 from cosim.check.rules import Finding, NotApplicable, check, names, note
 
 Found = Iterator["str | tuple[int, str] | Finding"]

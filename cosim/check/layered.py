@@ -10,7 +10,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base.checks import one_line
-from cosim.check.description import File
+from cosim.check.description_rules import File
 from cosim.check.rules import Finding, NotApplicable, check, note, warning
 from cosim.core.errors import FmuError
 from cosim.fmu import validation

@@ -12,7 +12,7 @@ from pathlib import Path
 from lxml import etree
 
 from build_fmus.compile import ObjectCache, Toolchain
-from build_fmus.description import TOOL
+from build_fmus.description_xml import TOOL
 from cosim.core.errors import CosimError
 from cosim.export.symbols import defined
 from cosim.fmu.file import FmuFile

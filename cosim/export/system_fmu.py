@@ -10,13 +10,13 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import description as base
+from build_fmus import description_xml as base
 from build_fmus import licenses, package, related
 from build_fmus.base import safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
-from cosim.export import description
+from cosim.export import description_xml
 from cosim.export.code import SystemCode, exported_schedule, template, write
 from cosim.export.parts import shown
 from cosim.export.variables import choose
@@ -69,13 +69,13 @@ class _Exporter:
         self.parts, self.distinct = code.parts, code.distinct
         self.facts = self._facts(text)
 
-    def _facts(self, text: str) -> description.Facts:
+    def _facts(self, text: str) -> description_xml.Facts:
         components = self.schedule.components
         about = [m.description for m in components]
         stops = [float(a.default_stop) for a in about if a.default_stop is not None]
         listed = ", ".join(f"{m.name} ({m.description.name})" for m in components)
         discrete = not self.schedule.continuous
-        return description.Facts(
+        return description_xml.Facts(
             name=self.name,
             text=text or f"A system of {len(components)} FMUs: {listed}",
             kind="discrete" if discrete else "continuous",
@@ -150,7 +150,7 @@ class _Exporter:
         return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"
 
     def _description(self, token: str, c_files: Sequence[str]) -> bytes:
-        return description.model_description(
+        return description_xml.model_description(
             self.fmi, self.facts, self.schedule, self.variables, token=token, sources=c_files
         )
 

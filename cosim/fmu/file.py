@@ -18,7 +18,7 @@ from build_fmus.base import safe_files
 from cosim.core.description import Description
 from cosim.core.errors import FmuError, FmuWarning
 from cosim.core.terminals import Terminal
-from cosim.fmu import terminals, validation
+from cosim.fmu import terminals_file, validation
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
@@ -174,9 +174,11 @@ class FmuFile:
 
         Raises FmuError for a malformed file.
         """
-        if self.major == "2" or not self._archive.has(terminals.FILE):
+        if self.major == "2" or not self._archive.has(terminals_file.FILE):
             return ()
-        return terminals.read(self._archive.xml(terminals.FILE), str(self.path), self.description, self._archive.limits)
+        return terminals_file.read(
+            self._archive.xml(terminals_file.FILE), str(self.path), self.description, self._archive.limits
+        )
 
     @property
     def binary(self) -> str:

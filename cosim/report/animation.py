@@ -16,7 +16,16 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base.checks import finite, number
-from cosim.report.checks import assign, check_choice, check_id, check_text, check_unique, curve, items, split_label
+from cosim.report.content_checks import (
+    assign,
+    check_choice,
+    check_id,
+    check_text,
+    check_unique,
+    curve,
+    items,
+    split_label,
+)
 
 Role = Literal["ground", "body"]
 Points = Sequence[tuple[float, float]]

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.report.animation import Animation
-from cosim.report.checks import (
+from cosim.report.claims import Claim, Counts
+from cosim.report.content_checks import (
     Array,
     Scalar,
     assign,
@@ -28,7 +29,6 @@ from cosim.report.checks import (
     plain_value,
     split_label,
 )
-from cosim.report.claims import Claim, Counts
 from cosim.report.maps import Map
 
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "gray"]

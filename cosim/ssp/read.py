@@ -14,11 +14,11 @@ from cosim.core.description import Variable
 from cosim.core.errors import CosimError, SspError, WiringError
 from cosim.core.time import TimeLike, positive
 from cosim.fmu.component import FmuComponent
+from cosim.ssp.integer_mapping import IntegerTable
 from cosim.ssp.package import Package
 from cosim.ssp.parameters import BoundValue, values_of
 from cosim.ssp.signals import Change, Place, Signals, change, trace
 from cosim.ssp.structure import Component, Structure, System, read
-from cosim.ssp.table import IntegerTable
 from cosim.system.components import SystemComponent, indices
 from cosim.system.names import elements
 from cosim.system.wiring import Wiring

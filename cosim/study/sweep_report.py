@@ -16,7 +16,7 @@ from build_fmus.base.checks import Array, unknown
 from cosim.recording.peaks import keep_peaks
 from cosim.recording.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
-from cosim.report.checks import Scalar, label_of
+from cosim.report.content_checks import Scalar, label_of
 from cosim.study.design import METHODS, DesignError
 from cosim.study.experiment import Metric, undeclared
 from cosim.study.fmus import FmuSet

@@ -22,7 +22,7 @@ from cosim.fmu.file import FmuFile
 from cosim.fmu.find import find
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
-from cosim.system import terminals
+from cosim.system import terminal_wires
 from cosim.system.components import Connection, Group, SystemComponent, article
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.renewal import PythonSource
@@ -210,9 +210,9 @@ class Wiring:
                 pairs.setdefault(input_, output)
         further = [
             wire
-            for first, second in terminals.common(from_component, to_component)
-            if any(fits(n) for place in (first, second) for n in terminals.names(place.terminal))
-            for wire in terminals.wires(first, second, nested=False)
+            for first, second in terminal_wires.common(from_component, to_component)
+            if any(fits(n) for place in (first, second) for n in terminal_wires.names(place.terminal))
+            for wire in terminal_wires.wires(first, second, nested=False)
             if wire.source is from_component
             and wire.input not in pairs
             and f"{target}.{wire.input}" not in self.connections
@@ -249,12 +249,16 @@ class Wiring:
         `road.fl.height` is the variable `height` of `road.fl`, a bus. Parameters are not wired. Raises WiringError
         naming terminal and variable that do not fit, FmuError for an FMU whose terminals cannot be understood.
         """
-        found = list(terminals.wires(terminals.find(self.components, first), terminals.find(self.components, second)))
+        found = list(
+            terminal_wires.wires(
+                terminal_wires.find(self.components, first), terminal_wires.find(self.components, second)
+            )
+        )
         if not found:
             raise WiringError(f"terminals {first} and {second}: no output of one is an input of the other")
         return self._connected(self._wired(found, delay=delay, extrapolate=extrapolate))
 
-    def _wired(self, found: Iterable[terminals.Wire], *, delay: bool, extrapolate: bool) -> list[Connection]:
+    def _wired(self, found: Iterable[terminal_wires.Wire], *, delay: bool, extrapolate: bool) -> list[Connection]:
         """The connections that terminals say, which are not made yet."""
         made: dict[str, Connection] = {}
         flows = {c.source_name: c for c in self.connections.values() if c.flow}

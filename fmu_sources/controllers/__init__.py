@@ -6,7 +6,7 @@
 - `mpc`: model predictive control of any plant, and the published control laws (papers 001 to 003)
 - `gpc`: generalized predictive control, identified from a plant's FMU (paper 000)
 - `trench`: cases and references for crossing trenches (paper 003)
-- `checks`: checks of arguments that the designs share
+- `design_checks`: checks of arguments that the designs share
 
 Models that control laws, filters and plants have in common are in `fmu_sources.models`.
 """

@@ -2,7 +2,7 @@
 
 - `layout`: where the wheels are, what is previewed and scanned
 - `road`: a road by formula: profile, heights, slopes, rates, preview
-- `table`: a road by a table of heights
+- `height_table`: a road by a table of heights
 - `standard`: sine and curb (paper 000)
 - `perryman3`: synthetic stand-in for the Perryman 3 course (paper 000)
 - `hole_bump`: hole, flat and bump (paper 004)
@@ -26,6 +26,7 @@
 from fmu_sources.roads.bumps import road_bumps
 from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.half_cylinder import road_half_round
+from fmu_sources.roads.height_table import HeightTable, road_from_table
 from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import ENVELOPING, RoadLayout, RoadScan, WheelPosition
@@ -37,7 +38,6 @@ from fmu_sources.roads.shallow_trench import road_shallow_trench
 from fmu_sources.roads.speed_command import speed_command
 from fmu_sources.roads.speed_profile import speed_profile
 from fmu_sources.roads.standard import road_curb, road_sine
-from fmu_sources.roads.table import HeightTable, road_from_table
 from fmu_sources.roads.user_file import road_from_file
 
 __all__ = [

@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.roads.height_table import HeightTable, node_heights
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
-from fmu_sources.roads.table import HeightTable, node_heights
 
 CLASSES = "ABCDEFGH"
 REFERENCE_WAVE_NUMBER = 0.1  # cycles/m, ISO 8608

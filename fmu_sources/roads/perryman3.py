@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.roads.height_table import HeightTable, road_from_table
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import NODE_STEP
-from fmu_sources.roads.table import HeightTable, road_from_table
 
 LENGTH = 220.0  # m, covers runs of 150 m with margin
 FLAT, RAMP = 10.0, 10.0  # m, flat start and the stretch over which the heights grow to their full size

@@ -13,9 +13,9 @@ from build_fmus.base.checks import nearest
 from build_fmus.component import Component
 from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.errors import RoadError, check_length
+from fmu_sources.roads.height_table import HeightTable, road_from_table
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.opencrg import read_opencrg
-from fmu_sources.roads.table import HeightTable, road_from_table
 
 _COLUMNS = {
     "distance": ("distance", "x", "s", "station", "position"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from build_fmus.component import Component, DeclarationError
-from build_fmus.description import model_description, variable_rows
+from build_fmus.description_xml import model_description, variable_rows
 from build_fmus.reference import Evaluator
 
 BEYOND, LIMIT, INSIDE = [-5.0, 7.0], [-1.0, 2.0], [-0.5, 1.5]

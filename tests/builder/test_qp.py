@@ -14,7 +14,7 @@ from oracles.qp import solve_reference
 from build_fmus import generate, package, qp_sources
 from build_fmus.base import safe_files
 from build_fmus.component import Component, DeclarationError
-from build_fmus.description import model_description
+from build_fmus.description_xml import model_description
 from build_fmus.qp import Daqp, Osqp, ProgramError, generate_data
 from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.reference import Evaluator

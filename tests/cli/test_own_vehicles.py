@@ -17,7 +17,7 @@ from programs import refused, run
 
 import fmu_sources
 from build_fmus.builder import Options
-from build_fmus.description import model_description
+from build_fmus.description_xml import model_description
 from cosim import System
 from cosim.fmu.model_description import parse
 from fmu_sources import cli

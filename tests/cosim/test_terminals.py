@@ -14,7 +14,7 @@ from foreign import followers
 from cosim import FmuError, FmuWarning, PythonComponent, System, WiringError
 from cosim.fmu.describe import describe
 from cosim.fmu.file import FmuFile
-from cosim.fmu.terminals import FILE
+from cosim.fmu.terminals_file import FILE
 from cosim.system.components import Connection
 
 Terminals = Callable[[str, str], Path]

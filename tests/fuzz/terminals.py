@@ -12,8 +12,8 @@ from pathlib import Path
 from cosim import CosimError, FmuError, System
 from cosim.fmu.calls import platform_folder
 from cosim.fmu.file import FmuFile
-from cosim.fmu.terminals import FILE
-from cosim.system import terminals
+from cosim.fmu.terminals_file import FILE
+from cosim.system import terminal_wires
 
 from . import mutate, xml
 
@@ -52,7 +52,7 @@ def run(case: bytes, folder: Path) -> None:
         with suppress(CosimError):  # what does not fit
             system.connect_matching("a", "b")
         try:
-            paths = list(terminals.of(system["a"]))
+            paths = list(terminal_wires.of(system["a"]))
         except FmuError as error:
             if str(folder) not in str(error):
                 raise AssertionError(f"the message does not name the file: {error}") from error

@@ -27,7 +27,7 @@ from lxml import etree
 from build_fmus import generate, package
 from build_fmus.base import escape
 from build_fmus.component import Component, DeclarationError
-from build_fmus.description import model_description
+from build_fmus.description_xml import model_description
 from cosim import CosimError, Recording, System
 from cosim.check import report as checked
 from cosim.check.page import to_html

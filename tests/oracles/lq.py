@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import number, whole_number
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.continuous import ContinuousLq, continuous_lq
 from fmu_sources.controllers.lq.design.matrices import even, matrix, scaled_lowest, symmetric
 from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex, index_from_outputs

@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.mpc.model import MpcError, position
 from fmu_sources.controllers.mpc.settings import CATCH_UP, Input, Mpc, Output
 

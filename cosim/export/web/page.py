@@ -17,7 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from build_fmus import description as base
+from build_fmus import description_xml as base
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean
 from cosim.core.description import Variable

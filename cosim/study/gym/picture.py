@@ -6,7 +6,7 @@ from typing import Any
 
 from cosim import Recording
 from cosim.recording.peaks import keep_peaks
-from cosim.report.checks import label_of
+from cosim.report.content_checks import label_of
 from cosim.report.model import Figure, Panel, Series
 from cosim.study.gym.signals import Signals
 

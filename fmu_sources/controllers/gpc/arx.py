@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import whole_number
-from fmu_sources.controllers.checks import finite_array, rows, signal
+from fmu_sources.controllers.design_checks import finite_array, rows, signal
 
 Array = npt.NDArray[np.float64]
 EPS = float(np.finfo(float).eps)

@@ -36,7 +36,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import plain, whole_number
-from fmu_sources.controllers.checks import Array, finite_array, rows
+from fmu_sources.controllers.design_checks import Array, finite_array, rows
 from fmu_sources.controllers.gpc.prediction import MultiStepPredictor
 
 __all__ = [

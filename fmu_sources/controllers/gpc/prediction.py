@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base.checks import whole_number
-from fmu_sources.controllers.checks import Array, rows
+from fmu_sources.controllers.design_checks import Array, rows
 from fmu_sources.controllers.gpc.arx import ArxModel
 
 

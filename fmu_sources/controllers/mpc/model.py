@@ -15,7 +15,7 @@ from scipy import linalg
 
 from build_fmus.base.checks import did_you_mean, number
 from build_fmus.component import Linearization
-from fmu_sources.controllers.checks import Array, finite_array
+from fmu_sources.controllers.design_checks import Array, finite_array
 
 Hold = Literal["foh", "zoh"]
 

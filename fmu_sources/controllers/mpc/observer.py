@@ -18,7 +18,7 @@ import numpy as np
 from scipy import linalg
 
 from build_fmus.base.checks import number
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.mpc.model import position
 from fmu_sources.controllers.mpc.settings import CATCH_UP, INFINITE, Mpc
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import number, whole_number
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.matrices import by_decay, even, matrix
 from fmu_sources.controllers.lq.design.modes import check_modes, rate
 from fmu_sources.controllers.lq.design.plant import LinearPlant, LqError, QuadraticIndex, check_sizes

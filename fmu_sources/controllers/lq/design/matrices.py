@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import finite, number
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 
 
 def by_decay(eigenvalues: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:

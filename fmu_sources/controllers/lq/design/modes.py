@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.plant import LinearPlant, LqError, QuadraticIndex
 
 MODE_TOLERANCE = 1e-9  # of the modal tests, relative to the size of the balanced matrix

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.matrices import (
     even,
     matrix,

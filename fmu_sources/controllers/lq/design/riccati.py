@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.matrices import even
 
 RESIDUAL_LIMIT = 1e-8  # of a Riccati equation, relative to |P|

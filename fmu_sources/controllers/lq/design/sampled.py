@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import linalg
 
 from build_fmus.base.checks import number, whole_number
-from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.matrices import even
 from fmu_sources.controllers.lq.design.modes import check_modes, dominant, hidden_mode, rate
 from fmu_sources.controllers.lq.design.plant import LinearPlant, LqError, QuadraticIndex, check_sizes

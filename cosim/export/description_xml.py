@@ -9,7 +9,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import description as base
+from build_fmus import description_xml as base
 from build_fmus.base import escape
 from cosim.export.variables import Exported, feedthrough, units_of
 from cosim.system.schedule import Schedule
