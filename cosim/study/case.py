@@ -20,7 +20,7 @@ import json
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -380,8 +380,3 @@ def differing(cases: Iterable[Any]) -> list[Field]:
     """Fields in which the cases of a study are not all alike."""
     cases = list(cases)
     return [f for f in fields(type(cases[0])) if len({getattr(c, f.attribute) for c in cases}) > 1] if cases else []
-
-
-def as_mapping(case: Any) -> Mapping[str, Any]:
-    """Values by the names that people write, for tables and files."""
-    return {f.name: getattr(case, f.attribute) for f in fields(type(case))}
