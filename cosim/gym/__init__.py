@@ -7,8 +7,8 @@
 the extra [learning].
 """
 
-from cosim.study.gym.environment import EnvState, EpisodeOver, Step, SystemEnv
-from cosim.study.gym.signals import ActionError
-from cosim.study.gym.vector import SystemVectorEnv
+from cosim.gym.environment import EnvState, EpisodeOver, Step, SystemEnv
+from cosim.gym.signals import ActionError
+from cosim.gym.vector import SystemVectorEnv
 
 __all__ = ["ActionError", "EnvState", "EpisodeOver", "Step", "SystemEnv", "SystemVectorEnv"]

@@ -27,7 +27,7 @@ from cosim import (
 )
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive, seconds_text
-from cosim.study.gym.signals import Ranges, Signals, actions, observations
+from cosim.gym.signals import Ranges, Signals, actions, observations
 
 with extras.needed("learning", "cosim.gym"):
     import gymnasium
@@ -393,7 +393,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         """A plotly figure of the episode so far with `render_mode="plotly"`, else None."""
         if self.render_mode is None:
             return None
-        from cosim.study.gym.picture import picture
+        from cosim.gym.picture import picture
 
         return picture(self.recording, self.actions, self.observations)
 

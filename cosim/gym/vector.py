@@ -12,8 +12,8 @@ from build_fmus.base import extras
 from build_fmus.base.checks import whole_number
 from cosim import CosimError
 from cosim.core.signals import Array
-from cosim.study.gym.environment import EnvState, SystemEnv
-from cosim.study.gym.signals import ActionError
+from cosim.gym.environment import EnvState, SystemEnv
+from cosim.gym.signals import ActionError
 
 with extras.needed("learning", "cosim.gym"):
     from gymnasium.vector import AutoresetMode, VectorEnv
