@@ -9,8 +9,10 @@ experiments file follows the draft of the format that it refers to, MA-HS-Experi
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import posixpath
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -137,6 +139,14 @@ def bill(component: Mapping[str, Any], components: Sequence[Mapping[str, Any]], 
         **more,
     }
     return f"{json.dumps(found, indent=1)}\n".encode()
+
+
+def archived(path: str, archive: bytes) -> dict[str, Any]:
+    """The entry of an FMU, here `path`, in the bill of something that has it as a file."""
+    with zipfile.ZipFile(io.BytesIO(archive)) as z:
+        held = {BILL: z.read(BILL)} if BILL in z.namelist() else {}
+    hashes = [{"alg": "SHA-256", "content": hashlib.sha256(archive).hexdigest()}]
+    return {**component(path.removesuffix(".fmu"), held), "hashes": hashes}
 
 
 def component(name: str, files: Mapping[str, bytes]) -> dict[str, Any]:
