@@ -156,7 +156,7 @@ def build(
     names: Iterable[str],
     options: Options,
     *,
-    sources: str,
+    sources: Callable[[Buildable], str],
     task: Callable[[str, Options, tuple[int, ...]], None],
     report: Callable[[str, str], None] = lambda _name, _what: None,
     force: bool = False,
@@ -167,7 +167,7 @@ def build(
         catalog: name -> entry.
         names: of the entries to build.
         options: of the build.
-        sources: `source_hash` of the code that makes components.
+        sources: hash of the code that makes the component of an entry.
         task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
             module-level function or a picklable object.
         report: called with `(name, "built" | "up to date")` as the build proceeds.
@@ -190,7 +190,7 @@ def build(
                 # Entries needed only by others must exist for FMI 3.0, which makers read.
                 alone = name in asked and not _is_need(catalog, wanted, name)
                 versions = options.fmi if alone else tuple({*options.fmi, 3})
-                keys |= {(name, f): stamp_key(catalog[name], options, f, sources) for f in versions}
+                keys |= {(name, f): stamp_key(catalog[name], options, f, sources(catalog[name])) for f in versions}
                 stale[name] = tuple(
                     f for f in versions if force or not stamps.fresh(options.target(name, f), keys[name, f])
                 )
@@ -200,7 +200,7 @@ def build(
                     report(name, "up to date")
             for name in pool.run(task, jobs, options):
                 for f in jobs[name]:
-                    if _is_key(keys[name, f], catalog[name], options, f, sources):
+                    if _is_key(keys[name, f], catalog[name], options, f, sources(catalog[name])):
                         stamps.write(options.target(name, f), keys[name, f])
                     else:
                         stamps.remove(options.target(name, f))

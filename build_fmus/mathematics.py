@@ -14,7 +14,7 @@ from pathlib import Path
 FOLDER = "musl"
 VERSION = "1.2.5"
 HEADERS = ("fmu_math.h", f"{FOLDER}/libm.h")
-_RUNTIME, _THIRD_PARTY = (Path(__file__).parent / n for n in ("runtime", "third_party"))
+_RUNTIME, THIRD_PARTY = (Path(__file__).parent / n for n in ("runtime", "third_party"))
 _COMMENT = re.compile(rb"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _CALL = re.compile(rb"\b([A-Za-z_]\w*)\s*\(")
 _HEADER = re.compile(rb'^#include "(fmu_math|equations|libm|\w+_data)\.h"', re.MULTILINE)
@@ -49,9 +49,9 @@ def _names(text: bytes) -> set[str]:
 
 
 def _read(name: str) -> bytes:
-    return ((_THIRD_PARTY if name.startswith(f"{FOLDER}/") else _RUNTIME) / name).read_bytes()
+    return ((THIRD_PARTY if name.startswith(f"{FOLDER}/") else _RUNTIME) / name).read_bytes()
 
 
 @lru_cache
 def _library() -> dict[str, bytes]:
-    return {f"{FOLDER}/{p.name}": p.read_bytes() for p in sorted((_THIRD_PARTY / FOLDER).glob("*.[ch]"))}
+    return {f"{FOLDER}/{p.name}": p.read_bytes() for p in sorted((THIRD_PARTY / FOLDER).glob("*.[ch]"))}

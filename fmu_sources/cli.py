@@ -116,7 +116,6 @@ def build(
     report: Callable[[str, str], None] = lambda _name, _what: None,
 ) -> list[str]:
     """Build catalog entries (all when `names` is empty); returns the names that were not up to date."""
-    import fmu_sources
     from fmu_sources.catalog import find
 
     user = user or UserFiles()
@@ -129,13 +128,21 @@ def build(
     except OSError as error:
         reason = error.strerror or error
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
-    root = Path(fmu_sources.__file__).parent
-    # Components and what builds them, with all that they import: controllers are identified with the master.
-    sources = builder.source_hash(root, root.parent / "build_fmus") + code_hash(root.rglob("*.py"))
     task = functools.partial(build_entry, user)
     return builder.build(
-        catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
+        catalog, names or list(catalog), options, sources=code_of_makers(), task=task, report=report, force=force
     )
+
+
+def code_of_makers() -> Callable[[builder.Buildable], str]:
+    """Hash of the code that an entry's component is made by: what makes and builds components, and what these import.
+
+    Only a component that is identified on other FMUs is made with the master.
+    """
+    root = Path(__file__).parent
+    makers = builder.source_hash(root, *(root.parent / p for p in ("build_fmus", "cosim/core")))
+    identified = code_hash([root / "controllers" / "gpc" / "identification.py"])
+    return lambda entry: makers + identified if entry.needs else makers
 
 
 @app.command(cls=Command)

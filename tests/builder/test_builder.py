@@ -17,6 +17,7 @@ from build_fmus.base import safe_files
 from build_fmus.base.safe_files import DamagedWarning
 from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
 from fmu_sources import cli
+from fmu_sources.catalog import default_catalog
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def build(catalog: list[Entry], names: list[str], out: Path, task: Recorder, **o
     """Build and return the names built; `sources` defaults to unchanged code."""
     force, sources = options.pop("force", False), options.pop("sources", "code")
     return builder.build(
-        {e.name: e for e in catalog}, names, Options(out, **options), sources=sources, task=task, force=force
+        {e.name: e for e in catalog}, names, Options(out, **options), sources=lambda _: sources, task=task, force=force
     )
 
 
@@ -166,6 +167,14 @@ def test_source_hash_sees_content_and_names(tmp_path: Path) -> None:
     assert source_hash(tmp_path) == first
     (tmp_path / "a.py").rename(tmp_path / "b.py")
     assert source_hash(tmp_path) != first
+
+
+def test_an_edit_of_the_master_builds_what_is_identified_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    catalog = default_catalog()
+    before = {n: cli.code_of_makers()(e) for n, e in catalog.items()}
+    monkeypatch.setattr(cli, "code_hash", lambda modules: f"another master of {len(modules)} file")
+    after = {n: cli.code_of_makers()(e) for n, e in catalog.items()}
+    assert [n for n in catalog if before[n] != after[n]] == ["GpcImplicit", "GpcExplicit", "GpcPreview"]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from built import OBJECTS
 from build_fmus.compile import find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.generate import RUNTIME_DIR, generate_c
-from build_fmus.mathematics import FOLDER, HEADERS, copyright_notice, math_files
+from build_fmus.mathematics import FOLDER, HEADERS, THIRD_PARTY, copyright_notice, math_files
 
 WIDE = (-700.0, 700.0)
 # name: range of x, range of y; all functions that CasADi's generated code can call, but those exact in the processor
@@ -158,11 +158,11 @@ def test_two_compilers_give_the_same_bits(name: str, ours: Evaluate, by_zig: Eva
 def test_processors_with_half_precision(name: str, tmp_path: Path) -> None:
     """Compilers for them say FLT_EVAL_METHOD 16 where ISO C is not asked for; their double is a double all the same."""
     source = tmp_path / "half.c"
-    included = (RUNTIME_DIR / FOLDER / f"{name}.c").as_posix()
+    included = (THIRD_PARTY / FOLDER / f"{name}.c").as_posix()
     source.write_text(
         f'#include <float.h>\n#undef FLT_EVAL_METHOD\n#define FLT_EVAL_METHOD 16\n#include "{included}"\n'
     )
-    find_toolchain(host()).compile(source, tmp_path / "half.o", [RUNTIME_DIR / FOLDER])
+    find_toolchain(host()).compile(source, tmp_path / "half.o", [THIRD_PARTY / FOLDER])
     assert (tmp_path / "half.o").stat().st_size > 0
 
 

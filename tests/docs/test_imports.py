@@ -124,6 +124,12 @@ def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:
         assert set(allowed_imports()[one]) <= {*CORE, *BELOW}, one
 
 
+def test_only_identification_needs_the_master() -> None:
+    """An edit of the master builds again what is identified with it, and nothing else (`code_of_makers`)."""
+    needs = {f for f, others in graph().items() if any(re.match("cosim/(?!core/)", o) for o in others)}
+    assert {f for f in needs if f.startswith("fmu_sources/")} == {"fmu_sources/controllers/gpc/identification.py"}
+
+
 def folders() -> dict[str, list[str]]:
     """Each folder of `fmu_sources` with its modules and packages."""
     held: dict[str, list[str]] = {}
