@@ -54,7 +54,7 @@ class System(Wiring):
     def __init__(self) -> None:
         super().__init__()
         self._simulation: Simulation | None = None
-        self._use = threading.RLock()  # of the components: its simulations and their saved states call them
+        self._lock = threading.RLock()  # for calls of the components, by its simulations and their saved states
         self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
         self._ssp: Path | None = None
         self.experiment: tuple[Fraction, Fraction | None] = Fraction(0), None
@@ -156,7 +156,7 @@ class System(Wiring):
     def _begin(self, schedule: Schedule, start_time: TimeLike | None = None, **arguments: Any) -> Simulation:
         """A simulation of this system by a schedule of it; `arguments` are those of `Simulation`."""
         start = self.experiment[0] if start_time is None else start_time
-        self._simulation = Simulation(schedule, start, **arguments, use=self._use)
+        self._simulation = Simulation(schedule, start, **arguments, lock=self._lock)
         return self._simulation
 
     def end_simulation(self) -> None:
@@ -418,7 +418,7 @@ class System(Wiring):
     def close(self) -> None:
         """Free all instances and remove unpacked FMUs."""
         self.reset()
-        with self._use, held():
+        with self._lock, held():
             for component in self.components.values():
                 component.implementation.close()
         for fmu in self._fmus.values():

@@ -304,6 +304,10 @@ INLINE int advance(Engine *e, double t) {
     return check_computed_finite(e);
 }
 
+void engine_arrive(Engine *e, double t) { arrive(e, t); }
+int engine_sample(Engine *e, double t) { return sample(e, t); }
+int engine_advance(Engine *e, double t) { return advance(e, t); }
+
 /* ------------------------------------------------------------------ initialization */
 
 void engine_publish(Engine *e) {
@@ -347,10 +351,6 @@ int engine_settle(Engine *e, const bool *settles, double *before, size_t n_value
     }
     return ENGINE_UNSETTLED;
 }
-
-void engine_arrive(Engine *e, double t) { arrive(e, t); }
-int engine_sample(Engine *e, double t) { return sample(e, t); }
-int engine_advance(Engine *e, double t) { return advance(e, t); }
 
 /* ------------------------------------------------------------------ instants */
 

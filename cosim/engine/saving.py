@@ -7,12 +7,12 @@ from typing import Any
 
 from cosim.core.component import FmiCalls
 from cosim.engine.library import interface, library
-from cosim.fmu.saved_states import SavedStates, StateKeeper
+from cosim.fmu.saved_states import SavedStates, StatePool
 from cosim.system.components import SystemComponent
 
 
-class EngineKeeper(StateKeeper):
-    """Keeps states of FMUs that C may call."""
+class EngineStatePool(StatePool):
+    """States of FMUs that C may call: each function is called for all of them in one loop."""
 
     def __init__(self, fmus: Mapping[SystemComponent, FmiCalls]):
         """The `states` of all `fmus` are not None."""
@@ -28,10 +28,10 @@ class EngineKeeper(StateKeeper):
 
     def restore(self, saved: SavedStates) -> None:
         """Restore all. Raises what the calls raise."""
-        self._call("SetFMU{}tate", self._library.cosim_engine_restore, saved.pointers)
+        self._call("SetFMUState", self._library.cosim_engine_restore, saved.pointers)
 
     def _save_all(self, pointers: Any) -> None:
-        self._call("GetFMU{}tate", self._library.cosim_engine_save, pointers)
+        self._call("GetFMUState", self._library.cosim_engine_save, pointers)
 
     def _free_all(self, pointers: Any) -> None:
         self._library.cosim_engine_free(self._structs, len(self._calls), pointers)
@@ -39,5 +39,4 @@ class EngineKeeper(StateKeeper):
     def _call(self, name: str, call: Callable[..., int], pointers: Any) -> None:
         done = call(self._structs, len(self._calls), pointers, self._status)
         if done < len(self._calls):
-            failed = self._calls[done]
-            failed.call_failed(name.format("S" if failed.version == 3 else "s"), self._status[0])
+            self._calls[done].call_failed(name, self._status[0])

@@ -36,7 +36,7 @@ from cosim.core.time import TimeLike, gcd, positive, rational
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.engine.progress import ProgressBar
-from cosim.engine.saving import EngineKeeper
+from cosim.engine.saving import EngineStatePool
 from cosim.engine.state import SystemState, Wiring, wiring_of
 from cosim.engine.stops import Stop, StopCondition
 from cosim.engine.values import EXACT
@@ -73,11 +73,11 @@ class Simulation:
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
-        use: AbstractContextManager[Any] | None = None,
+        lock: AbstractContextManager[Any] | None = None,
     ):
         """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`.
 
-        `use`: a reentrant lock; whoever calls the components holds it.
+        `lock`: a reentrant lock for calls of the components.
         """
         start = rational(start_time, "start_time")
         if state is not None:
@@ -92,7 +92,7 @@ class Simulation:
             schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
         )
         self._layout = self._exchange.layout
-        self._use = threading.RLock() if use is None else use
+        self._lock = threading.RLock() if lock is None else lock
         self._over: str | None = None  # why it cannot be continued
         self._terminated = False
         self._stops: list[StopCondition] = []
@@ -389,7 +389,7 @@ class Simulation:
         if self._over:
             raise CosimError(f"this simulation cannot be continued: {self._over}")
         try:
-            with self._use:
+            with self._lock:
                 work()
         except CallFailed as failure:
             self._over = "a component failed"
@@ -428,22 +428,22 @@ class Simulation:
     # Saved states.
 
     @cached_property
-    def _keeper(self) -> EngineKeeper | None:
-        """What saves the FMUs that C may call."""
+    def _state_pool(self) -> EngineStatePool | None:
+        """The states of the FMUs that C may call."""
         calls = {m: ports.fmi for m, ports in self._exchange.ports.items() if ports.fmi and ports.fmi.states}
-        return EngineKeeper(calls) if calls else None
+        return EngineStatePool(calls) if calls else None
 
     @cached_property
-    def _saved_alone(self) -> list[SystemComponent]:
-        """Components that `_keeper` does not save. Raises CosimError naming those that cannot save their state."""
+    def _saved_individually(self) -> list[SystemComponent]:
+        """Components that `_state_pool` does not save. Raises CosimError naming those that cannot save their state."""
         unable = [m.name for m in self.schedule.components if not m.implementation.description.can_save]
         if unable:
             raise CosimError(
                 f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
                 "(canGetAndSetFMUState); rerun from the start instead"
             )
-        together = () if self._keeper is None else self._keeper.names
-        return [m for m in self.schedule.components if m.name not in together]
+        joint = () if self._state_pool is None else self._state_pool.names
+        return [m for m in self.schedule.components if m.name not in joint]
 
     def save(self) -> SystemState:
         """A copy of the whole state: components, exchanged values, time and length of the recording.
@@ -451,32 +451,32 @@ class Simulation:
         Pickled or written to a file, it continues in other processes; FMUs serialize their states then. Raises
         CosimError naming the components that cannot save their state.
         """
-        e, alone, keeper = self._exchange, self._saved_alone, self._keeper
-        saved: dict[str, Any] = {}
-        together: SavedStates | None = None
+        e, components, pool = self._exchange, self._saved_individually, self._state_pool
+        individual: dict[str, Any] = {}
+        joint: SavedStates | None = None
 
         def save() -> None:
-            nonlocal together
-            for m in alone:
-                saved[m.name] = m.implementation.save()
-            if keeper is not None:
-                together = keeper.save()
+            nonlocal joint
+            for m in components:
+                individual[m.name] = m.implementation.save()
+            if pool is not None:
+                joint = pool.save()
 
-        (self.guarded if alone else self._tried)(save)  # C comes back before Python looks for Ctrl-C
+        (self.guarded if components else self._tried)(save)  # C comes back before Python looks for Ctrl-C
         return SystemState(
             tick=e.tick,
             phase=e.phase,
             base=e.base,
             values=e.values.copy(),
             keys=self._layout.keys,
-            saved=saved,
+            individual=individual,
             wiring=self._wiring,
-            together=together,
+            joint=joint,
             samples=e.recorder.count,
             ending=e.ending,
             instances=self._components,
             owner=weakref.ref(e),
-            use=self._use,
+            lock=self._lock,
         )
 
     def restore(self, state: SystemState) -> None:
@@ -484,18 +484,18 @@ class Simulation:
         if state.owner is None or state.owner() is not self._exchange:
             raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
 
-        alone, keeper, together = self._saved_alone, self._keeper, state.together
+        components, pool, joint = self._saved_individually, self._state_pool, state.joint
         missing = [m.name for m in self.schedule.components if m.name not in state.components]
         if missing:
             raise CosimError(f"this state does not contain '{missing[0]}'; was it freed by Simulation.forget?")
 
         def restore() -> None:
-            for m in alone:
+            for m in components:
                 m.implementation.restore(state.components[m.name])
-            if keeper is not None and together is not None:
-                keeper.restore(together)
+            if pool is not None and joint is not None:
+                pool.restore(joint)
 
-        (self.guarded if alone else self._tried)(restore)
+        (self.guarded if components else self._tried)(restore)
         exchange = self._exchange
         self._pace = None
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
@@ -506,7 +506,7 @@ class Simulation:
 
     def forget(self, state: SystemState) -> None:
         """Free a saved state; it cannot be restored any more."""
-        with self._use:
+        with self._lock:
             for m in self.schedule.components:
                 if m.name in state.components and state.instances.get(m.name) is m:
                     m.implementation.forget(state.components.pop(m.name))
@@ -519,7 +519,7 @@ class Simulation:
             return
         self._terminated = True
         if self._over is None or self._exchange.ending is not None:
-            with self._use, held():
+            with self._lock, held():
                 for m in self.schedule.components:
                     m.implementation.terminate()
         self._over = self._over or "it is closed"

@@ -65,21 +65,21 @@ class SystemState:
     base: TimeBase
     values: Array
     keys: Sequence[Key]
-    saved: dict[str, Any]  # of the components that were saved alone
+    individual: dict[str, Any]  # states of the components that are not in `joint`, by name
     wiring: Wiring
-    together: SavedStates | None = None  # of those that were saved by one call
+    joint: SavedStates | None = None  # states of FMUs that were saved by one call
     samples: int = 0
     ending: tuple[int, str] | None = None
     instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
     )  # whose instances hold it; none when it traveled
     owner: weakref.ref[Exchange] | None = field(default=None, repr=False)
-    use: AbstractContextManager[Any] = field(default_factory=nullcontext, repr=False)  # held by who calls components
+    lock: AbstractContextManager[Any] = field(default_factory=nullcontext, repr=False)  # for calls of the components
 
     @cached_property
     def components(self) -> dict[str, Any]:
         """The state of each component, in their order."""
-        found = self.saved if self.together is None else {**self.saved, **self.together.by_name()}
+        found = self.individual if self.joint is None else {**self.individual, **self.joint.by_name()}
         return {name: found[name] for name in self.wiring["components"] if name in found}
 
     @property
@@ -104,11 +104,11 @@ class SystemState:
     def to_bytes(self) -> bytes:
         """The state as bytes, for other processes; see `read`.
 
-        In another thread than that of its simulation, as pools pickle, it waits until a call of that has ended. Raises
-        CosimError naming the components that cannot serialize their states, and why.
+        In another thread (process pools pickle in a thread of their own) it waits while the simulation calls its
+        components. Raises CosimError naming the components that cannot serialize their states, and why.
         """
         packed, unable = {}, []
-        with self.use, held():
+        with self.lock, held():
             for name, saved in self.components.items():
                 try:
                     packed[name] = saved if isinstance(saved, Packed) else _packed(self.instances[name], saved)
@@ -280,7 +280,7 @@ def _read(data: bytes, what: str) -> SystemState:
             base=base,
             values=np.frombuffer(pieces[0], dtype="<f8").astype(float),
             keys=keys,
-            saved=components,
+            individual=components,
             wiring=wiring,
             ending=None if ending is None else (ending[0], ending[1]),
         )

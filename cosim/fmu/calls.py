@@ -181,12 +181,20 @@ def declared(version: str) -> list[str]:
     return re.findall(rf"\bfmi{version}\w+(?=\()", _FMI3 if version == "3" else _FMI2)
 
 
+def full_name(version: str, name: str) -> str:
+    """The full name of a function of FMI. FMI 2.0 writes FMUstate and DeSerialize."""
+    if version == "2":
+        name = name.replace("FMUState", "FMUstate").replace("Deserialize", "DeSerialize")
+    return f"fmi{version}{name}"
+
+
 def function(version: str, library: Any, name: str) -> Callable[..., int]:
     """A C function of an FMU's library. Raises FmuError when the library does not have it."""
+    name = full_name(version, name)
     try:
-        found: Callable[..., int] = getattr(library, f"fmi{version}{name}")
+        found: Callable[..., int] = getattr(library, name)
     except AttributeError:
-        raise FmuError(f"its library lacks fmi{version}{name}; build or export it again") from None
+        raise FmuError(f"its library lacks {name}; build or export it again") from None
     return found
 
 

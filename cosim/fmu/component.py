@@ -36,7 +36,7 @@ from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
-from cosim.fmu.saved_states import FmuState, StateKeeper
+from cosim.fmu.saved_states import FmuState, StatePool
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 LARGEST = 2**30  # bytes of a serialized state
@@ -79,9 +79,9 @@ class FmuComponent:
         self._dead = False
         self._keep: list[Any] = []
         self._kept_from_start = 0  # of `_keep`, what the instance itself needs
-        self.keepers: list[StateKeeper] = []  # of the states that it saved in this run
-        self._earlier_keepers: list[StateKeeper] = []
-        self._keeper: StateKeeper | None = None  # of the states that it saved alone
+        self.state_pools: list[StatePool] = []  # of the states that it saved in this run
+        self._earlier_pools: list[StatePool] = []
+        self._own_pool: StatePool | None = None  # of the states that it saved without others
         self._layout: StateLayout | None = None  # of the states of a sampled FMU of ours
         self._reads_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
@@ -108,8 +108,10 @@ class FmuComponent:
         self._reads_values = False
         self._given.clear()
         self._kept.clear()
-        self._earlier_keepers = [k for k in (*self._earlier_keepers, *self.keepers) if k.holds()]
-        self.keepers, self._keeper = [], None
+        for pool in (pools := (*self._earlier_pools, *self.state_pools)):
+            pool.free_unused()
+        self._earlier_pools = [p for p in pools if p.in_use]
+        self.state_pools, self._own_pool = [], None
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
         events = EventMode(self) if self.in_event_mode else None
         if events is not None and self.isolation is not None:
@@ -187,7 +189,7 @@ class FmuComponent:
         """
         if self._instance is not None:
             if not self._dead:
-                self._release_states()
+                self._end_states()
                 self._finalizer()
                 self._warn_of_crash("FreeInstance")
             self._instance = None
@@ -196,7 +198,7 @@ class FmuComponent:
         """Warn where an isolated FMU crashed after its last call."""
         lost = self._library.lost()
         if lost:
-            said = str(IsolationCrashed(self.name, f"fmi{self.fmu.major}{function}", lost, self._recent_log()))
+            said = str(IsolationCrashed(self.name, fmi.full_name(self.fmu.major, function), lost, self._recent_log()))
             warnings.warn(said, IsolationCrashedWarning, stacklevel=3)
 
     # Calls and what to do with their status.
@@ -245,17 +247,17 @@ class FmuComponent:
         if self._library.cancelled:
             raise KeyboardInterrupt
         if lost:
-            raise IsolationCrashed(self.name, f"fmi{self.fmu.major}{function}", lost, self._recent_log())
+            raise IsolationCrashed(self.name, fmi.full_name(self.fmu.major, function), lost, self._recent_log())
         signed = int(self._ffi.cast("int32_t", status))
         known = STATUS_NAMES[: fmi.PENDING] if self._v3 else STATUS_NAMES
-        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._recent_log(), known)
+        raise CallFailed(self.name, fmi.full_name(self.fmu.major, function), signed, detail, self._recent_log(), known)
 
     def _die(self) -> None:
         """Nothing of this instance may be called any more."""
         if self._dead:
             return
         self._dead = True
-        self._release_states()
+        self._end_states()
         self._finalizer.detach()
         if isinstance(self._library, Library):
             self.fmu.abandon(self._library)
@@ -533,9 +535,9 @@ class FmuComponent:
     # State and derivatives.
 
     def save(self) -> FmuState:
-        if self._keeper is None:
-            self._keeper = StateKeeper({self.name: self}, self._ffi, self._save_pointer, self.free_pointer)
-        return FmuState(self._keeper.save(), events=None if self._events is None else self._events.saved())
+        if self._own_pool is None:
+            self._own_pool = StatePool({self.name: self}, self._ffi, self._save_pointer, self.free_pointer)
+        return FmuState(self._own_pool.save(), events=None if self._events is None else self._events.saved())
 
     def restore(self, state: FmuState) -> None:
         if not state.belongs_to(self):
@@ -547,40 +549,39 @@ class FmuComponent:
                 raise CosimError(f"'{self.name}': {error}") from None
             self.deserialize(data)
             return
-        self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer)
+        self._must("SetFMUState", state.pointer)
         if self._events is not None:
             self._events.restore(state.events)
         self._keep_values()
 
     def forget(self, state: FmuState) -> None:
-        state.saved.keeper.forget(state.saved)
+        state.saved.pool.forget(state.saved)
 
     def _save_pointer(self, pointer: Any) -> None:
-        self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
+        self._must("GetFMUState", pointer)
 
     def free_pointer(self, pointer: Any) -> None:
         """Free the state that a `void**` points to."""
         if pointer[0]:
-            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", pointer)
+            self._call("FreeFMUState", pointer)
 
-    def _release_states(self) -> None:
-        """The instance ends."""
-        for keeper in (*self._earlier_keepers, *self.keepers):
-            keeper.release(self, dead=self._dead)
+    def _end_states(self) -> None:
+        """Serialize and free the states of the instance, which ends."""
+        for pool in (*self._earlier_pools, *self.state_pools):
+            pool.end_instance(self, failed=self._dead)
 
     def _no_set_prior(self) -> bool:
         """The argument noSetFMUStatePriorToCurrentPoint of the next step: true unless this run may be rolled back.
 
         Until it is true, FMUs may hold back actions that they cannot undo: files, hardware, or all progress.
         """
-        return not any(k.in_use for k in self.keepers)
+        return not any(p.in_use for p in self.state_pools)
 
     def _state_calls(self) -> dict[str, int] | None:
-        """Addresses of the functions for states, if nothing else is to be done with a state."""
+        """Addresses of the functions for states; None if more than these calls is necessary, or the FMU has none."""
         if self._foreign or self._kept or not self.description.can_save:
             return None
-        state = "FMUState" if self._v3 else "FMUstate"
-        return {n: self._address(self._function(f"{n.title()}{state}")) for n in ("get", "set", "free")}
+        return {n: self._address(self._function(f"{n.title()}FMUState")) for n in ("get", "set", "free")}
 
     def serialize(self) -> bytes:
         """The present state as bytes. Raises CosimError when the FMU does not offer it."""
@@ -599,11 +600,11 @@ class FmuComponent:
         if self._events is not None:
             raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         size = self._ffi.new("size_t*")
-        self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", pointer, size)
+        self._must("SerializedFMUStateSize", pointer, size)
         if size[0] > LARGEST:
             raise CosimError(f"its FMU reports a state of {size[0]:,} bytes; at most {LARGEST:,} are allowed")
         data = self._ffi.new("char[]", size[0])
-        self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", pointer, data, size[0])
+        self._must("SerializeFMUState", pointer, data, size[0])
         return bytes(self._ffi.buffer(data))
 
     def identity(self) -> Mapping[str, str]:
@@ -627,9 +628,9 @@ class FmuComponent:
     def deserialize(self, data: bytes) -> None:
         """Continue from a state that `serialize` gave."""
         pointer, given = self._ffi.new("void**"), self._ffi.from_buffer("char[]", data)
-        self._must("DeserializeFMUState" if self._v3 else "DeSerializeFMUstate", given, len(data), pointer)
-        self._must("SetFMUState" if self._v3 else "SetFMUstate", pointer[0])
-        self._call("FreeFMUState" if self._v3 else "FreeFMUstate", pointer)
+        self._must("DeserializeFMUState", given, len(data), pointer)
+        self._must("SetFMUState", pointer[0])
+        self._call("FreeFMUState", pointer)
         self._keep_values()
 
     def sampled_states(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Saved states of FMUs: who holds them, when the FMUs free them, and what becomes of them when an instance ends."""
+"""Saved states of FMUs: which are in use, when the FMUs free them, and their bytes after the end of an instance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cosim.core.errors import CosimError
 class Stateful(Protocol):
     """An instance of an FMU that offers its states."""
 
-    keepers: list[StateKeeper]  # of states that it saved in this run
+    state_pools: list[StatePool]  # of the states that it saved in this run
 
     def pack_pointer(self, pointer: Any) -> bytes:
         """A state as the FMU serializes it. Raises CosimError where it does not."""
@@ -23,21 +23,21 @@ class Stateful(Protocol):
 
 
 class SavedStates:
-    """States of one or more FMUs that were saved together. The FMUs may free them when nobody holds this object."""
+    """States of one or more FMUs, saved at one time. The FMUs may free them after this object is deleted."""
 
-    __slots__ = ("keeper", "packed", "pointers")
+    __slots__ = ("packed", "pointers", "pool")
 
-    def __init__(self, keeper: StateKeeper, pointers: Any, packed: dict[int, bytes | CosimError]):
-        self.keeper = keeper
+    def __init__(self, pool: StatePool, pointers: Any, packed: dict[int, bytes | CosimError]):
+        self.pool = pool
         self.pointers = pointers  # void*[], of each FMU; NULL when its instance has ended
         self.packed = packed  # bytes by number of the FMU, of those whose instances have ended
 
     def by_name(self) -> dict[str, FmuState]:
         """The states by name of the FMU."""
-        return {name: FmuState(self, number) for number, name in enumerate(self.keeper.names)}
+        return {name: FmuState(self, number) for number, name in enumerate(self.pool.names)}
 
     def __del__(self) -> None:  # a finalizer of weakref costs more than the state itself
-        self.keeper.drop(id(self))
+        self.pool.mark_unused(id(self))
 
 
 class FmuState:
@@ -55,12 +55,12 @@ class FmuState:
 
     def belongs_to(self, fmu: Stateful) -> bool:
         """Whether it is a state of this FMU, though its instance may be another by now."""
-        return self.saved.keeper.fmus[self.number] is fmu
+        return self.saved.pool.fmus[self.number] is fmu
 
     def pack(self) -> bytes:
         """The state as bytes. Raises CosimError saying why the FMU does not give them."""
         if self.pointer:
-            return self.saved.keeper.fmus[self.number].pack_pointer(self.pointer)
+            return self.saved.pool.fmus[self.number].pack_pointer(self.pointer)
         packed = self.saved.packed.get(self.number)
         if packed is None:
             raise CosimError("this saved state was freed, or lost when its FMU failed")
@@ -69,11 +69,11 @@ class FmuState:
         return packed
 
 
-class StateKeeper:
-    """Saves states of `fmus` together, and frees them at the next chance after nobody holds them.
+class StatePool:
+    """Saves the states of `fmus` at one time, and frees unused ones when the next states are saved.
 
-    `save` and `free` do that for all FMUs, for an array of pointers; `free` skips those that are NULL. States may be
-    let go at any time and in any thread, so no FMU is called then.
+    `save` and `free` call all FMUs with an array of pointers; `free` skips those that are NULL. A state can become
+    unused at any time and in any thread, so no FMU is called then.
     """
 
     def __init__(
@@ -85,63 +85,62 @@ class StateKeeper:
     ):
         self.names, self.fmus = list(fmus), list(fmus.values())
         self._ffi, self._save, self._free = ffi, save, free
-        self._held: dict[int, tuple[Any, dict[int, bytes | CosimError]]] = {}  # pointers and bytes by id of SavedStates
-        self._dropped: list[Any] = []
+        self._used: dict[int, tuple[Any, dict[int, bytes | CosimError]]] = {}  # pointers and bytes by id of SavedStates
+        self._unused: list[Any] = []
         for fmu in self.fmus:
-            fmu.keepers.append(self)
+            fmu.state_pools.append(self)
 
     @property
     def in_use(self) -> bool:
-        """Whether somebody holds a state."""
-        return bool(self._held)
+        """Whether one of its states is in use."""
+        return bool(self._used)
 
-    def holds(self) -> bool:
-        """Free what nobody holds any more; whether somebody holds a state."""
-        while self._dropped:
-            self._free(self._dropped.pop())
-        return self.in_use
+    def free_unused(self) -> None:
+        """Free the states that are no longer in use."""
+        while self._unused:
+            self._free(self._unused.pop())
 
     def save(self) -> SavedStates:
         """Save the present states. Raises what the calls raise."""
-        self.holds()
+        self.free_unused()
         pointers = self._ffi.new("void*[]", len(self.fmus))
         try:
             self._save(pointers)
         except BaseException:
-            self._dropped.append(pointers)
+            self._unused.append(pointers)
             raise
         packed: dict[int, bytes | CosimError] = {}
         saved = SavedStates(self, pointers, packed)
-        self._held[id(saved)] = pointers, packed
+        self._used[id(saved)] = pointers, packed
         return saved
 
     def forget(self, saved: SavedStates) -> None:
-        """Free states that may still be held: they cannot be restored any more."""
-        if id(saved) in self._held:
-            self.drop(id(saved))
+        """Free states that may still be in use: they cannot be restored any more."""
+        if id(saved) in self._used:
+            self.mark_unused(id(saved))
             saved.pointers = self._ffi.new("void*[]", len(self.fmus))
-            self.holds()
+            self.free_unused()
 
-    def release(self, fmu: Stateful, *, dead: bool) -> None:
-        """The instance of an FMU is about to be freed: its states that are held become bytes.
+    def end_instance(self, fmu: Stateful, *, failed: bool) -> None:
+        """Serialize and free the states of an FMU whose instance is about to be freed.
 
-        Those of a `dead` one are lost: it may not be called any more.
+        The states of a `failed` one are lost: its functions must not be called.
         """
         number = next(i for i, known in enumerate(self.fmus) if known is fmu)
-        held = list(self._held.values())
-        for pointers, packed in held:
-            if pointers[number] and not dead:
+        used = list(self._used.values())
+        for pointers, packed in used:
+            if pointers[number] and not failed:
                 try:
                     packed[number] = fmu.pack_pointer(pointers[number])
                 except CosimError as error:
                     packed[number] = error
-        for pointers in [*(p for p, _ in held), *self._dropped]:
-            if pointers[number] and not dead:
+        for pointers in [*(p for p, _ in used), *self._unused]:
+            if pointers[number] and not failed:
                 fmu.free_pointer(pointers + number)
             pointers[number] = self._ffi.NULL
 
-    def drop(self, key: int) -> None:
-        """Nobody holds these states any more. Called at any time, so no FMU is."""
-        content = self._held.pop(key, None)
+    def mark_unused(self, key: int) -> None:
+        """The states with this id are no longer in use. Calls no FMU."""
+        content = self._used.pop(key, None)
         if content is not None:
-            self._dropped.append(content[0])
+            self._unused.append(content[0])

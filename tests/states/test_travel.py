@@ -576,14 +576,14 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, rais
         simulation.advance(0.5)
         traveled = SystemState.from_bytes(simulation.save().to_bytes())
         gc.collect()
-        assert not any(k.in_use for k in system["a"].implementation.keepers)
+        assert not any(p.in_use for p in system["a"].implementation.state_pools)
         assert traveled.owner is None
         assert not traveled.instances
         with raises(CosimError):
             simulation.restore(traveled)
         fork = system.initialize(record=["b.y"], state=traveled)  # in the system where it comes from
         fork.advance(0.6)
-        assert not any(k.in_use for k in system["a"].implementation.keepers)
+        assert not any(p.in_use for p in system["a"].implementation.state_pools)
         assert all(tells_no_roll_back(system))
         kept = fork.save()
         assert not any(tells_no_roll_back(system))
