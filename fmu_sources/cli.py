@@ -135,14 +135,21 @@ def build(
 
 
 def code_of_makers() -> Callable[[builder.Buildable], str]:
-    """Hash of the code that an entry's component is made by: what makes and builds components, and what these import.
+    """Hash of the code that makes the component of an entry.
 
-    Only a component that is identified on other FMUs is made with the master.
+    All entries depend on the code that makes and builds components. An entry that needs other FMUs also depends on the
+    master, which identifies its controller, and a component in a user's file on the modules that the file imports.
     """
     root = Path(__file__).parent
     makers = builder.source_hash(root, *(root.parent / p for p in ("build_fmus", "cosim/core")))
-    identified = code_hash([root / "controllers" / "gpc" / "identification.py"])
-    return lambda entry: makers + identified if entry.needs else makers
+    imports = functools.cache(code_hash)
+
+    def code(entry: builder.Buildable) -> str:
+        modules = [root / "controllers" / "gpc" / "identification.py"] if entry.needs else []
+        modules += [path for path in entry.files if path.suffix == ".py"]
+        return makers + imports(tuple(modules)) if modules else makers
+
+    return code
 
 
 @app.command(cls=Command)

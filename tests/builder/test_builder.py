@@ -169,12 +169,13 @@ def test_source_hash_sees_content_and_names(tmp_path: Path) -> None:
     assert source_hash(tmp_path) != first
 
 
-def test_an_edit_of_the_master_builds_what_is_identified_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    catalog = default_catalog()
+def test_an_edit_of_the_master_builds_what_is_made_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own.py").write_text("from cosim import System\n")
+    catalog = {**default_catalog(), "Own": Entry("Own", files=(tmp_path / "own.py",))}
     before = {n: cli.code_of_makers()(e) for n, e in catalog.items()}
-    monkeypatch.setattr(cli, "code_hash", lambda modules: f"another master of {len(modules)} file")
+    monkeypatch.setattr(cli, "code_hash", lambda modules: f"another master of {modules}")
     after = {n: cli.code_of_makers()(e) for n, e in catalog.items()}
-    assert [n for n in catalog if before[n] != after[n]] == ["GpcImplicit", "GpcExplicit", "GpcPreview"]
+    assert [n for n in catalog if before[n] != after[n]] == ["GpcImplicit", "GpcExplicit", "GpcPreview", "Own"]
 
 
 @pytest.mark.parametrize(
