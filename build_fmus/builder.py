@@ -72,17 +72,17 @@ class Options:
 
 def with_needs(catalog: Mapping[str, Buildable], names: Iterable[str]) -> list[str]:
     """`names` and everything they need, in catalog order."""
-    wanted: set[str] = set()
+    requested: set[str] = set()
     stack = list(names)
     while stack:
         name = stack.pop()
-        if name not in wanted:
-            wanted.add(name)
+        if name not in requested:
+            requested.add(name)
             stack.extend(catalog[name].needs)
-    return [n for n in catalog if n in wanted]
+    return [n for n in catalog if n in requested]
 
 
-def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[str]]:
+def levels(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[str]]:
     """Groups of entries that can be built side by side, each after the groups before it."""
     left = list(names)
     while left:
@@ -177,25 +177,25 @@ def build(
         Names of the entries that were built.
     """
     if force:
-        options = replace(options, ignore_cache_before=safe_files.clock(options.cache))
+        options = replace(options, ignore_cache_before=safe_files.filesystem_time(options.cache))
     stamps = Stamps(options.cache)
     built: list[str] = []
-    wanted = with_needs(catalog, names)
+    requested = with_needs(catalog, names)
     asked = set(names)
     with _Pool() as pool:
-        for wave in waves(catalog, wanted):
+        for level in levels(catalog, requested):
             stale: dict[str, tuple[int, ...]] = {}
             keys: dict[tuple[str, int], str] = {}  # of what the files hold before they are read to build from
-            for name in wave:
+            for name in level:
                 # Entries needed only by others must exist for FMI 3.0, which makers read.
-                alone = name in asked and not _is_need(catalog, wanted, name)
+                alone = name in asked and not _is_need(catalog, requested, name)
                 versions = options.fmi if alone else tuple({*options.fmi, 3})
                 keys |= {(name, f): stamp_key(catalog[name], options, f, sources(catalog[name])) for f in versions}
                 stale[name] = tuple(
                     f for f in versions if force or not stamps.fresh(options.target(name, f), keys[name, f])
                 )
             jobs = {name: v for name, v in stale.items() if v}
-            for name in wave:
+            for name in level:
                 if name not in jobs:
                     report(name, "up to date")
             for name in pool.run(task, jobs, options):
@@ -219,8 +219,8 @@ def _is_key(key: str, *made_of: Any) -> bool:
         return False
 
 
-def _is_need(catalog: Mapping[str, Buildable], wanted: list[str], name: str) -> bool:
-    return any(name in catalog[n].needs for n in wanted)
+def _is_need(catalog: Mapping[str, Buildable], requested: list[str], name: str) -> bool:
+    return any(name in catalog[n].needs for n in requested)
 
 
 def _start_worker() -> None:

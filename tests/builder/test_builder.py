@@ -15,7 +15,7 @@ import pytest
 from build_fmus import builder
 from build_fmus.base import safe_files
 from build_fmus.base.safe_files import DamagedWarning
-from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
+from build_fmus.builder import Options, Stamps, levels, source_hash, with_needs
 from fmu_sources import cli
 from fmu_sources.catalog import default_catalog
 
@@ -132,13 +132,13 @@ def test_needs_come_first_and_in_the_version_makers_read(tmp_path: Path, task: R
     assert all(3 in versions for n, versions in task.calls if n != "Law")
 
 
-def test_waves_and_circles(raises) -> None:
+def test_levels_and_cycles(raises) -> None:
     catalog = {e.name: e for e in (Entry("A", needs=("B",)), Entry("B", needs=("C",)), Entry("C"), Entry("D"))}
     assert with_needs(catalog, ["A"]) == ["A", "B", "C"]
-    assert list(waves(catalog, list(catalog))) == [["C", "D"], ["B"], ["A"]]
-    circle = {e.name: e for e in (Entry("A", needs=("B",)), Entry("B", needs=("A",)))}
+    assert list(levels(catalog, list(catalog))) == [["C", "D"], ["B"], ["A"]]
+    cycle = {e.name: e for e in (Entry("A", needs=("B",)), Entry("B", needs=("A",)))}
     with raises(ValueError):
-        list(waves(circle, list(circle)))
+        list(levels(cycle, list(cycle)))
 
 
 def test_a_failure_keeps_what_was_built(tmp_path: Path, task: Recorder) -> None:

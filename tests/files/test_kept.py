@@ -64,7 +64,7 @@ def test_ignore_cache_skips_older_entries(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     safe_files.keep_json(path, 1)
     file = safe_files.keep_file(tmp_path, "key", ".o", lambda out: out.write_bytes(b"old") and None)
-    now = safe_files.clock(tmp_path)
+    now = safe_files.filesystem_time(tmp_path)
     for p in (path, file):
         os.utime(p, ns=(now - 1, now - 1))
     with safe_files.ignore_cache(now):

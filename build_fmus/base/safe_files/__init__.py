@@ -6,7 +6,7 @@ The packages build_fmus, fmu_sources and cosim all use this package; it depends 
 from build_fmus.base.safe_files.kept import (
     CacheMiss,
     DamagedWarning,
-    clock,
+    filesystem_time,
     ignore_cache,
     keep_file,
     keep_json,
@@ -23,7 +23,7 @@ __all__ = [
     "DamagedWarning",
     "SharedFolderWarning",
     "cache_directory",
-    "clock",
+    "filesystem_time",
     "ignore_cache",
     "is_full",
     "keep_file",

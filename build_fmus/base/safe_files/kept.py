@@ -103,7 +103,7 @@ def _file_digest(key: str, path: Path) -> str:
 
 @contextmanager
 def ignore_cache(since: int) -> Iterator[None]:
-    """In the block, cache entries older than `since` (a time of `clock`; 0: no limit) count as missing."""
+    """In the block, cache entries older than `since` (a time of `filesystem_time`; 0: no limit) count as missing."""
     token = _since.set(since)
     try:
         yield
@@ -111,7 +111,7 @@ def ignore_cache(since: int) -> Iterator[None]:
         _since.reset(token)
 
 
-def clock(directory: Path) -> int:
+def filesystem_time(directory: Path) -> int:
     """Now [ns], by the clock that dates the files of a directory."""
     with named(directory):
         directory.mkdir(parents=True, exist_ok=True)

@@ -159,7 +159,7 @@ def test_kept_laws_are_used_only_as_they_were_kept(tmp_path, monkeypatch) -> Non
     with pytest.warns(safe_files.DamagedWarning, match=kept.name):
         laws()
     assert len(identified) == 2
-    with safe_files.ignore_cache(safe_files.clock(tmp_path) + 10**9):
+    with safe_files.ignore_cache(safe_files.filesystem_time(tmp_path) + 10**9):
         laws()
     assert len(identified) == 3
     files["road"].write_bytes(b"another road")
