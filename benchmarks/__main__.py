@@ -34,7 +34,7 @@ from benchmarks import (
 )
 from benchmarks.master_cost import measure
 from build_fmus.base import safe_files
-from cosim import System
+from cosim import Record, System
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import PLANT
 from cosim.study import FmuSet, run_study
@@ -48,7 +48,7 @@ def full_car() -> dict[str, float]:
     warnings.simplefilter("ignore")
     with System() as system:
         system.add("car", FmuSet().path(PLANT), step="1 ms")
-        recording = system.run(20.0, record=["car.x"], record_interval="100 ms")
+        recording = system.run(20.0, record=Record(["car.x"], "100 ms"))
     return {"simulated time / wall time": recording.real_time_factor}
 
 

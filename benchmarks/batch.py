@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from benchmarks.random_roads import system as on_random_roads
-from cosim import System
+from cosim import Record, System
 from cosim.batch import Batch
 from cosim.batch.library import TARGETS, choose_target
 from cosim.experiments.gpc.runs import Case, wire
@@ -50,7 +50,8 @@ def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
     for mass in np.linspace(2500.0, 5000.0, runs):
         system["car"].set({"body.mass": mass})
         begin = time.process_time()
-        simulation = system.initialize(record=["car.body.az"], record_interval="10 ms", allow_unconnected=True)
+        system.allow_unconnected = True
+        simulation = system.initialize(record=Record(["car.body.az"], "10 ms"))
         begun += time.process_time() - begin
         begin = time.process_time()
         simulation.advance(SECONDS)
@@ -61,15 +62,8 @@ def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
 def in_batch(system: System, vectors: str, threads: int) -> tuple[float, float]:
     """The same of a batch, per copy."""
     start = {"car.body.mass": np.linspace(2500.0, 5000.0, COPIES), "speed.start.speed": np.linspace(8.0, 20.0, COPIES)}
-    with Batch(
-        system,
-        COPIES,
-        record=["car.body.az"],
-        record_interval="10 ms",
-        vectors=vectors,
-        threads=threads,
-        allow_unconnected=True,
-    ) as batch:
+    system.allow_unconnected = True
+    with Batch(system, COPIES, record=Record(["car.body.az"], "10 ms"), vectors=vectors, threads=threads) as batch:
         begin = time.process_time()
         batch.reset(start)
         begun = time.process_time() - begin

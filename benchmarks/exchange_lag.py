@@ -18,6 +18,7 @@ from fmpy import read_model_description
 from fmpy.fmi3 import FMU3Slave
 
 from benchmarks.master_cost import Wired, flatten
+from cosim import Record
 from cosim.core.signals import rms
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
 from cosim.study import FmuSet
@@ -42,9 +43,8 @@ def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
     with wire(fmus, Case(ROAD, controller=CONTROLLER)) as system:
         system["speed"].set({"start.speed": SPEED_KMH / 3.6})
         interval = f"{1e3 * STEP:g} ms"
-        recording = system.run(
-            duration, record=names, record_interval=interval, allow_unconnected=True
-        )  # the driver keeps y = 0
+        system.allow_unconnected = True
+        recording = system.run(duration, record=Record(names, interval))  # the driver keeps y = 0
         return np.column_stack([recording[n][:-1] for n in names]), flatten(system, paths)
 
 

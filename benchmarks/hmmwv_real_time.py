@@ -10,7 +10,7 @@ import runpy
 import time
 from pathlib import Path
 
-from cosim import System
+from cosim import Record, System
 from cosim.experiments.hmmwv import EXPERIMENT
 from cosim.experiments.hmmwv.runs import Case
 from cosim.study import FmuSet, Runner
@@ -28,7 +28,8 @@ VEHICLES = {
 
 def factor(system: System, seconds: float) -> float:
     """Simulated time over processor time of one run, recording the absorbed power every millisecond."""
-    simulation = system.initialize(record=COMFORT, record_interval="1 ms", allow_unconnected=True)
+    system.allow_unconnected = True
+    simulation = system.initialize(record=Record(COMFORT, "1 ms"))
     begin = time.process_time()
     simulation.advance(seconds)
     return seconds / (time.process_time() - begin)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.compile import find_toolchain, host
-from cosim import System
+from cosim import Record, System
 from tests.foreign import followers
 
 BATCHES, STEPS = 400, 500
@@ -52,7 +52,8 @@ def _per_step(fmu: Path, **how: Any) -> float:
         if how:
             component: Any = system["one"].implementation
             component.isolation = replace(component.isolation, **how)
-        simulation = system.initialize(record=["one.y"], record_interval=STEPS * STEP, allow_unconnected=True)
+        system.allow_unconnected = True
+        simulation = system.initialize(record=Record(["one.y"], STEPS * STEP))
         found = []
         for i in range(BATCHES):
             begin = time.perf_counter()

@@ -10,6 +10,7 @@ import time
 import gymnasium
 import numpy as np
 
+from cosim import Record
 from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv
 
@@ -31,7 +32,8 @@ def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
             done, over = done + 1, terminated or truncated
         stepped = time.process_time() - begin
         names, interval = env.recording.names, env.record_interval
-        with env.system.initialize(record=names, record_interval=interval, allow_unconnected=True) as simulation:
+        env.system.allow_unconnected = True
+        with env.system.initialize(record=Record(names, interval)) as simulation:
             begin = time.process_time()
             simulation.advance(done * env.step_size)
             bare = time.process_time() - begin

@@ -25,7 +25,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 from build_fmus.compile import find_toolchain, host
-from cosim import System
+from cosim import Execution, Record, System
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_file, wire
 from cosim.fmu.calls import platform_folder
 from cosim.study import FmuSet
@@ -65,13 +65,12 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
     return result
 
 
-def time_master(system: System, steps: int, record: str, **options: Any) -> float:
-    """Seconds for `steps` steps of 1 ms by our master, recording `record`.
-
-    At 10 Hz unless `options` of the run say otherwise.
-    """
-    options = {"record_interval": "100 ms", "allow_unconnected": True, **options}
-    with system.initialize(record=[record], **options) as simulation:
+def time_master(
+    system: System, steps: int, record: str, interval: str = "100 ms", execution: Execution | None = None
+) -> float:
+    """Seconds for `steps` steps of 1 ms by our master, recording `record`."""
+    system.allow_unconnected = True
+    with system.initialize(record=Record(record, interval), execution=execution) as simulation:
         begin = time.process_time()
         simulation.advance(steps * 1e-3)
         return time.process_time() - begin
@@ -174,8 +173,8 @@ def compare(
     """
     loops: dict[str, Callable[[], float]] = {
         "engine": lambda: time_master(system, steps, record),
-        "engine, recording every step": lambda: time_master(system, steps, record, record_interval="1 ms"),
-        "engine, not looking for NaN": lambda: time_master(system, steps, record, allow_nan=True),
+        "engine, recording every step": lambda: time_master(system, steps, record, "1 ms"),
+        "engine, not looking for NaN": lambda: time_master(system, steps, record, execution=Execution(allow_nan=True)),
         "FMPy wrapper calls": lambda: time_fmpy(components, steps // 4) * 4,
     }
     with tempfile.TemporaryDirectory() as tmp:

@@ -22,7 +22,7 @@ from build_fmus.component import Component
 from build_fmus.qp import Osqp
 from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.reference import Evaluator
-from cosim import Recording
+from cosim import Record, Recording
 from cosim.experiments import three_axle, trench
 from cosim.experiments.bench import EXPERIMENT as BENCH
 from cosim.experiments.bench.published import SCENARIOS, at
@@ -168,7 +168,7 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
                 states_from = "kalman" if states == "estimated" else "car"
                 ahead = next(n for n in ("buffer", "map", "road") if n in runs.system(one).components)
                 names = [f"{states_from}.*", f"{ahead}.preview.*"]
-                recording = runs.record(one, record=names, record_interval="30 ms")
+                recording = runs.record(one, record=Record(names, "30 ms"))
                 recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
     runs.close()
     return recordings
@@ -183,7 +183,7 @@ def higher_bumps() -> list[tuple[Recording, dict[str, float]]]:
         for scale in HIGHER:
             system = runs.system(case)
             system["road"].set(bump_parameters({place: scale * h for place, h in BUMPS["track"].items()}))
-            recording = system.run(stop_time(system, case), record=["car.*", "road.preview.*"], record_interval="30 ms")
+            recording = system.run(stop_time(system, case), record=Record(["car.*", "road.preview.*"], "30 ms"))
             recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
     runs.close()
     return recordings
@@ -205,7 +205,7 @@ def trench_runs() -> list[tuple[Recording, dict[str, float]]]:
     """The 36 controlled crossings of trenches."""
     with Runner(trench.EXPERIMENT, FmuSet()) as runner:
         names = ["car.*", "crossing.*"]
-        recordings = [runner.record(case, record=names, record_interval="5 ms") for case in matrix("mpc")]
+        recordings = [runner.record(case, record=Record(names, "5 ms")) for case in matrix("mpc")]
     return [(recording, {"use_preview": 1.0}) for recording in recordings]
 
 

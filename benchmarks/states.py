@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cosim import System, SystemState
+from cosim import Execution, Record, System, SystemState
 
 CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
 RECORD = ["car.body.az"]
@@ -52,13 +52,15 @@ def call_by_call(system: System) -> Callable[[], None]:
 
 
 def initialize(system: System, state: SystemState | None = None) -> object:
-    return system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True, state=state)
+    system.allow_unconnected = True
+    return system.initialize(record=Record(RECORD, "1 ms"), state=state)
 
 
 def measure() -> dict[str, float]:
     """Costs of states, as parts of a simulated millisecond."""
     with runpy.run_path(str(CORNER))["corner"]() as system:
-        with system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record=Record(RECORD, "1 ms")) as simulation:
             begin = time.process_time()
             simulation.advance(LONG)
             millisecond = (time.process_time() - begin) / (LONG * 1e3)
@@ -88,7 +90,8 @@ def by_hand() -> dict[str, float]:
     Also the lateness of the paced run.
     """
     with runpy.run_path(str(CORNER))["corner"]() as system:
-        with system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record=Record(RECORD, "1 ms")) as simulation:
             count = 0
 
             def step() -> None:
@@ -101,7 +104,8 @@ def by_hand() -> dict[str, float]:
                 "set an input": seconds(lambda: simulation.set(INPUT, 1.0), 1000),
                 "read a variable": seconds(lambda: simulation[RECORD[0]], 1000),
             }
-        paced = system.run(LONG, record=RECORD, record_interval="1 ms", allow_unconnected=True, real_time=1.0).real_time
+        system.allow_unconnected = True
+        paced = system.run(LONG, record=Record(RECORD, "1 ms"), execution=Execution(real_time=1.0)).real_time
     assert paced is not None
     return {
         **{f"{name}, per cent of 1 ms": t * 1e5 for name, t in took.items()},

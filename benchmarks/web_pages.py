@@ -52,7 +52,8 @@ def measure() -> dict[str, float]:
                     begin = time.process_time()
                     host.run(int(SECONDS / STEP))
                     web = SECONDS / (time.process_time() - begin)
-                    with system.initialize(record=[], allow_unconnected=True) as simulation:
+                    system.allow_unconnected = True
+                    with system.initialize(record=[]) as simulation:
                         begin = time.process_time()
                         simulation.advance(SECONDS)
                         native = SECONDS / (time.process_time() - begin)

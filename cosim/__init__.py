@@ -25,6 +25,7 @@ from cosim.core.errors import (
     UnconnectedInputsWarning,
     WiringError,
 )
+from cosim.engine.execution import Execution, Record
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
 from cosim.engine.stops import StopWhen, View
@@ -47,6 +48,7 @@ __all__ = [
     "Connection",
     "CosimError",
     "Description",
+    "Execution",
     "Fmu",
     "FmuError",
     "FmuWarning",
@@ -58,6 +60,7 @@ __all__ = [
     "LoopError",
     "Ports",
     "PythonComponent",
+    "Record",
     "Recording",
     "Schedule",
     "Simulation",

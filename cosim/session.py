@@ -19,6 +19,7 @@ import threading
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -28,6 +29,7 @@ from build_fmus.base import safe_files, surface
 from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
+from cosim.engine.execution import Execution, Record
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
 from cosim.engine.stops import StopCondition, watched_names
@@ -51,8 +53,10 @@ class System(Wiring):
     repeated runs reuse the loaded FMUs. `close()` (or `with System() as system:`) frees them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, allow_unconnected: bool = False) -> None:
         super().__init__()
+        self.allow_unconnected = allow_unconnected
+        """Inputs that nothing drives are meant so; otherwise a run warns of them (UnconnectedInputsWarning)."""
         self._simulation: Simulation | None = None
         self._lock = threading.RLock()  # for calls of the components, by its simulations and their saved states
         self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
@@ -108,48 +112,46 @@ class System(Wiring):
         self,
         start_time: TimeLike | None = None,
         *,
-        record: str | Iterable[str] | None = None,
-        record_interval: TimeLike | None = None,
-        watch: Iterable[str] = (),
+        record: Record | str | Iterable[str] | None = None,
         stop_time: TimeLike | None = None,
-        check_stability: bool = False,
         state: SystemState | None = None,
-        allow_nan: bool = False,
-        allow_unconnected: bool = False,
+        execution: Execution | None = None,
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time` [s].
 
         The default is 0, or the start time of the system's SSP.
 
-        `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
-        variables that can be read while it runs (`simulation["car.x"]`). Only the FMUs use `stop_time`. With
-        `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way
-        elsewhere, the simulation continues from there with bit-identical values (start_time is not used). Wiring, rates
-        and parameters of components that are not in it may have changed, at a common multiple of all steps: several
-        controllers can be tried from one instant. Outputs that are NaN or infinite end the run with ComponentError
-        unless `allow_nan`. Inputs that nothing drives keep
-        their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
+        `record`: a `Record`, or only its variables. Only the FMUs use `stop_time`. With `state`, saved in this system
+        or, read from a file or unpickled, in one that was put together in the same way elsewhere, the simulation
+        continues from there with bit-identical values (start_time is not used). Wiring, rates and parameters of
+        components that are not in it may have changed, at a common multiple of all steps: several controllers can be
+        tried from one instant. `execution`: an `Execution`; its `real_time` is for `run`, `Simulation.advance` has its
+        own. Outputs that are NaN or infinite end the run with ComponentError unless it allows them. Inputs that nothing
+        drives keep their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected` of
+        this system.
         """
         self.end_simulation()
-        interval = None if record_interval is None else positive(record_interval, "record_interval")
+        kept, how = Record.of(record), execution or Execution()
+        how.prepare(self)
+        interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
         schedule = self.schedule(*([] if interval is None else [interval]))
-        if schedule.unconnected and not allow_unconnected:
+        if schedule.unconnected and not self.allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
-            meant = surface.hint(" (allow_unconnected=True if this is intended)")
+            meant = surface.hint(f" ({UnconnectedInputsWarning.remedy})")
             text = f"unconnected inputs keep their start values: {listed}{more}{meant}"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         simulation = self._begin(
             schedule,
             start_time,
-            record=self.select(record),
+            record=self.select(kept.variables),
             record_interval=interval,
-            watch=[pair for name in watch for pair in self.select([name])],
+            watch=[pair for name in kept.watch for pair in self.select([name])],
             stop_time=stop_time,
             state=state,
-            allow_nan=allow_nan,
+            allow_nan=how.allow_nan,
         )
-        if check_stability:
+        if how.check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
         return simulation
 
@@ -169,19 +171,12 @@ class System(Wiring):
         stop_time: TimeLike,
         *,
         start_time: TimeLike | None = None,
-        record: str | Iterable[str] | None = None,
-        record_interval: TimeLike | None = None,
+        record: Record | str | Iterable[str] | None = None,
         stop_when: Sequence[StopCondition] = (),
-        watch: Iterable[str] = (),
         output: str | os.PathLike[str] | None = None,
-        csv: str | os.PathLike[str] | None = None,
-        display_units: bool = False,
         progress: bool = False,
-        check_stability: bool = False,
         state: SystemState | None = None,
-        allow_nan: bool = False,
-        allow_unconnected: bool = False,
-        real_time: float | None = None,
+        execution: Execution | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], and return the recording.
 
@@ -189,36 +184,26 @@ class System(Wiring):
         recording tells which. The last row is the row that a longer run has at that time: discrete components that are
         due at the stop time run there.
 
-        `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older
-        name for it); with `display_units` in the units in which FMUs want their variables displayed. A failing
-        component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with `output`
-        it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the file,
-        has all but the last tenth of a second of its work. An ending that stands for no format raises FormatError
-        before anything runs. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
-        `initialize`.
+        `record`: a `Record`, or only its variables. `output`: a file for the recording, in the format of its ending, as
+        `Recording.write` says. A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the
+        recording so far, and with `output` it is on disk in any case: of a process that dies `NAME.csv.part`, from
+        which `cosim recover` makes the file, has all but the last tenth of a second of its work. An ending that stands
+        for no format raises FormatError before anything runs. `execution`: an `Execution`: isolation, pace, checks.
+        The other arguments are those of `initialize`.
         """
-        if output is not None and csv is not None:
-            raise CosimError("give the file of the recording as output=... or as csv=..., not both")
+        kept, how = Record.of(record), execution or Execution()
         _check_stop_time(stop_time, self.experiment[0] if start_time is None else start_time, state)
-        file = csv if output is None else output
-        if file is not None:
-            _check_writable(Path(file))
-        with self.initialize(
-            start_time,
-            record=record,
-            record_interval=record_interval,
-            watch=[*watch, *watched_names(stop_when)],
-            stop_time=stop_time,
-            check_stability=check_stability,
-            state=state,
-            allow_nan=allow_nan,
-            allow_unconnected=allow_unconnected,
-        ) as simulation:
-            with _written(simulation, file, display_units):
-                simulation.advance(stop_time, stop_when=stop_when, progress=progress, real_time=real_time, final=True)
+        if output is not None:
+            _check_writable(Path(output))
+        watched = replace(kept, watch=[*kept.watch, *watched_names(stop_when)])
+        with self.initialize(start_time, record=watched, stop_time=stop_time, state=state, execution=how) as simulation:
+            with _written(simulation, output, kept.display_units):
+                simulation.advance(
+                    stop_time, stop_when=stop_when, progress=progress, real_time=how.real_time, final=True
+                )
             return simulation.recording
 
-    def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:
+    def coupled_spectral_radius(self) -> Stability:
         """Growth of a deviation of the coupled continuous components over one cycle of the schedule.
 
         They are linearized at their initial state; see `cosim.linear.stability`. Uses the simulation that is running,
@@ -226,7 +211,7 @@ class System(Wiring):
         """
         running = self._simulation
         if running is None or running.finished:
-            with self.initialize(record=[], allow_unconnected=allow_unconnected) as simulation:
+            with self.initialize(record=[]) as simulation:
                 return coupled_spectral_radius(simulation.schedule)
         return coupled_spectral_radius(running.schedule)
 
@@ -382,9 +367,9 @@ class System(Wiring):
         schedule = self.schedule()
         opened = open_inputs(schedule, [inputs] if isinstance(inputs, str) else inputs)
         files_of(schedule, version)  # before anything runs
-        with self.initialize(
-            record=[], watch=[c.target_name for c in schedule.connections], allow_unconnected=True
-        ) as started:
+        self.end_simulation()
+        watch = self.select([c.target_name for c in schedule.connections])
+        with self._begin(schedule, record=[], watch=watch) as started:
             initial = {c.target_name: started[c.target_name] for c in schedule.connections}
         return export_ssp(
             self.components.values(),

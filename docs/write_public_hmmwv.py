@@ -29,7 +29,7 @@ from oracles.multibody import MultibodyCar, half_round  # noqa: E402
 from build_fmus.compile import ObjectCache, resolve_platforms  # noqa: E402
 from build_fmus.component import Linearization, Model  # noqa: E402
 from build_fmus.package import build_fmu  # noqa: E402
-from cosim import System  # noqa: E402
+from cosim import Record, System  # noqa: E402, Record
 from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series  # noqa: E402
 from fmu_sources.plants import full_car, linear_ride_car, ride_car, wishbone_car  # noqa: E402
 from fmu_sources.plants.linear_car import WITHOUT_SLIP, at_rest, linear_values, positions_of  # noqa: E402
@@ -126,7 +126,7 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
         system.connect("car.x", "road.x")
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
-        r = system.run(round(duration, 3), record=["car.x", "car.body.az", "car.seat.az"], record_interval="1 ms")
+        r = system.run(round(duration, 3), record=Record(["car.x", "car.body.az", "car.seat.az"], "1 ms"))
         x, body, seat = (np.array(r[f"car.{n}"]) for n in ("x", "body.az", "seat.az"))
     inside = (x >= low + CHASSIS) & (x <= high + CHASSIS)
     return figures(x, body, seat, (low, high)), float(

@@ -36,7 +36,7 @@ def continued(
 
     The simulation is advanced to each of `until` in turn.
     """
-    with build(*arguments) as system, system.initialize(state=state, allow_unconnected=True, **options) as simulation:
+    with build(*arguments) as system, system.initialize(state=state, **options) as simulation:
         assert simulation.time == state.time
         for time in until:
             if simulation.advance(time, stop_when=stop):

@@ -25,6 +25,7 @@ from cosim.core.memory import physical_memory
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.exchange import Exchange
+from cosim.engine.execution import Record
 from cosim.engine.plan import Plan, make_plan
 from cosim.engine.simulation import Simulation
 from cosim.fmu.component import FmuComponent
@@ -85,11 +86,10 @@ class Batch:
         inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their
             order is `input_names`. Default: none.
         outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
-        record, record_interval, start_time: as in `System.initialize`.
+        record, start_time: as in `System.initialize`.
         threads: default one for each core that this process may use. The bits do not depend on it.
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
-        allow_unconnected: no warning of inputs that nothing drives and that are not among `inputs`.
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
@@ -107,12 +107,10 @@ class Batch:
         start: Mapping[str, Any] | None = None,
         inputs: str | Iterable[str] = (),
         outputs: str | Iterable[str] = (),
-        record: str | Iterable[str] = (),
-        record_interval: TimeLike | None = None,
+        record: Record | str | Iterable[str] = (),
         start_time: TimeLike | None = None,
         threads: int | None = None,
         vectors: str = "auto",
-        allow_unconnected: bool = False,
     ):
         whole_number("copies", copies, error=CosimError)
         self.copies = int(copies)
@@ -130,15 +128,16 @@ class Batch:
         self.input_names = [f"{m.name}.{v.name}" for m, v in self._inputs]
         self._outputs = system.select(_listed(outputs)) if _listed(outputs) else []
         self.output_names = [f"{m.name}.{v.name}" for m, v in self._outputs]
-        self._record = system.select(_listed(record)) if _listed(record) else []
-        self._interval = None if record_interval is None else positive(record_interval, "record_interval")
+        kept = Record.of(record)
+        self._record = system.select(kept.names) if kept.names else []
+        self._interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
         self._start_time = system.experiment[0] if start_time is None else rational(start_time, "start_time")
         free = [n for n in system.unconnected() if n not in self.input_names and n not in (start or {})]
-        if free and not allow_unconnected:
+        if free and not system.allow_unconnected:
             more = f" and {len(free) - 10} more" if len(free) > 10 else ""
             text = (
                 f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more}"
-                " (allow_unconnected=True if this is intended)"
+                f" ({UnconnectedInputsWarning.remedy})"
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)

@@ -48,6 +48,8 @@ class AlgebraicLoopWarning(UserWarning):
 class UnconnectedInputsWarning(UserWarning):
     """Inputs that nothing drives: they keep their start values."""
 
+    remedy = "System(allow_unconnected=True) if this is intended"
+
 
 class FmuWarning(UserWarning):
     """An FMU deviates from the standard, or contradicts itself; it can be run, but results may be wrong."""
@@ -114,7 +116,7 @@ class NotFinite(CallFailed):
         return (
             f"component '{self.component}': {self.variable} is {self.value}"
             + ("" if when is None else f" at t = {when:.9g} s")
-            + surface.hint("; run with allow_nan=True to let such values pass")
+            + surface.hint("; run with execution=Execution(allow_nan=True) to let such values pass")
         )
 
 

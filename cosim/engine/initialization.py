@@ -104,7 +104,9 @@ def _take(exchange: Exchange, state: SystemState) -> None:
             )
         if not exchange.allow_nan and not math.isfinite(exchange.values[slot]):
             value = float(exchange.values[slot])
-            raise CosimError(f"the state's value of {name} is {value}; give allow_nan=True to let it pass")
+            raise CosimError(
+                f"the state's value of {name} is {value}; give execution=Execution(allow_nan=True) to let it pass"
+            )
 
 
 def _within(state: SystemState, component: str) -> bool:

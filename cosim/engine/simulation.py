@@ -128,7 +128,7 @@ class Simulation:
         try:
             slot, scale, offset = self._layout.readable[self._components.canonical(name)]
         except KeyError:
-            hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
+            hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or Record(watch=[...])"
             raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
         value = self._exchange.values.item(slot)
         return value if (scale, offset) == (1.0, 0.0) else scale * value + offset  # which would make 0.0 of -0.0

@@ -16,6 +16,7 @@ from build_fmus.base.checks import did_you_mean
 from cosim import (
     ComponentError,
     CosimError,
+    Record,
     Recording,
     Simulation,
     StopWhen,
@@ -113,10 +114,8 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         scenario: a function of the environment's random numbers, seeded by `reset(seed=...)`: parameters and start
             values of the next episode by full name, such as a road's seed. `reset(options={...})` sets some by hand,
             after these. `info["scenario"]` has them.
-        record: further variables that reward and `recording` need, names and patterns; what is observed or set is
-            recorded.
-        record_interval: [s], default the smallest step of the system.
-        allow_unconnected: as in `cosim.System.run`.
+        record: further variables that reward and `recording` need, names and patterns or a `cosim.Record`; what is
+            observed or set is recorded.
         render_mode: None, or "plotly": `render` gives a plotly figure of the episode so far (needs the extra
             [reports]).
 
@@ -145,9 +144,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         terminated: Sequence[StopCondition] = (),
         failure_reward: float | None = None,
         scenario: Callable[[np.random.Generator], Scenario] | None = None,
-        record: Sequence[str] = (),
-        record_interval: TimeLike | None = None,
-        allow_unconnected: bool = False,
+        record: Record | Sequence[str] = (),
         render_mode: str | None = None,
     ):
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -162,15 +159,13 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             "failure_reward": failure_reward,
             "scenario": scenario,
             "record": record,
-            "record_interval": record_interval,
-            "allow_unconnected": allow_unconnected,
             "render_mode": render_mode,
         }
         self._make = None if isinstance(system, System) else system
         self.system = system if isinstance(system, System) else system()
         self.render_mode = render_mode
         try:
-            self._prepare(actions, observations, step, length, record, terminated)
+            self._prepare(actions, observations, step, length, Record.of(record), terminated)
         except BaseException:
             if self._make is not None:
                 self.system.close()
@@ -192,30 +187,28 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         seen: Ranges,
         step: TimeLike,
         length: TimeLike | None,
-        record: Sequence[str],
+        record: Record,
         terminated: Sequence[StopCondition],
     ) -> None:
         """Names, spaces and times, checked."""
-        system, settings = self.system, self._settings
+        system = self.system
         self.actions: Signals = actions(system, set_)
         self.observations: Signals = observations(system, seen)
         free = [n for n in system.unconnected() if n not in self.actions.names]
-        if free and not settings["allow_unconnected"]:
+        if free and not system.allow_unconnected:
             shown = ", ".join(free[:10]) + (f" and {len(free) - 10} more" if len(free) > 10 else "")
-            text = (
-                f"inputs that no action sets keep their start values: {shown} (allow_unconnected=True if this is"
-                " intended)"
-            )
+            text = f"inputs that no action sets keep their start values: {shown} ({UnconnectedInputsWarning.remedy})"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=4)
-        interval = settings["record_interval"]
-        self.record_interval = None if interval is None else positive(interval, "record_interval")
+        system.allow_unconnected = True  # the others have been named
+        interval = record.interval
+        self.record_interval = None if interval is None else positive(interval, "the interval of the record")
         extra = [] if self.record_interval is None else [self.record_interval]
         tick = system.schedule(*extra).tick
         self.step_size: Fraction = positive(step, "step")
         if (self.step_size / tick).denominator != 1:
             raise TimeError(f"a step of {step} is not a multiple of the system's tick of {seconds_text(tick)}")
         if extra and (self.step_size / extra[0]).denominator != 1:
-            raise TimeError(f"a step of {step} is not a multiple of record_interval = {interval}")
+            raise TimeError(f"a step of {step} is not a multiple of the interval of the record, {interval}")
         self.steps: int | None = None
         if length is not None:
             count = positive(length, "length") / self.step_size
@@ -228,7 +221,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             [
                 *self.observations.names,
                 *self.actions.names,
-                *record,
+                *record.names,
                 *(c.name for c in terminated if isinstance(c, StopWhen)),
             ]
         )
@@ -264,10 +257,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             component.set({variable: value})
         self._over, self._steps, self._given = True, 0, given
         self._simulation = simulation = self.system.initialize(
-            record=self._recorded,
-            record_interval=self.record_interval,
-            allow_unconnected=True,
-            state=state,
+            record=Record(self._recorded, self.record_interval), state=state
         )
         self._set = simulation.setter(self.actions.names)
         self._advance = simulation.stepper(self.step_size, stop_when=self._stops)

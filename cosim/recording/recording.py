@@ -27,7 +27,7 @@ class Recording:
 
     `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which
     stop condition, or which component that asked for it, ended the run (None: it reached its stop time); `wall_time`
-    [s] is what the stepping took; `real_time` is how a run with `real_time=...` kept pace with the clock. `types` names
+    [s] is what the stepping took; `real_time` is how a paced run kept pace with the clock. `types` names
     what stands for "integer" or "boolean" values, `display` the units in which FMUs want their variables displayed.
     """
 

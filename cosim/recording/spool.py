@@ -89,7 +89,7 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise CosimError(
             f"{path}: this file does not contain the rows of a run; give the NAME.csv{SUFFIX} that a crashed run"
-            " with csv=NAME.csv left"
+            " with output=NAME.csv left"
         ) from None
     width = 1 + len(names)
     whole = len(rows) // (width * _ROW.itemsize) * width

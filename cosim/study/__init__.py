@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cosim.study.loading import ExperimentError, load
     from cosim.study.pages import default_report, make_lead, parameters, provenance, sections
     from cosim.study.results import Results, RunFailed
-    from cosim.study.runner import Execution, Runner
+    from cosim.study.runner import Runner
 
 _PLACES = {
     "cosim.report.claims": (
@@ -66,7 +66,7 @@ _PLACES = {
         "Results",
         "RunFailed",
     ),
-    "cosim.study.runner": ("Execution", "Runner"),
+    "cosim.study.runner": ("Runner",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
@@ -84,7 +84,6 @@ __all__ = [
     "ClaimList",
     "Distribution",
     "Evidence",
-    "Execution",
     "Experiment",
     "ExperimentError",
     "Finding",

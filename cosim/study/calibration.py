@@ -24,7 +24,7 @@ import numpy.typing as npt
 from scipy import optimize, stats
 
 from build_fmus.base.checks import finite
-from cosim import System
+from cosim import Record, System
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike
@@ -53,7 +53,6 @@ class SystemResponse:
         system: put together; it stays the caller's.
         outputs: full names.
         stop_time, interval: of a run, and between samples [s].
-        allow_unconnected: as of `cosim.System.run`.
     """
 
     def __init__(
@@ -63,19 +62,16 @@ class SystemResponse:
         *,
         stop_time: TimeLike,
         interval: TimeLike,
-        allow_unconnected: bool = False,
     ) -> None:
         self.outputs = [f"{m.name}.{v.name}" for m, v in system.select(list(outputs))]
-        self._system, self._stop, self._interval, self._open = system, stop_time, interval, allow_unconnected
+        self._system, self._stop, self._record = system, stop_time, Record(self.outputs, interval)
 
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Outputs (samples, outputs) of a run with these parameters, by full name."""
         for name, value in values.items():
             component, variable = self._system.components.split(name)
             component.set({variable: value})
-        recording = self._system.run(
-            self._stop, record=self.outputs, record_interval=self._interval, allow_unconnected=self._open
-        )
+        recording = self._system.run(self._stop, record=self._record)
         return np.column_stack([recording[n] for n in self.outputs])
 
 

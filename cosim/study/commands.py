@@ -24,7 +24,7 @@ from build_fmus.base import safe_files
 from build_fmus.base.layout import FMUS
 from build_fmus.base.terminal import APP, Command, console, one_of, show
 from build_fmus.compile import PLATFORMS
-from cosim import System
+from cosim import Execution, Record, System
 from cosim.core.errors import ComponentError, CosimError, Interrupted
 from cosim.recording.formats import FORMATS, format_of
 from cosim.recording.recording import Recording
@@ -36,7 +36,7 @@ from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import report_of
-from cosim.study.runner import Execution, Runner
+from cosim.study.runner import Runner
 
 Fmus = Annotated[Path, typer.Option("--fmus", help="directory that contains the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs", min=2, max=3)]
@@ -444,9 +444,10 @@ def run_case(
     format_of(path)  # refused before FMUs are loaded
     baseline = experiment.beside(case, fmus)
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
-        runner.execution.prepare(runner.system(case), every=True)
+        runner.execution.prepare(runner.system(case))
         with kept_recording(path):
-            run = runner.run(case, output=path, display_units=display_units, progress=True, real_time=real_time)
+            record = Record(display_units=display_units)
+            run = runner.run(case, output=path, record=record, progress=True, real_time=real_time)
         name_of = experiment.name_of
         runs, measured = {name_of(case): run}, {name_of(case): experiment.measured(run)}
         remarks = experiment.remarks(run) if experiment.remarks else ()

@@ -14,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from cosim import Execution
 from cosim.study import key
 from cosim.study.dispatch import Dispatch, Making
 from cosim.study.executors import width
@@ -21,7 +22,7 @@ from cosim.study.experiment import Experiment, Search, Task
 from cosim.study.fmus import FmuSet
 from cosim.study.processes import local_processes
 from cosim.study.results import Results
-from cosim.study.runner import Execution, entry_key
+from cosim.study.runner import entry_key
 from cosim.study.store import NotStored, RunStore, Store, Stored
 from cosim.study.swept import Parameters
 from cosim.study.work import JobContext, hashes, task_spec

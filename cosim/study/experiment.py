@@ -124,7 +124,6 @@ class Experiment:
         record: names and patterns, or a function of the case; None for all outputs.
         record_interval: [s], a time or a function of the case; None for the smallest step.
         stop_when: conditions that end a run, a function of system and case.
-        allow_unconnected: inputs that nothing drives are meant so.
         signals: what is kept of a run over time, JSON values by name, for tasks that ask for it.
         failed: metrics of a run that ended with an error, where that is an outcome and no failure of the study.
         plan: tasks (or cases) of the study, or a function that gives them.
@@ -166,7 +165,6 @@ class Experiment:
     record: Sequence[str] | Callable[[Any], Sequence[str]] | None = None
     record_interval: Any = None
     stop_when: Callable[[Any, Any], Sequence[Any]] | None = None
-    allow_unconnected: bool = False
     signals: Callable[[Run], Row] | None = None
     failed: Callable[[Any, Exception], Row] | None = None
     plan: Iterable[Any] | Callable[..., Iterable[Any]] | None = None

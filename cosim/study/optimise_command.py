@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from build_fmus.base.terminal import console
+from cosim import Execution
 from cosim.study.case import fields
 from cosim.study.commands import (
     EVERYWHERE_OF_STUDIES,
@@ -26,7 +27,6 @@ from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
 from cosim.study.processes import local_processes
-from cosim.study.runner import Execution
 from cosim.study.store import Store
 from cosim.study.sweep import Sweep, prepare, run_sweep
 

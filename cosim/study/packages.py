@@ -54,7 +54,6 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
         measure=measure,
         stop_time=_stop_time,
         record=_record,
-        allow_unconnected=True,  # the file says what is connected
         module=place,
     )
 
@@ -62,6 +61,7 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
 def _wire(_: FmuSet, case: Any) -> System:
     steps = _pairs(case.step, "--step") if "=" in case.step else case.step.strip() or None
     system = System.from_ssp(case.file, variant=case.variant or None, step=steps)
+    system.allow_unconnected = True  # the file says what is connected
     _own[system] = {n: dict(m.values) for n, m in system.components.items()}
     return system
 

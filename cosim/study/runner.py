@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import surface
-from cosim import ComponentError, Recording, System
+from cosim import ComponentError, Execution, Record, Recording, System
 from cosim.recording.formats import write
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
@@ -19,32 +19,6 @@ from cosim.tables import drive
 
 if TYPE_CHECKING:  # how results are kept is no part of what they depend on
     from cosim.study.store import RunStore
-
-
-@dataclass(frozen=True)
-class Execution:
-    """How systems are executed; the numbers are the same in any way.
-
-    Args:
-        isolate: names and patterns of the components that run in processes of their own, see
-            `cosim.System.isolate`.
-        step_timeout: of these, wall time of one call [s].
-        memory_limit: of these, bytes.
-    """
-
-    isolate: tuple[str, ...] = ()
-    step_timeout: float | None = None
-    memory_limit: int | None = None
-
-    def prepare(self, system: System, *, every: bool = False) -> None:
-        """Isolate the components of a system that are to be isolated.
-
-        Names that match nothing are passed over, since not every case has every component; with `every` they raise
-        WiringError.
-        """
-        system.isolate(
-            *self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit, missing_ok=not every
-        )
 
 
 SYSTEMS = 32  # that stay open; beyond that the one used longest ago is closed
@@ -98,7 +72,7 @@ class Runner:
             system = e.wire(self.fmus, case)
             for path in self.inputs:
                 drive(system, path, after="hold" if self.hold_inputs else "error")
-            self.execution.prepare(system)
+            self.execution.prepare(system, every=False)  # not every case has every component
         self._systems[key] = system
         if e.configure is not None:
             e.configure(system, case)
@@ -114,10 +88,8 @@ class Runner:
         case: Any,
         *,
         output: Path | None = None,
-        display_units: bool = False,
         progress: bool = False,
-        record: Sequence[str] | None = None,
-        record_interval: Any = None,
+        record: Record | Sequence[str] | None = None,
         stop_time: float | None = None,
         real_time: float | None = None,
     ) -> Run:
@@ -126,10 +98,8 @@ class Runner:
         Args:
             case: the case.
             output: file of the recording, see `cosim.System.run`.
-            display_units: units in that file, see `cosim.System.run`.
             progress: show it.
-            record: names and patterns, others than the experiment's.
-            record_interval: [s], another than the experiment's.
+            record: others than the experiment's; a `Record` without variables or interval has the experiment's.
             stop_time: [s], another than the experiment's.
             real_time: pace, see `cosim.System.run`.
 
@@ -137,21 +107,21 @@ class Runner:
             ComponentError: a component failed (a diverging loop, for one); `error.recording` holds what was recorded.
         """
         e, system = self.experiment, self.system(case)
-        names = record or self.recorded(case)
-        interval = record_interval or (e.record_interval(case) if callable(e.record_interval) else e.record_interval)
+        kept = Record.of(record or None)
+        if kept.variables is None:
+            kept = replace(kept, variables=self.recorded(case))
+        if kept.interval is None:
+            kept = replace(kept, interval=e.record_interval(case) if callable(e.record_interval) else e.record_interval)
         end = (
             stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time
         )
         recording = system.run(
             end,
-            record=names,
-            record_interval=interval,
+            record=kept,
             stop_when=e.stop_when(system, case) if e.stop_when else (),
             output=output,
-            display_units=display_units,
             progress=progress,
-            allow_unconnected=e.allow_unconnected,
-            real_time=real_time,
+            execution=replace(self.execution, isolate=(), real_time=real_time),
         )
         return Run(case, recording, system)
 

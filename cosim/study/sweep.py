@@ -20,6 +20,7 @@ import numpy as np
 from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
 from build_fmus.base.sources import code_hash
+from cosim import Execution
 from cosim.core.errors import WiringError
 from cosim.recording.formats import parquet_table, whole_parquet
 from cosim.recording.recording import Recording
@@ -31,7 +32,7 @@ from cosim.study.driver import job_context, salt_of, stored, usable
 from cosim.study.executors import width
 from cosim.study.experiment import Experiment, Task
 from cosim.study.fmus import FmuSet
-from cosim.study.runner import Execution, Runner, entry_key
+from cosim.study.runner import Runner, entry_key
 from cosim.study.store import NotStored, RunStore, Store, write_table
 from cosim.study.swept import KINDS, Parameters, attribute, set_parameters, swept
 from cosim.study.work import history_name, task_spec

@@ -13,6 +13,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
+from cosim import Execution
 from cosim.recording.peaks import keep_peaks
 from cosim.recording.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
@@ -21,7 +22,7 @@ from cosim.study.design import METHODS, DesignError
 from cosim.study.experiment import Metric, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance
-from cosim.study.runner import Execution, Runner
+from cosim.study.runner import Runner
 from cosim.study.sweep import Sweep, SweepTable
 from cosim.study.swept import swept
 

@@ -20,11 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base import safe_files
+from cosim import Execution
 from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
 from cosim.study.fmus import FmuSet
 from cosim.study.loading import load
-from cosim.study.runner import Execution, HistoryError, Runner
+from cosim.study.runner import HistoryError, Runner
 from cosim.study.store import RunStore, Store, pack
 from cosim.study.swept import Parameters, load_swept, swept
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cosim import Recording, System
+from cosim import Record, Recording, System
 from cosim.experiments.hmmwv.wiring import connect_corner
 
 SPEED = 20 * 0.44704  # m/s, 20 mph
@@ -44,7 +44,7 @@ def corner(fmus: Path = Path("fmus/fmi3"), *, active: bool = True) -> System:
 def run(*, active: bool, fmus: Path = Path("fmus/fmi3")) -> Recording:
     """Three seconds of driving over the first two bumps of the track."""
     with corner(fmus, active=active) as system:
-        return system.run(3.0, record=["car.*", "actuator.*", "comfort.*"], record_interval="1 ms")
+        return system.run(3.0, record=Record(["car.*", "actuator.*", "comfort.*"], "1 ms"))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import gymnasium
 import numpy as np
 
 import cosim.experiments.environments  # noqa: F401  # so that gymnasium knows them
+from cosim import Record
 from cosim.experiments.bench.environment import OFFSETS
 from cosim.experiments.bench.runs import Case, configure, wire
 from cosim.study import FmuSet
@@ -87,7 +88,8 @@ def published(controller: str) -> list[float]:
             configure(system, Case(controller, "random", offset=offset))
             names = [f"plant.{s}" for s in STATES]
             force = [] if controller == "passive" else ["controller.force"]
-            r = system.run(SECONDS, record=[*names, *force], record_interval="1 ms", allow_unconnected=True)
+            system.allow_unconnected = True
+            r = system.run(SECONDS, record=Record([*names, *force], "1 ms"))
             states = np.column_stack([r[n] for n in names])
             found.append(index(states, r[force[0]] if force else np.zeros(len(r))))
     return found

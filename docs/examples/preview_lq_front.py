@@ -19,7 +19,7 @@ import numpy as np
 
 from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.package import build_fmu
-from cosim import System
+from cosim import Record, System
 from cosim.report import Report, write_report
 from cosim.report.fronts import front_section
 from cosim.study.optimise import Outcome, optimise
@@ -68,7 +68,7 @@ def drive(weights: PreviewLqWeights) -> dict[str, float]:
                 ("law", "car", "*"),
             ):
                 system.connect_matching(source, target, names)
-            r = system.run(1.2, record=["car.body.az", "car.tire.*.deflection", "law.force.*"], record_interval="1 ms")
+            r = system.run(1.2, record=Record(["car.body.az", "car.tire.*.deflection", "law.force.*"], "1 ms"))
 
     def rms(names: list[str]) -> float:
         return float(np.sqrt(np.mean([np.mean(r[n] ** 2) for n in names])))

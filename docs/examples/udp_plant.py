@@ -23,7 +23,7 @@ from pathlib import Path
 
 from hmmwv_corner import corner
 
-from cosim import Recording, Simulation
+from cosim import Record, Recording, Simulation
 
 STATE, COMMAND = struct.Struct("<Q9d"), struct.Struct("<Qd")
 SENT = (
@@ -104,7 +104,7 @@ def drive(simulation: Simulation, link: Link, steps: int) -> None:
 
 def repeat(recording: Recording, fmus: Path = Path("fmus/fmi3")) -> Recording:
     """The same run without clock and controller, from the forces that it recorded."""
-    with corner(fmus) as system, system.initialize(record=[*SENT, FORCE], record_interval="1 ms") as simulation:
+    with corner(fmus) as system, system.initialize(record=Record([*SENT, FORCE], "1 ms")) as simulation:
         for step in range(1, len(recording)):
             simulation.advance(step / RATE)
             simulation.set(FORCE, recording[FORCE][step])
@@ -121,7 +121,7 @@ def main() -> None:
     with corner() as system, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind((options.host, options.port))
         print(f"waiting for a controller at port {server.getsockname()[1]}", flush=True)
-        with system.initialize(record=[*SENT, FORCE], record_interval="1 ms") as simulation:
+        with system.initialize(record=Record([*SENT, FORCE], "1 ms")) as simulation:
             link, steps = meet(server), round(options.seconds * RATE)
             drive(simulation, link, steps)
             recording = simulation.recording

@@ -11,7 +11,7 @@ import pytest
 from built import FMUS, BuiltFmus
 from same import bits
 
-from cosim import System
+from cosim import Record, System
 from cosim.batch import Batch
 from cosim.batch.library import TARGETS, choose_target
 from cosim.experiments.bench import EXPERIMENT as BENCH
@@ -40,7 +40,7 @@ def apart(
         for name, each in start.items():
             component, variable = system.components.split(name)
             component.set({variable: each[copy]})
-        with system.initialize(record=record, record_interval=interval) as simulation:
+        with system.initialize(record=Record(record, interval)) as simulation:
             simulation.advance(stop)
             return simulation.recording
     finally:
@@ -66,7 +66,7 @@ def check(
     single = [apart(system, start, c, stop, record, interval) for c in range(copies)]
     for kind, threads in [*((v, 2) for v in vectors), (vectors[-1], 1)]:
         with Batch(
-            system, copies, start=start, record=record, record_interval=interval, vectors=kind, threads=threads
+            system, copies, start=start, record=Record(record, interval), vectors=kind, threads=threads
         ) as batch:
             assert " ".join(batch.scalar) == alone
             batch.advance(stop * 0.37)
@@ -171,13 +171,13 @@ def driven(path: Path, vectors: str, copies: int = 3, steps: int = 60) -> None:
             u[:, :, i] = np.clip(
                 u[:, :, i], *(b if b is not None else s for b, s in ((v.minimum, -1e9), (v.maximum, 1e9)))
             )
-        with Batch(
-            system, copies, inputs=names, outputs=outputs, vectors=vectors, threads=1, allow_unconnected=True
-        ) as batch:
+        system.allow_unconnected = True
+        with Batch(system, copies, inputs=names, outputs=outputs, vectors=vectors, threads=1) as batch:
             got = np.array([batch.step(step, u[k]) for k in range(steps)])
             assert not batch.failures
         for copy in range(copies):
-            simulation = system.initialize(watch=outputs, allow_unconnected=True)
+            system.allow_unconnected = True
+            simulation = system.initialize(record=Record(watch=outputs))
             read, put = simulation.reader(outputs), simulation.setter(names) if names else None
             for k in range(steps):
                 if put is not None:

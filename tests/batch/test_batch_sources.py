@@ -135,7 +135,8 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(
         lane_source(FmuFile(path, quiet=True)).code((0,), 2, 0)
     with System() as system:
         system.add("plant", path, step="1 ms")
-        with Batch(system, 2, threads=1, outputs="plant.body.z", allow_unconnected=True) as batch:
+        system.allow_unconnected = True
+        with Batch(system, 2, threads=1, outputs="plant.body.z") as batch:
             batch.advance(0.01)
             assert list(batch.scalar) == ["plant"]
 

@@ -11,7 +11,16 @@ import pytest
 from built import FMUS
 from same import bits
 
-from cosim import ComponentError, CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
+from cosim import (
+    ComponentError,
+    CosimError,
+    PythonComponent,
+    Record,
+    System,
+    TimeError,
+    UnconnectedInputsWarning,
+    WiringError,
+)
 from cosim.batch import Batch, CopyFailedWarning
 
 pytestmark = [
@@ -42,9 +51,9 @@ def test_inputs_and_outputs_are_arrays(bench: System) -> None:
     assert got.shape == (5, 2)
     assert np.all(np.diff(got[:, 0]) > 0)
     np.testing.assert_array_equal(batch["plant.body.z"], got[:, 0])
-    with bench.initialize(watch=OUTPUTS) as simulation:
+    with bench.initialize(record=Record(watch=OUTPUTS)) as simulation:
         bench["plant"].set({"body.mass": 2.3})
-    with bench.initialize(watch=OUTPUTS) as simulation:
+    with bench.initialize(record=Record(watch=OUTPUTS)) as simulation:
         simulation.set("plant.force", 4.0)
         simulation.advance("10 ms")
         assert [simulation[n] for n in OUTPUTS] == got[4].tolist()
@@ -87,7 +96,7 @@ def test_steps_in_pieces_are_those_in_one_go(bench: System) -> None:
     def run(times: list[float]) -> np.ndarray:
         masses, force = [2.0, 2.5, 3.0], [[1.0], [2.0], [-1.0]]
         with Batch(
-            bench, 3, start={"plant.body.mass": masses}, inputs="plant.force", record="plant.*", record_interval="3 ms"
+            bench, 3, start={"plant.body.mass": masses}, inputs="plant.force", record=Record("plant.*", "3 ms")
         ) as batch:
             batch.set(force)
             for t in times:
@@ -237,7 +246,8 @@ def test_a_copy_of_a_foreign_fmu_that_fails(version: int, awkward_fmus: dict[int
     with System() as system:
         system.add("m", awkward_fmus[version], step="10 ms", start={"at": 0.1, "value": 3.0})
         start = {"m.trouble": [awkward.NONE, awkward.STATUS, awkward.NOT_FINITE]}
-        with Batch(system, 3, start=start, outputs=["m.y"], allow_unconnected=True) as batch:
+        system.allow_unconnected = True
+        with Batch(system, 3, start=start, outputs=["m.y"]) as batch:
             with pytest.warns(CopyFailedWarning):
                 batch.advance(0.3)
             assert sorted((f.copy, f.component) for f in batch.failures)[:1] == [(1, "m")]

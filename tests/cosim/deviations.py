@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
-from cosim import System
+from cosim import Record, System
 
 
 def deviation(system: System, model: Any, pulse: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
@@ -20,7 +20,7 @@ def deviation(system: System, model: Any, pulse: float, periods: int) -> tuple[n
     names = [model.names[n] for n in model.output_labels]
     runs = []
     for height in (pulse, 0.0):
-        simulation = system.initialize(record=names, record_interval=Fraction(model.dt).limit_denominator(10**6))
+        simulation = system.initialize(record=Record(names, Fraction(model.dt).limit_denominator(10**6)))
         for name in model.input_labels:
             simulation.set(model.names[name], height)
         simulation.advance(model.dt)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from probes import Clock, DiscreteProbe, Integrator
 
-from cosim import ComponentError, CosimError, PythonComponent, System, UnconnectedInputsWarning
+from cosim import ComponentError, CosimError, Execution, PythonComponent, Record, System, UnconnectedInputsWarning
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -77,7 +77,7 @@ def test_an_fmu_that_asks_to_end_ends_the_run_with_its_recording(awkward_fmus, v
         plant(system, awkward_fmus[version], trouble, kind=kind)
         system.add("fast", Integrator(), step="10 ms", start={"u": 1.0})
         system.add("clock", Clock(), step="50 ms")
-        result = system.run(1, record_interval="50 ms")
+        result = system.run(1, record=Record(interval="50 ms"))
         assert result.time[-1] == last
         assert "'plant' asked to end the simulation" in result.stopped_by
         assert "step from 0.3 s" in result.stopped_by
@@ -176,7 +176,7 @@ def test_a_value_that_is_not_finite_ends_the_run(awkward_fmus, version, value, k
         assert caught.value.time == pytest.approx(at)
         assert np.isfinite(caught.value.recording.data).all()
         assert np.isfinite(seen.implementation.x)
-        result = system.run(1, allow_nan=True)
+        result = system.run(1, execution=Execution(allow_nan=True))
         assert not np.isfinite(result["plant.y"][-1])
 
 
@@ -193,7 +193,7 @@ def test_not_finite_after_initialization(awkward_fmus, version):
         with pytest.raises(ComponentError, match="'plant': y is nan at t = 0 s"):
             system.run(1)
         with pytest.raises(ComponentError, match=r"'next': fmi.Set"):
-            system.run(1, allow_nan=True)
+            system.run(1, execution=Execution(allow_nan=True))
 
 
 def test_within_a_gauss_seidel_group_nothing_that_is_not_finite_is_passed_on(awkward_fmus):
@@ -253,7 +253,9 @@ def test_a_recorded_parameter_that_is_not_finite(awkward_fmus):
         assert system.run(0.5).time[-1] == 0.5
         with pytest.raises(ComponentError, match="'plant': value is nan"):
             system.run(0.5, record=["plant.value"])
-        assert np.isnan(system.run(0.5, record=["plant.value"], allow_nan=True)["plant.value"]).all()
+        assert np.isnan(
+            system.run(0.5, record=["plant.value"], execution=Execution(allow_nan=True))["plant.value"]
+        ).all()
 
 
 def test_unconnected_inputs_still_warn(awkward_fmus):

@@ -57,7 +57,8 @@ def recorded(path: Path, *, step: str | None = None, offset: str | int = 0) -> d
         about = law.description
         for k, name in enumerate(n for n, v in about.inputs.items() if v.type == "real"):
             system.connect(f"waves.y{k % 8}", f"law.{name}", linear=(1.0, 0.0))
-        recording = system.run(0.4, record=["law.*"], allow_unconnected=True)  # type: ignore[arg-type]
+        system.allow_unconnected = True
+        recording = system.run(0.4, record=["law.*"])  # type: ignore[arg-type]
         return {n: recording[n] for n in recording.names}
 
 
@@ -138,7 +139,8 @@ def test_check_has_nothing_to_say(fmus: dict[str, dict[bool, Path]]) -> None:
 def test_saved_states_continue(fmus: dict[str, dict[bool, Path]], raises) -> None:
     with System() as system:
         system.add("law", fmus["ProbeQpDaqp"][True])
-        with system.initialize(record=["law.*"], allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record=["law.*"]) as simulation:
             simulation.advance(0.1)
             state = simulation.save()
             simulation.advance(0.2)

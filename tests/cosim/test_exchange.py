@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from probes import INITIAL, Clock, Delta, DiscreteProbe, Integrator, Moore, Probe
 
-from cosim import LoopError, PythonComponent, System
+from cosim import LoopError, PythonComponent, Record, System
 
 STEPS = (1, 2, 3, 5)
 PAIRS = list(itertools.product(STEPS, STEPS))
@@ -247,7 +247,7 @@ def test_group_extrapolates_its_continuous_inputs():
 def test_a_million_steps_end_exactly(step, stop):
     system = System()
     counter = system.add("clock", Clock(), step=step)
-    system.run(stop, record=["clock.y"], record_interval="1000/6" if step == "1/60" else 1)
+    system.run(stop, record=Record(["clock.y"], "1000/6" if step == "1/60" else 1))
     simulation = system._simulation
     exchange = simulation._exchange
     assert exchange.tick == 10**6
@@ -262,7 +262,7 @@ def test_rates_without_a_short_common_period():
     system.add("fast", fast, step="1 ms")
     system.add("slow", slow, step="1000001 us")
     system.connect("fast.y", "slow.u")
-    system.run(5, record=[], record_interval=1)
+    system.run(5, record=Record([], 1))
     assert [u for _, u in system["slow"].implementation.log] == [0, 1000, 2000, 3000, 4000]
     assert len(system["fast"].implementation.log) == 5001
 

@@ -201,5 +201,6 @@ def test_fmus_in_python_run_isolated(foreign, name):
     for isolated in (False, True):
         with System() as system:
             system.add("a", foreign[name], step=1, start={"u": 2.0}, isolated=isolated)
-            recordings.append(system.run(3, record=["a.y"], allow_unconnected=True)["a.y"])
+            system.allow_unconnected = True
+            recordings.append(system.run(3, record=["a.y"])["a.y"])
     np.testing.assert_array_equal(*recordings)

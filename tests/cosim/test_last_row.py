@@ -12,7 +12,7 @@ from probes import Clock, Delta, DiscreteProbe, Integrator
 from random_systems import systems, wired
 from same import bits
 
-from cosim import ComponentError, LoopError, PythonComponent, StopWhen, System
+from cosim import ComponentError, LoopError, PythonComponent, Record, StopWhen, System
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::cosim.UnconnectedInputsWarning",
@@ -58,7 +58,7 @@ def test_a_car_with_components_of_four_rates(built_fmus, fmi, isolated):
     system.connect("car.body.z", "filter.z")
     with system:
         record = ["car.*", "law.*", "road.*", "filter.*"]
-        assert_rows_of_a_longer_run(system, 0.5, 1.5, record=record, record_interval="1 ms")
+        assert_rows_of_a_longer_run(system, 0.5, 1.5, record=Record(record, "1 ms"))
 
 
 @settings(
@@ -78,7 +78,7 @@ def test_random_systems(plan, tenths, follower):
         step = max(m.step for m in system.components.values())
         stop = (2 * step + tenths * step / 10) // tick * tick
         interval = min(m.step for m in system.components.values())
-        one, other = (system.run(until, record=every, record_interval=interval) for until in (stop, stop + step))
+        one, other = (system.run(until, record=Record(every, interval)) for until in (stop, stop + step))
         np.testing.assert_array_equal(bits(one.data), bits(other.data[: len(one)]))
 
 
@@ -94,17 +94,17 @@ def loop() -> System:
 @pytest.mark.parametrize("stop", [0, 0.001, 0.002, 0.003, 0.004, 0.006])
 def test_any_stop_time(stop):
     """Also the start time, and times at which nothing is due."""
-    assert_rows_of_a_longer_run(loop(), stop, 1, record_interval="1 ms")
+    assert_rows_of_a_longer_run(loop(), stop, 1, record=Record(interval="1 ms"))
 
 
 def test_a_run_from_a_saved_state():
     system = loop()
     for stop in (0.006, 0.007):  # the controller is due, or not
-        simulation = system.initialize(record_interval="1 ms")
+        simulation = system.initialize(record=Record(interval="1 ms"))
         simulation.advance(stop)
         state = simulation.save()
-        here = system.run(stop, record_interval="1 ms", state=state)
-        whole = loop().run(1, record_interval="1 ms")
+        here = system.run(stop, record=Record(interval="1 ms"), state=state)
+        whole = loop().run(1, record=Record(interval="1 ms"))
         np.testing.assert_array_equal(bits(here.data[0]), bits(whole.data[whole.time == stop][0]))
 
 
@@ -114,8 +114,8 @@ def test_final_advance_is_continued_with_the_bits_of_one_run():
     system.add("probe", DiscreteProbe(), step="3 ms")
     system.add("plant", Integrator(), step="2 ms")
     system.connect("plant.y", "probe.u")
-    whole = system.run("12 ms", record_interval="1 ms")
-    simulation = system.initialize(record_interval="1 ms")
+    whole = system.run("12 ms", record=Record(interval="1 ms"))
+    simulation = system.initialize(record=Record(interval="1 ms"))
     for ms in (0, 3, 3, 4, 6, 12, 12):
         simulation.advance(f"{ms} ms", final=True)
         np.testing.assert_array_equal(bits(simulation.recording.data), bits(whole.data[: ms + 1]))
@@ -124,7 +124,7 @@ def test_final_advance_is_continued_with_the_bits_of_one_run():
 
 def test_advance_leaves_the_last_row_provisional():
     with loop() as system:
-        simulation = system.initialize(record=["control.y"], record_interval="1 ms")
+        simulation = system.initialize(record=Record(["control.y"], "1 ms"))
         simulation.advance("6 ms")
         before = simulation.recording["control.y"]
         assert before[-1] == before[-2]

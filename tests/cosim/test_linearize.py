@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
-from cosim import CosimError, Fmu, LoopError, PythonComponent, System, TimeError, WiringError
+from cosim import CosimError, Fmu, LoopError, PythonComponent, Record, System, TimeError, WiringError
 from cosim.linear import linearization
 
 STIFFNESS, MASS = 50.0, 2.0
@@ -364,7 +364,7 @@ def test_growth_is_the_spectral_radius(small):
         radius = np.abs(control.poles(system.linearize(discrete="8 ms"))).max()
         system["mass"].set({"body.x": 1e-6})
         system["law"].set({"x": 0.0})
-        x = np.abs(system.run(1.6, record="mass.body.x", record_interval="8 ms")["mass.body.x"])
+        x = np.abs(system.run(1.6, record=Record("mass.body.x", "8 ms"))["mass.body.x"])
     assert radius > 1.05
     assert (x[-1] / x[-51]) ** (1 / 50) == pytest.approx(radius, rel=1e-3)
 

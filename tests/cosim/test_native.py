@@ -10,7 +10,7 @@ from built import OBJECTS
 from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
-from cosim import ComponentError, CosimError, PythonComponent, System
+from cosim import ComponentError, CosimError, Execution, PythonComponent, System
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -164,7 +164,7 @@ def test_a_value_that_is_not_finite_ends_the_run_and_is_named(native, version):
         with pytest.raises(ComponentError, match=r"'source': f is nan at t = 0\.05 s"):
             system.run(1.0)
         with pytest.raises(ComponentError, match=r"(?s)'mass'.*t = 0\.05 s.*force") as caught:
-            system.run(1.0, allow_nan=True)
+            system.run(1.0, execution=Execution(allow_nan=True))
         assert caught.value.recording.time[-1] == 0.05
         crossed = pickle.loads(pickle.dumps(caught.value))  # as from a worker process of a study
         assert str(crossed) == str(caught.value)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from build_fmus import component
-from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
+from cosim import CosimError, Execution, PythonComponent, Recording, StabilityWarning, System
 from cosim.core.errors import FmuError
 from cosim.core.time import TimeBase, gcd, rational
 from cosim.engine.clock import Clock, cycle
@@ -284,7 +284,7 @@ def test_spectral_radius_is_what_a_run_grows_by(method, delay, damper_step):
 
 def test_running_with_the_check_warns():
     with pytest.warns(StabilityWarning, match=r"mass \(66%\), damper \(34%\)"):
-        strut(1100, "jacobi").run(0.01, check_stability=True)
+        strut(1100, "jacobi").run(0.01, execution=Execution(check_stability=True))
 
 
 def test_integrators_give_no_false_alarm():

@@ -235,9 +235,11 @@ def test_a_factory_must_make_the_same_variables(raises) -> None:
     made = iter([Pid(), Integrator()])
     with System() as system:
         system.add("pid", lambda: next(made), step="10 ms")
-        system.run(0.1, allow_unconnected=True)
+        system.allow_unconnected = True
+        system.run(0.1)
         with raises(CosimError):
-            system.run(0.1, allow_unconnected=True)
+            system.allow_unconnected = True
+            system.run(0.1)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from ctrl_c import ctrl_c
 from probes import Clock, Integrator
 from same import assert_same
 
-from cosim import Interrupted, PythonComponent, StopWhen, System, TimeError
+from cosim import Execution, Interrupted, PythonComponent, Record, StopWhen, System, TimeError
 from cosim.core import real_time
 from cosim.recording.spool import Spool, read_spool
 
@@ -65,7 +65,7 @@ def working(clock, busy=(), step="10 ms"):
 
 def test_every_instant_begins_when_it_is_due(fake):
     system = working(fake)
-    recording = system.run(0.1, real_time=1.0)
+    recording = system.run(0.1, execution=Execution(real_time=1.0))
     np.testing.assert_allclose(system["worker"].implementation.began, np.arange(11) * 0.01, atol=1e-6)
     assert fake.now - 1000.0 == pytest.approx(0.1, abs=1e-6)
     kept = recording.real_time
@@ -77,14 +77,14 @@ def test_every_instant_begins_when_it_is_due(fake):
 @pytest.mark.parametrize("factor", [0.5, 2.0, 1000.0])
 def test_faster_and_slower_than_the_clock(fake, factor):
     system = working(fake)
-    system.run(0.1, real_time=factor)
+    system.run(0.1, execution=Execution(real_time=factor))
     np.testing.assert_allclose(system["worker"].implementation.began, np.arange(11) * 0.01 / factor, atol=1e-5)
 
 
 def test_what_comes_late_is_caught_up_with_and_nothing_is_left_out(fake):
     """The third step takes 35 ms: the three after it are due before it ends; then all is as if nothing had been."""
     system = working(fake, {2: 0.035})
-    recording = system.run(0.1, real_time=1.0)
+    recording = system.run(0.1, execution=Execution(real_time=1.0))
     expected = [0, 0.01, 0.02, 0.055, 0.055, 0.055, 0.06, 0.07, 0.08, 0.09, 0.1]
     np.testing.assert_allclose(system["worker"].implementation.began, expected, atol=1e-6)
     np.testing.assert_array_equal(recording.time, np.arange(11) / 100)
@@ -99,14 +99,14 @@ def test_what_comes_late_is_caught_up_with_and_nothing_is_left_out(fake):
 def test_sleeps_that_end_late_are_no_overruns_and_do_not_add_up(fake):
     fake.late = 0.0007
     system = working(fake)
-    kept = system.run(1.0, real_time=1.0).real_time
+    kept = system.run(1.0, execution=Execution(real_time=1.0)).real_time
     assert kept.overruns == 0
     assert kept.worst == pytest.approx(0.0005, abs=2e-5)  # less what is spun through
     np.testing.assert_allclose(system["worker"].implementation.began, np.arange(101) * 0.01, atol=6e-4)
 
 
 def test_naps_are_short_and_the_last_stretch_is_spun_through(fake):
-    working(fake, step=1).run(2, real_time=1.0)
+    working(fake, step=1).run(2, execution=Execution(real_time=1.0))
     assert max(fake.naps) <= real_time.NAP <= 0.05
     assert sum(fake.naps) == pytest.approx(2 - 2 * real_time.SPIN, abs=1e-4)
 
@@ -145,16 +145,18 @@ def test_the_numbers_are_those_of_a_run_without_pace(awkward_fmus, tmp_path, mon
         system.add("plant", awkward_fmus[3], step="5 ms", parameters={"trouble": awkward.NONE, "at": 9.0, "value": 0.0})
         system.add("fast", Integrator(), step="2 ms", offset="1 ms", start={"u": 1.0})
         system.add("clock", Clock(), step="1/60")
-        options = {"record_interval": "3 ms", "stop_when": [StopWhen("fast.y", ">", 0.5)]}
+        options = {"record": Record(interval="3 ms"), "stop_when": [StopWhen("fast.y", ">", 0.5)]}
         whole = system.run(1.0, **options)
-        paced = system.run(1.0, **options, real_time=20.0, progress=True, csv=tmp_path / "a.csv")
+        paced = system.run(
+            1.0, **options, execution=Execution(real_time=20.0), progress=True, output=tmp_path / "a.csv"
+        )
         assert_same(paced, whole)
         assert paced.stopped_by == "fast.y > 0.5"
         assert paced.wall_time >= (paced.time[-1] - 1e-9) / 20
         assert (whole.real_time, paced.real_time.factor) == (None, 20.0)
-        unpaced = (tmp_path / "b.csv", system.run(1.0, **options, csv=tmp_path / "b.csv"))[0]
+        unpaced = (tmp_path / "b.csv", system.run(1.0, **options, output=tmp_path / "b.csv"))[0]
         assert (tmp_path / "a.csv").read_bytes() == unpaced.read_bytes()
-        with system.initialize(record_interval="3 ms") as simulation:
+        with system.initialize(record=Record(interval="3 ms")) as simulation:
             spool = Spool(tmp_path / "c.csv.part", simulation.recording.names, simulation.recording.units)
             simulation.spool(spool)
             simulation.advance(0.2, real_time=50.0)
@@ -168,7 +170,7 @@ def test_a_component_that_asks_for_the_end_is_heard(awkward_fmus, trouble):
         system.add("fast", Integrator(), step="10 ms", start={"u": 1.0})
         whole = system.run(1)
         assert "asked to end" in whole.stopped_by
-        assert_same(system.run(1, real_time=50.0), whole)
+        assert_same(system.run(1, execution=Execution(real_time=50.0)), whole)
 
 
 def test_ctrl_c_while_it_waits(awkward_fmus):
@@ -190,4 +192,4 @@ def test_a_pace_that_is_none(wrong, raises):
     system = System()
     system.add("clock", Clock(), step="1 ms")
     with raises(TimeError):
-        system.run(0.01, real_time=wrong)
+        system.run(0.01, execution=Execution(real_time=wrong))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from probes import Clock, Delta, Integrator
 
-from cosim import ComponentError, CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
+from cosim import ComponentError, CosimError, Interrupted, PythonComponent, Record, Recording, StopWhen, System
 from cosim.core.errors import CallFailed
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -32,9 +32,9 @@ def same(a, b):
 @pytest.mark.parametrize("delay", [False, True])
 @pytest.mark.parametrize("piece", ["1 ms", "3 ms", "4 ms", "7 ms"])
 def test_advancing_in_pieces_equals_one_go(piece, delay):
-    whole = loop(delay).run("84 ms", record_interval="1 ms")
+    whole = loop(delay).run("84 ms", record=Record(interval="1 ms"))
     system = loop(delay)
-    simulation = system.initialize(record_interval="1 ms")
+    simulation = system.initialize(record=Record(interval="1 ms"))
     for i in range(1, 84 // int(piece[0]) + 1):
         simulation.advance(f"{i * int(piece[0])} ms")
     simulation.advance("84 ms", final=True)
@@ -57,7 +57,7 @@ def test_stop_condition_as_a_function_and_at_a_coarse_recording():
     def late(view):
         return view.time > 0.0105 and view["plant.y"] > 0
 
-    result = loop().run(1, stop_when=[late], record=["plant.y"], record_interval=0.01)
+    result = loop().run(1, stop_when=[late], record=Record(["plant.y"], 0.01))
     assert result.stopped_by == "late"
     np.testing.assert_array_equal(result.time, [0.0, 0.01])
 
@@ -177,7 +177,7 @@ def test_failure_names_component_time_and_message_and_keeps_the_recording(status
     system.add("bad", Bad(None))
     path = tmp_path / "new" / "out.csv"
     with pytest.raises(ComponentError, match=r"'bad'.*fmi2DoStep.*at t = 0\.5 s") as caught:
-        system.run(1, csv=path)
+        system.run(1, output=path)
     error = caught.value
     assert (error.component, error.function, error.status, error.time) == ("bad", "fmi2DoStep", name, 0.5)
     assert "tire.force is not finite" in str(error)
@@ -206,7 +206,7 @@ def test_control_c_stops_between_two_instants_and_can_be_continued(tmp_path):
     system.add("slow", broken)
     path = tmp_path / "out.csv"
     with pytest.raises(Interrupted) as caught:
-        system.run(1000, csv=path)
+        system.run(1000, output=path)
     kept = caught.value.recording
     assert 0.5 <= caught.value.time < 1000
     assert kept.time[-1] == caught.value.time
@@ -235,7 +235,7 @@ def test_interrupted_simulation_goes_on():
 def test_a_recording_that_cannot_be_written_is_refused_before_the_run(tmp_path, raises):
     (tmp_path / "file").write_text("")
     with raises(CosimError):
-        loop().run(1, csv=tmp_path / "file" / "out.csv")
+        loop().run(1, output=tmp_path / "file" / "out.csv")
 
 
 def test_progress_bar_runs(monkeypatch):

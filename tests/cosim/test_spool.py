@@ -29,7 +29,7 @@ class Slow(Integrator):
         time.sleep(0.001)
 system = System()
 system.add("slow", Slow(), step="1 ms", start={{"u": 2.0}})
-system.run(1000, csv={csv!r})
+system.run(1000, output={csv!r})
 """
 
 
@@ -123,7 +123,7 @@ def test_the_rows_are_the_recording_whatever_is_rolled_back(tmp_path, monkeypatc
 def test_nothing_is_left_beside_the_csv(tmp_path):
     with System() as system:
         system.add("a", Integrator(), step="1 ms", start={"u": 1.0})
-        system.run(0.1, csv=tmp_path / "a.csv")
+        system.run(0.1, output=tmp_path / "a.csv")
         assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
         assert len(Recording.from_csv(tmp_path / "a.csv")) == 101
 

@@ -168,7 +168,8 @@ def test_flows_add_up_to_zero(with_terminals: Terminals, raises) -> None:
             (made,) = system.connect_terminals("a.pin", "b.pin")
             assert made.flow
             system["a"].set(u=90.0)
-            reached.append(system.run(0.01, record=["b.u", "b.y"], allow_unconnected=True))
+            system.allow_unconnected = True
+            reached.append(system.run(0.01, record=["b.u", "b.y"]))
     assert reached[0]["b.u"][-1] < 0 < reached[1]["b.u"][-1]
     assert reached[0]["b.y"].tolist() == (-reached[1]["b.y"]).tolist()
     with (

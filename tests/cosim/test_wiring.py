@@ -11,7 +11,7 @@ import pytest
 from probes import Clock, Delta, Integrator
 
 from build_fmus.base.units import KNOWN, Unit, UnitMismatchError, conversion
-from cosim import CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
+from cosim import CosimError, PythonComponent, Record, System, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.core.time import TimeBase, rational, seconds_text
 
 
@@ -130,7 +130,8 @@ def test_integers_that_doubles_do_not_hold_are_named(follower, warns):
         for name in ("a", "b"):
             s.add(name, follower[3], step="1 ms", kind="discrete", start={"int64_in": 2**53 - 2, "uint64_in": 0})
         s.connect("a.int64_out", "b.int64_in")
-        options = {"record": ["b.int64_out", "a.uint64_out"], "allow_unconnected": True}
+        s.allow_unconnected = True
+        options = {"record": ["b.int64_out", "a.uint64_out"]}
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             s.run(0.01, **options)
@@ -189,11 +190,13 @@ def test_unconnected_inputs_that_are_meant_so_are_not_reported(raises):
     s.add("car", Car(), start={"speed": 3.0})
     s.add("road", Road(), start={"x": 0.0})
     s.connect_matching("road", "car", "road.*")
-    assert len(s.run(0.001, allow_unconnected=True))
-    assert s.initialize(allow_unconnected=True).time_ns == 0
+    s.allow_unconnected = True
+    assert len(s.run(0.001))
+    s.allow_unconnected = True
+    assert s.initialize().time_ns == 0
     s.reset()
     with raises(CosimError):
-        s.coupled_spectral_radius(allow_unconnected=True)
+        s.coupled_spectral_radius()
     s.connect("road.preview.fl", "car.preview.fl")
     assert s.check() == []
     s.run(0.001)
@@ -332,7 +335,7 @@ def test_an_array_with_a_driven_element_is_not_set(raises):
     s.add("a", Delta(), step=1, start={"u": 0})
     s.add("g", Vector(), step=1, start={"u": [1, 2]})
     s.connect("a.y", "g.u[2]")
-    with s.initialize(watch=["g.u[1]"]) as simulation:
+    with s.initialize(record=Record(watch=["g.u[1]"])) as simulation:
         with raises(WiringError):
             simulation.set("g.u", [3.0, 4.0])
         with raises(WiringError):

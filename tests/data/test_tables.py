@@ -18,6 +18,7 @@ from cosim import (
     ComponentError,
     CosimError,
     PythonComponent,
+    Record,
     Recording,
     System,
     SystemState,
@@ -80,7 +81,7 @@ def test_the_engine_reads_a_table_as_python_does(seed: int) -> None:
         Fraction(int(rng.integers(1, 40)), int(rng.integers(500, 3000))),
         ["road.x[2]", "road.x[1]", "road.*"],
     )
-    found = run(random_table(seed), 2.0, step=step, record=record, record_interval=step / 2)
+    found = run(random_table(seed), 2.0, step=step, record=Record(record, step / 2))
     with System() as system:
         system.add("road", random_table(seed), step=step)
         assert_same(found, by_the_rule(system, Fraction(2), found.names, step / 2))
@@ -348,10 +349,10 @@ def wired(table: Table | None = None) -> System:
 
 
 def test_states_travel(tmp_path: Path) -> None:
-    options: dict[str, Any] = {"allow_unconnected": True}
     with wired() as one, wired() as two:
-        whole = one.run(2.0, **options)
-        simulation = one.initialize(**options)
+        one.allow_unconnected = two.allow_unconnected = True
+        whole = one.run(2.0)
+        simulation = one.initialize()
         simulation.advance("0.7")
         state = simulation.save()
         state.write(tmp_path / "a.state")
@@ -361,13 +362,13 @@ def test_states_travel(tmp_path: Path) -> None:
         simulation.advance(2, final=True)
         assert_same(simulation.recording, whole)
         again = SystemState.from_bytes((tmp_path / "a.state").read_bytes())
-        rest = two.run(2.0, state=again, **options)
+        rest = two.run(2.0, state=again)
         np.testing.assert_array_equal(bits(rest.data), bits(whole.data[whole.time >= 0.7]))
         with (
             wired(Table(frame().assign(z=0.0), interpolation={"n": "held"})) as other,
             pytest.raises(CosimError, match="road"),
         ):
-            other.initialize(state=SystemState.from_bytes((tmp_path / "a.state").read_bytes()), **options)
+            other.initialize(state=SystemState.from_bytes((tmp_path / "a.state").read_bytes()))
 
 
 def test_a_system_with_a_table_is_not_exported_but_without_it(built_fmus: Any, tmp_path: Path) -> None:
@@ -380,7 +381,8 @@ def test_a_system_with_a_table_is_not_exported_but_without_it(built_fmus: Any, t
         with pytest.raises(WiringError, match="'track'"):
             system.isolate("track")
         system.isolate("*")
-        r = system.run(0.2, record=["car.*", "track.*"], allow_unconnected=True)
+        system.allow_unconnected = True
+        r = system.run(0.2, record=["car.*", "track.*"])
         system.reset()
     assert abs(r["car.body.z"]).max() > 0
 

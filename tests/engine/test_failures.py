@@ -14,7 +14,7 @@ from rich.progress import Progress
 from same import assert_same, bits, outcome
 
 from build_fmus.compile import CompileError
-from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
+from cosim import CosimError, Execution, Interrupted, PythonComponent, Record, Recording, StopWhen, System
 from cosim.engine import library
 from cosim.recording.spool import spool_of
 
@@ -111,7 +111,7 @@ def test_not_finite_values_are_handed_on_where_that_is_allowed(follower):
             system.add("p", Breaks(), step="20 ms", parameters={"how": "nan"})
             system.add("f", follower[2], step="10 ms")
             system.connect("p.y", "f.u")
-            return system.run(0.6, allow_nan=True)
+            return system.run(0.6, execution=Execution(allow_nan=True))
 
     said, recording = outcome(run)
     assert said == ""
@@ -176,7 +176,7 @@ def test_ctrl_c_ends_a_compiled_run_between_two_instants(follower):
     """It comes while the engine runs, is seen when that comes back, and the simulation can be continued."""
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
-        with system.initialize(record=["f.y"], record_interval="1 s") as simulation:
+        with system.initialize(record=Record(["f.y"], "1 s")) as simulation:
             with ctrl_c(after=0.1), pytest.raises(Interrupted, match="interrupted at t ="):
                 simulation.advance(10**9)
             reached = simulation.time
@@ -192,9 +192,9 @@ def test_ctrl_c_keeps_what_a_compiled_run_has_recorded(follower, tmp_path):
         csv = tmp_path / "run.csv"
         part = spool_of(csv)
         with ctrl_c(lambda: part.exists() and part.stat().st_size > 1000), pytest.raises(Interrupted) as raised:
-            system.run(10**9, record=["f.y"], record_interval="1 s", csv=csv)
+            system.run(10**9, record=Record(["f.y"], "1 s"), output=csv)
         kept = raised.value.recording
-        whole = system.run(kept.time[-1], record=["f.y"], record_interval="1 s")
+        whole = system.run(kept.time[-1], record=Record(["f.y"], "1 s"))
     assert len(kept) > 2
     np.testing.assert_array_equal(bits(kept.time), bits(whole.time))
     np.testing.assert_array_equal(bits(kept.data), bits(whole.data))
@@ -214,7 +214,7 @@ def test_the_progress_bar_of_a_compiled_run_moves(follower, monkeypatch):
     monkeypatch.setattr("cosim.engine.progress.ProgressBar.PATIENCE", 0.0)
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
-        with system.initialize(record=["f.y"], record_interval="1 s") as simulation:
+        with system.initialize(record=Record(["f.y"], "1 s")) as simulation:
             simulation.advance(1)
             simulation.advance(101, progress=True)
     done = [completed for completed, _, _ in seen]

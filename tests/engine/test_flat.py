@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim import System
+from cosim import Record, System
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
@@ -42,7 +42,7 @@ def test_a_million_steps_take_no_memory(follower, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # other workers have theirs at the same time
     with System() as system:
         chain(system, follower)
-        with system.initialize(record=["c.y"], record_interval="10 s") as simulation:
+        with system.initialize(record=Record(["c.y"], "10 s")) as simulation:
             simulation.advance(10)
             seen = [held()]
             for _ in range(4):

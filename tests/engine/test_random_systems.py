@@ -13,7 +13,7 @@ from oracles.exchange_rule import by_the_rule
 from random_systems import Saw, systems, wired
 from same import assert_same
 
-from cosim import LoopError, Recording, StopWhen, System
+from cosim import LoopError, Record, Recording, StopWhen, System
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::cosim.UnconnectedInputsWarning",
@@ -38,7 +38,7 @@ def run(plan: dict[str, Any], follower: dict[int, Path]) -> Recording:
     stop = conditions(plan)
     with (
         wired(plan, follower) as system,
-        system.initialize(record=names(system), record_interval=plan["interval"], stop_time=END) as simulation,
+        system.initialize(record=Record(names(system), plan["interval"]), stop_time=END) as simulation,
     ):
         state = None
         for i, until in enumerate([*plan["cuts"], END]):

@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from cosim import Record
 from cosim.experiments.hmmwv import EXPERIMENT, runs
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import ROADS, Case
@@ -71,7 +72,7 @@ def test_estimates_and_sensed_preview_cost_little(power):
 def test_the_filter_stays_with_the_car_off_road(bench):
     """A whole stretch with wheels in the air, where a correction for tire tension once fed on its own estimate."""
     case = Case("off-road", "lqr", states="estimated", variant=3)
-    recording = bench.record(case, record=["car.*", "kalman.*"], record_interval="5 ms")
+    recording = bench.record(case, record=Record(["car.*", "kalman.*"], "5 ms"))
     lifted = np.column_stack([recording[f"car.tire.{k}.force"] for k in CORNERS]) <= 0
     assert lifted.any()
     for signal, share, largest in (("tire.{}.deflection", 0.35, 0.06), ("suspension.{}.deflection", 0.05, 0.006)):
@@ -100,7 +101,7 @@ def test_a_displaced_preview_comes_from_the_same_road_elsewhere(bench):
     late = Case("bump", "mpc-preview", preview_error_ms=30.0)
     bench.metrics(late)
     system = bench.system(late)
-    recording = system.run(1.2, record=["road.road.fl.height", "map.preview.fl[1]"], record_interval="1 ms")
+    recording = system.run(1.2, record=Record(["road.road.fl.height", "map.preview.fl[1]"], "1 ms"))
     true, shown = recording["road.road.fl.height"], recording["map.preview.fl[1]"]
     assert true.max() > 0.05
     np.testing.assert_allclose(shown[30:], true[:-30], atol=1e-9)

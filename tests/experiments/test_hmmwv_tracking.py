@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hmmwv_made_up import made_up_study
 
-from cosim import ComponentError, StabilityWarning, System
+from cosim import ComponentError, Execution, StabilityWarning, System
 from cosim.experiments.hmmwv.tracking import EXPERIMENT
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS
 from cosim.experiments.hmmwv.tracking.published import (
@@ -115,7 +115,7 @@ def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, ra
         assert stability.radius == pytest.approx(radius, abs=0.01)
         assert not stability.stable
         with pytest.warns(StabilityWarning, match=r"car \(\d+%\)"):
-            simulation = system.initialize(check_stability=True, record=["actuator_fl.force"])
+            simulation = system.initialize(execution=Execution(check_stability=True), record=["actuator_fl.force"])
         assert simulation.time == 0.0
         with suppress(ComponentError):  # it may end in one
             simulation.advance(1.0)
@@ -125,7 +125,9 @@ def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, ra
             system.group("vehicle", components)
             with warnings.catch_warnings():
                 warnings.simplefilter("error", StabilityWarning)
-                calm = system.run(1.0, check_stability=True, record=["actuator_fl.force"])["actuator_fl.force"]
+                calm = system.run(1.0, execution=Execution(check_stability=True), record=["actuator_fl.force"])[
+                    "actuator_fl.force"
+                ]
             assert np.abs(calm).max() < 1e3
 
 

@@ -96,7 +96,8 @@ def test_its_numbers_are_those_of_the_native_run(shown) -> None:
                 component, variable = system.components.parts(name)
                 system[component].set({variable: value})
             names = page["names"]
-            with system.initialize(record=names, allow_unconnected=True) as simulation:
+            system.allow_unconnected = True
+            with system.initialize(record=names) as simulation:
                 simulation.advance(page["steps"] * (live.page.interval or SHOWN_EVERY))
                 native = [float(simulation[n]) for n in names]
         assert list(map(int, page["bits"])) == bits(native).tolist(), (case.title, page["steps"])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from random_systems import systems, wired
 from same import bits
 
-from cosim import LoopError, System
+from cosim import LoopError, Record, System
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::cosim.UnconnectedInputsWarning",
@@ -81,5 +81,5 @@ def test_one_fmu_shows_what_the_system_shows(plan: dict[str, Any], fmi: int, eve
     np.testing.assert_array_equal(bits(stepped(fmu, names, times)), bits(expected))
     with System() as outer:
         outer.add("one", fmu, step=step, kind="continuous")  # so that a row shows what the step before it has reached
-        whole = outer.run(times[-1], record=[f"one.{n}" for n in names], record_interval=step)
+        whole = outer.run(times[-1], record=Record([f"one.{n}" for n in names], step))
     np.testing.assert_array_equal(bits(whole.data), bits(expected))

@@ -21,7 +21,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from same import bits
 
-from cosim import CosimError, Fmu, FmuError, PythonComponent, System, WiringError
+from cosim import CosimError, Fmu, FmuError, PythonComponent, Record, System, WiringError
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.runs import Case, wire
 from cosim.fmu.validation import Verdict
@@ -101,10 +101,10 @@ def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
 def test_the_last_row_of_a_run_is_what_the_fmu_shows(ride, fmi):
     """Plant values at their time; sampled values, which an FMU shows from its next step on, one step of 1 ms later."""
     with Runner(EXPERIMENT, FmuSet(FMUS)) as runner:
-        run = runner.system(Case()).run("1/10", record=RECORD, record_interval="1 ms")
+        run = runner.system(Case()).run("1/10", record=Record(RECORD, "1 ms"))
     with System() as outer:
         outer.add("ride", ride[fmi], step="1 ms")
-        fmu = outer.run("101/1000", record=[f"ride.{n}" for n in RECORD], record_interval="1 ms")
+        fmu = outer.run("101/1000", record=Record([f"ride.{n}" for n in RECORD], "1 ms"))
     plant = [n.startswith("car.") for n in RECORD]
     for i, n in enumerate(RECORD):
         shown = fmu.data[:-1, i] if plant[i] else fmu.data[1:, i]
@@ -376,4 +376,5 @@ def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, tmp_path: Path) -
     with System() as again:
         again.add("all", path)
         assert sorted(again["all"].description.outputs) == sorted(f"{n}.body.z" for n in names)
-        again.run("1/1000", record=[], allow_unconnected=True)
+        again.allow_unconnected = True
+        again.run("1/1000", record=[])

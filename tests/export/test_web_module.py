@@ -15,7 +15,7 @@ from same import bits
 from web_host import TYPES, WebHost
 
 from build_fmus.compile import CompileError
-from cosim import CosimError, System
+from cosim import CosimError, Record, System
 from cosim.export.code import SystemCode, exported_schedule
 from cosim.export.variables import choose
 from cosim.export.web import module as web_module
@@ -69,7 +69,8 @@ def test_every_system_of_a_module_has_the_bits_of_the_system_itself(made) -> Non
         host = WebHost(module.content, [(r, t) for r, t, _ in shown], i)
         assert host.start(float(STEP)) == 0, host.message
         rows = np.vstack([host.look(), host.run(300)])
-        with system.initialize(record=names, allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record=names) as simulation:
             expected = []
             for k in range(301):
                 simulation.advance(k * STEP)
@@ -129,7 +130,7 @@ def test_the_road_alone_shows_what_lies_ahead(built_fmus: BuiltFmus) -> None:
         variables = component.description.variables
         road = WebHost(module.content, [(variables["road.fl.height"].reference, "Float64")], module.model(part))
         assert road.start(1e-3) == 0
-        recording = system.run(1.5, record=["speed.x", "road.road.fl.height"], record_interval="10 ms")
+        recording = system.run(1.5, record=Record(["speed.x", "road.road.fl.height"], "10 ms"))
     heights = []
     for x in recording["speed.x"][:150]:
         assert road.set(variables["x"].reference, "Float64", [x]) == 0

@@ -14,7 +14,7 @@ import pytest
 from built import FMUS, BuiltFmus
 from web_host import TYPES, WebHost
 
-from cosim import CosimError, System, WiringError
+from cosim import CosimError, Record, System, WiringError
 from cosim.experiments.live_pages import shown as shown_experiments
 from cosim.experiments.live_pages import write_pages
 from cosim.experiments.metrics.crossing import LIMITS
@@ -148,7 +148,8 @@ def test_the_module_shows_what_the_variables_say(page: Path, data: dict[str, Any
         for name, value in about["values"].items():
             component, variable = name.split(".", 1)
             system[component].set({variable: value})
-        with system.initialize(record=names, allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record=names) as simulation:
             simulation.advance(2)
             assert row.tolist() == [float(simulation[n]) for n in names]
         assert abs(row[names.index("car.body.z")]) > 1e-6
@@ -241,8 +242,7 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
         system = runner.system(first.case)
         recording = system.run(
             TRENCH.stop_time(system, first.case),
-            record=["car.x", *(n for m in page.measures for n in m.names)],
-            record_interval=page.interval,
+            record=Record(["car.x", *(n for m in page.measures for n in m.names)], page.interval),
             stop_when=TRENCH.stop_when(system, first.case),
         )
         car = system["car"]

@@ -44,7 +44,8 @@ def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
             system.connect("good.y", "bad.u", delay=rng.random() < 0.3)
         if rng.random() < 0.7:
             system.connect("bad.y", "good.u", extrapolate=rng.random() < 0.3)
-        simulation = system.initialize(record=["*.y"], allow_unconnected=True)  # type: ignore[arg-type]
+        system.allow_unconnected = True
+        simulation = system.initialize(record=["*.y"])  # type: ignore[arg-type]
         try:
             simulation.advance("5 ms")
             state = simulation.save() if rng.random() < 0.5 else None

@@ -44,7 +44,7 @@ def build() -> System:
 
 @cache
 def _good() -> tuple[dict[str, Any], list[bytes]]:
-    with build() as system, system.initialize(allow_unconnected=True) as simulation:
+    with build() as system, system.initialize() as simulation:
         simulation.advance(0.0073)
         return packing.unpack(MAGIC, simulation.save().to_bytes(), "it")
 
@@ -61,5 +61,5 @@ def make(rng: random.Random) -> bytes:
 def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
     state = SystemState.from_bytes(case)
     if state.time < 1:
-        recording = _system().run(state.time + 0.01, state=state, allow_unconnected=True)
+        recording = _system().run(state.time + 0.01, state=state)
         assert np.isfinite(recording.data).all()

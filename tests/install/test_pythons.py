@@ -26,9 +26,9 @@ SUPPORTED = tuple(m[1] for c in CLASSIFIERS if (m := re.fullmatch(r"Programming 
 RUN = """
 import platform
 from cosim import System
-with System() as system:
+with System(allow_unconnected=True) as system:
     system.add("car", "fmus/fmi3/QuarterCarHmmwv.fmu", step="1 ms", start={"road.height": 0.05})
-    z = system.run(8.0, record=["car.body.z"], allow_unconnected=True)["car.body.z"]
+    z = system.run(8.0, record=["car.body.z"])["car.body.z"]
 print(platform.python_version(), f"{z[-1]:.6f}", f"{max(z):.6f}")
 """
 

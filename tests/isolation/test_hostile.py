@@ -59,7 +59,8 @@ def wired(system: System, path: Path, **limits: object) -> System:
 
 
 def run(system: System) -> None:
-    system.run(0.02, record=["before.y", "bad.y", "after.y"], allow_unconnected=True)
+    system.allow_unconnected = True
+    system.run(0.02, record=["before.y", "bad.y", "after.y"])
 
 
 def words(deed: str) -> str:
@@ -100,10 +101,11 @@ def test_a_crash_in_any_phase_is_an_error_that_names_the_function(
 @pytest.mark.parametrize("phase", ["terminate", "free"])
 @pytest.mark.parametrize("deed", ["abort", "hang"])
 def test_a_loss_after_the_last_step_is_a_warning(folder: Path, version: int, phase: str, deed: str) -> None:
-    with pytest.warns(IsolationCrashedWarning, match=FUNCTIONS[phase]), System() as system:
-        recording = wired(system, build(version, folder, phase, deed)).run(
-            0.02, record=["bad.y"], allow_unconnected=True
-        )
+    with (
+        pytest.warns(IsolationCrashedWarning, match=FUNCTIONS[phase]),
+        System(allow_unconnected=True) as system,
+    ):
+        recording = wired(system, build(version, folder, phase, deed)).run(0.02, record=["bad.y"])
     assert recording["bad.y"][-1] > 19
 
 
@@ -122,7 +124,8 @@ def test_a_loss_while_a_state_is_handled_is_an_error(
     system: System, folder: Path, version: int, phase: str, deed: str
 ) -> None:
     wired(system, build(version, folder, phase, deed))
-    simulation = system.initialize(record=["bad.y"], allow_unconnected=True)
+    system.allow_unconnected = True
+    simulation = system.initialize(record=["bad.y"])
     simulation.advance(0.005)
     component = system["bad"].implementation
 
@@ -194,7 +197,8 @@ def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(
     system: System, folder: Path, version: int, isolated: bool
 ) -> None:
     component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).implementation
-    system.initialize(record=[], allow_unconnected=True)
+    system.allow_unconnected = True
+    system.initialize(record=[])
     with pytest.raises(CosimError, match="1,152,921,504,606,846,976 bytes"):
         component.serialize()
 
@@ -228,10 +232,10 @@ def test_memory_that_is_shrunk_there_is_refused(system: System, folder: Path) ->
 def test_what_it_prints_before_it_crashes_is_there(folder: Path) -> None:
     code = f"""
 from cosim import System
-with System() as system:
+with System(allow_unconnected=True) as system:
     system.add("bad", {str(build(2, folder, "step", "print"))!r}, isolated=True)
     try:
-        system.run(0.02, allow_unconnected=True)
+        system.run(0.02)
     except Exception as error:
         print(type(error).__name__)
 """

@@ -43,10 +43,10 @@ def test_the_floating_point_environment_is_put_back(folder, follower, harmless, 
 HANGS = """
 import sys
 from cosim import System
-system = System()
+system = System(allow_unconnected=True)
 system.add("bad", sys.argv[1], isolated=sys.argv[3] == "isolated")
 try:
-    system.run(0.5, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True)
+    system.run(0.5, record=["bad.y"], output=sys.argv[2])
     system.close()
 except KeyboardInterrupt as error:
     print("interrupted:", error)
@@ -81,9 +81,9 @@ def test_a_second_interrupt_ends_a_hang(folder, tmp_path, phase, where):
 LOST = """
 import os, sys
 from cosim import System
-system = System()
+system = System(allow_unconnected=True)
 system.add("bad", sys.argv[1], start={"u": 0.0})
-system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True)
+system.run(100, record=["bad.y"], output=sys.argv[2])
 """
 
 
@@ -106,9 +106,9 @@ def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, deed):
 ENDS = """
 import sys
 from cosim import System
-with System() as system:
+with System(allow_unconnected=True) as system:
     system.add("good", sys.argv[1])
-    system.run(0.01, record=["good.y"], allow_unconnected=True)
+    system.run(0.01, record=["good.y"])
 {end}
 """
 

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from random_systems import systems, wired
 from same import assert_same, bits
 
-from cosim import CosimError, LoopError, Recording, System, WiringError
+from cosim import CosimError, LoopError, Record, Recording, System, WiringError
 from cosim.fmu.isolation import Isolation
 
 pytestmark = pytest.mark.filterwarnings(
@@ -57,7 +57,7 @@ def run(plan: dict[str, Any], follower: dict[int, Path], how: bool | None) -> Re
         every = [
             f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
         ]
-        with system.initialize(record=every, record_interval=plan["interval"]) as simulation:  # type: ignore[arg-type]
+        with system.initialize(record=Record(every, plan["interval"])) as simulation:  # type: ignore[arg-type]
             state = None
             for i, until in enumerate([*plan["cuts"], 0.05]):
                 simulation.advance(max(until, simulation.time))
@@ -161,9 +161,9 @@ def test_limits_are_checked(harmless, limits):
 ORPHAN = """
 import sys, time
 from cosim import System
-system = System()
+system = System(allow_unconnected=True)
 system.add("there", sys.argv[1], isolated=True)
-system.run(0.01, allow_unconnected=True)
+system.run(0.01)
 print(system["there"].implementation._library._process.pid, flush=True)
 time.sleep(60)
 """
@@ -185,7 +185,8 @@ def test_the_process_of_an_fmu_ends_with_its_master(harmless):
 def steps_of(path: Path) -> list[float]:
     """What a system shows in a process that was forked while another one was at work here."""
     with SYSTEMS[0] as system:
-        found = system.run(0.05, record=["one.y", "two.y"], allow_unconnected=True)
+        system.allow_unconnected = True
+        found = system.run(0.05, record=["one.y", "two.y"])
         return [float(found[n][-1]) for n in found.names] + [len(path.name)]
 
 
@@ -198,7 +199,8 @@ def test_a_forked_process_gets_fmus_of_its_own(follower):
         system.add("one", follower[2], step="1 ms", start={"u": 1.0}, isolated=True)
         system.add("two", follower[3], step="1 ms", isolated=True)
         system.connect("one.y", "two.u")
-        simulation = system.initialize(record=["one.y", "two.y"], allow_unconnected=True)
+        system.allow_unconnected = True
+        simulation = system.initialize(record=["one.y", "two.y"])
         simulation.advance(0.02)
         before = simulation.recording
         SYSTEMS[:] = [system]

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from foreign import hostile
 
-from cosim import System, WiringError
-from cosim.study import Case, Execution, Experiment, FmuSet, Run, option, run_study
+from cosim import Execution, System, WiringError
+from cosim.study import Case, Experiment, FmuSet, Run, option, run_study
 
 DEEDS = ("segfault", "hang", "abort", "devour", "quit", "round", "status", "kill", "overflow", "fork")
 LIMITS = Execution(isolate=("*",), step_timeout=10.0, memory_limit=100_000_000)
@@ -49,7 +49,6 @@ EXPERIMENT = Experiment(
     structure=file_of,
     stop_time=0.02,
     record=["plant.y"],
-    allow_unconnected=True,
 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from point import BOUNDS, Point, Wind, play, point
 
-from cosim import ComponentError, CosimError, System, TimeError, UnconnectedInputsWarning, WiringError
+from cosim import ComponentError, CosimError, Record, System, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.gym import ActionError, EpisodeOver, Step, SystemEnv
 
 Make = Callable[..., SystemEnv]
@@ -121,7 +121,9 @@ def test_the_steps_are_those_of_a_run_by_hand(make: Make) -> None:
     env = make(scenario=None)
     forces = [1.0, -2.0, 3.0, 0.5]
     play(env, [action_of(f) for f in forces])
-    with point() as system, system.initialize(record=["point.x", "point.v"], allow_unconnected=True) as simulation:
+    with point() as system:
+        system.allow_unconnected = True
+        simulation = system.initialize(record=["point.x", "point.v"])
         for k, force in enumerate(forces, start=1):
             simulation.set("point.force", float(env.actions.values(action_of(force))[0]))
             simulation.advance(k / 100)
@@ -309,7 +311,7 @@ def test_a_step_before_the_first_reset(make: Make) -> None:
         ({"step": "1.5 ms"}, TimeError),
         ({"step": 0}, TimeError),
         ({"length": "15 ms"}, TimeError),
-        ({"record_interval": "3 ms"}, TimeError),
+        ({"record": Record(interval="3 ms")}, TimeError),
         ({"render_mode": "human"}, CosimError),
     ],
 )
@@ -331,7 +333,9 @@ def test_inputs_that_no_action_sets_are_named(make: Make, warns) -> None:
     system.add("point", Point())
     with warns(UnconnectedInputsWarning):
         make(system)
-    make(system, allow_unconnected=True)
+    allowed = System(allow_unconnected=True)
+    allowed.add("point", Point())
+    make(allowed)
 
 
 def test_scenarios_and_options_of_unknown_parameters(make: Make) -> None:

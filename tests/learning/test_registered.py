@@ -14,6 +14,7 @@ from built import FMUS, BuiltFmus
 from gymnasium.utils.env_checker import check_env
 from point import play
 
+from cosim import Record
 from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv, SystemVectorEnv
 
@@ -81,8 +82,7 @@ def test_without_action_it_is_the_passive_run_and_an_action_matters(name: str) -
     for _ in range(20):
         env.step(still)
     by_env = env.recording
-    options = {"record": by_env.names, "record_interval": env.record_interval, "allow_unconnected": True}
-    with env.system.initialize(**options) as simulation:
+    with env.system.initialize(record=Record(by_env.names, env.record_interval)) as simulation:
         simulation.advance(env.time)
         np.testing.assert_array_equal(by_env.data, simulation.recording.data)
     env.close()

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Recording, StopWhen, System
+from cosim import Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
@@ -26,7 +26,7 @@ class Rule:
     """A system that has just been initialized, taken through the instants of a run."""
 
     def __init__(self, system: System, stop: Fraction, record: Sequence[str], interval: Fraction | None):
-        self.simulation = system.initialize(record=record, record_interval=interval, stop_time=stop)
+        self.simulation = system.initialize(record=Record(record, interval), stop_time=stop)
         self.exchange = self.simulation.exchange
         self.schedule = self.exchange.schedule
         base = self.exchange.base

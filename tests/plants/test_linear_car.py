@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cosim import System
+from cosim import Record, System
 from fmu_sources.plants import linear_ride_car, wishbone_car
 from fmu_sources.plants.linear_car import CORNERS, POSITIONS, WITHOUT_SLIP, at_rest, linear_values, ride_motion
 from fmu_sources.vehicles import load_wishbone_car
@@ -220,7 +220,8 @@ def test_rest_and_loads(linear, built_fmus):
     assert stiffness == pytest.approx([411121.0] * 4, rel=1e-9)
     with System() as system:
         system.add("car", built_fmus.path("RideCarHmmwvPublic", 3), step="1 ms")
-        r = system.run(0.5, record=["car.*"], record_interval="10 ms", allow_unconnected=True)
+        system.allow_unconnected = True
+        r = system.run(0.5, record=Record(["car.*"], "10 ms"))
         moving = [n for n in r.names if "tire" not in n and n != "time"]
         assert max(np.abs(r[n]).max() for n in moving) == 0.0
 
@@ -231,9 +232,8 @@ def test_halving_the_step_changes_little(built_fmus):
         with System() as system:
             system.add("car", built_fmus.path("RideCarHmmwvPublic", 3), step="1 ms", parameters={"solver.step": step})
             system["car"].set({"force.fl": 1000.0, "road.rr.height": 0.02})
-            found.append(
-                system.run(1.0, record=["car.body.z", "car.wheel.rr.z"], record_interval="1 ms", allow_unconnected=True)
-            )
+            system.allow_unconnected = True
+            found.append(system.run(1.0, record=Record(["car.body.z", "car.wheel.rr.z"], "1 ms")))
     for n in ("car.body.z", "car.wheel.rr.z"):
         assert np.abs(found[0][n] - found[1][n]).max() < 1e-6 * np.abs(found[1][n]).max()
 

@@ -47,7 +47,8 @@ def drive(fmu, seconds: float, speed: float, *, stop: tuple[StopWhen, ...] = (),
     with System() as system:
         values = {k.replace("__", "."): v for k, v in parameters.items()}
         system.add("car", fmu, step=STEP, parameters=values, start={"target.speed": speed})
-        return system.run(seconds, record=record, stop_when=stop, allow_unconnected=True)
+        system.allow_unconnected = True
+        return system.run(seconds, record=record, stop_when=stop)
 
 
 def cross(fmu, length: float, kmh: float, **parameters) -> Recording:

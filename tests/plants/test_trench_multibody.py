@@ -5,7 +5,7 @@ import pytest
 from built import BuiltFmus
 from oracles.trench_multibody import MultibodyTrenchCar, Trench
 
-from cosim import System
+from cosim import Record, System
 from fmu_sources.vehicles import load_three_axle_trench
 
 START, DEPTH = 3.5, 2.0  # m, of the trench: the front bumper begins at 3.25 m
@@ -25,7 +25,7 @@ def ours(fmus: BuiltFmus, length: float, speed: float, duration: float) -> dict[
             parameters=place,
             start={"target.speed": speed, **inputs},
         )
-        r = system.run(duration, record=["car.*"], record_interval="1 ms")
+        r = system.run(duration, record=Record(["car.*"], "1 ms"))
         return {name: np.array(r[f"car.{own}"]) for name, own in names.items()}
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from build_fmus.reference import Evaluator
-from cosim import System
+from cosim import Record, System
 from cosim.core.errors import CosimError
 from fmu_sources.plants import wishbone_car
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
@@ -242,9 +242,7 @@ def drive(built_fmus, road, duration=1.6, **parameters):
         system.connect("car.x", "road.x")
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
-        return system.run(
-            duration, record=["car.body.az", "car.body.z", "car.tire.fl.force", "car.x"], record_interval="1 ms"
-        )
+        return system.run(duration, record=Record(["car.body.az", "car.body.z", "car.tire.fl.force", "car.x"], "1 ms"))
 
 
 def test_tires_envelop_the_half_round_before_their_center_is_there(built_fmus):

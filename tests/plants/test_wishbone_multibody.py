@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from build_fmus.compile import resolve_platforms
 from build_fmus.package import build_fmu
 from build_fmus.reference import Evaluator
-from cosim import System
+from cosim import Record, System
 from fmu_sources.plants import wishbone_car
 from fmu_sources.roads import RoadLayout, road_from_file
 from fmu_sources.vehicles import load_wishbone_car
@@ -90,7 +90,7 @@ def drive(built_fmus, road, *, speed, start, duration, force=(0.0,) * 4, paramet
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
         record = ["body.az", "seat.az", "x", "body.z", "body.roll", "body.pitch", "tire.fl.force", "tire.rl.force"]
-        result = system.run(duration, record=[f"car.{n}" for n in record], record_interval="1 ms")
+        result = system.run(duration, record=Record([f"car.{n}" for n in record], "1 ms"))
     return {n: np.array(result[f"car.{n}"]) for n in record}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim import System
+from cosim import Record, System
 from cosim.export.web.scene import Scene
 
 Values = dict[str, float]
@@ -21,6 +21,7 @@ def values_at(system: System, scene: Scene, time: float, *more: str) -> Values:
             found[name] = float(component.values.get(own, variable.start))
         else:
             recorded.append(name)
-    recording: Any = system.run(max(time, 0.001), record=recorded, record_interval=0.001, allow_unconnected=True)
+    system.allow_unconnected = True
+    recording: Any = system.run(max(time, 0.001), record=Record(recorded, 0.001))
     row = round(time / 0.001)
     return found | {name: float(recording[name][row]) for name in recorded}

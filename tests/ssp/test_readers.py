@@ -26,7 +26,7 @@ from fmpy.ssp.ssd import Parameter, ParameterSet, read_ssd
 from same import bits
 from systems import EVERY, experiment_system
 
-from cosim import System
+from cosim import Record, System
 from cosim.fmu.component import FmuComponent
 from cosim.ssp.names import ENTRY
 from cosim.system.components import SystemComponent
@@ -48,7 +48,8 @@ class Late:
         self.ports: dict[str, Any] = {}
         self.moves: list[tuple[str, int, str, int, float, float]] = []
         initial: dict[str, float] = {}
-        with system.initialize(record=[], watch=list(system.connections), allow_unconnected=True) as started:
+        system.allow_unconnected = True
+        with system.initialize(record=Record([], watch=list(system.connections))) as started:
             initial = {n: started[n] for n in system.connections}
         for m in self.components:
             about = m.description

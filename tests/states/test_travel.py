@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
 from same import assert_same
 
-from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState
+from cosim import CosimError, LoopError, PythonComponent, Record, Recording, StopWhen, System, SystemState
 from cosim.core import packing, plain
 from cosim.engine.state import MAGIC
 
@@ -54,11 +54,7 @@ def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewher
         every = [
             f"{m}.{v}" for m in system.components for v in system.components[m].description.outputs if "[" not in v
         ]
-        options = {
-            "record": [*every, "m0.u"],
-            "watch": ["m0.y"],
-            "record_interval": plan["interval"],
-        }
+        options = {"record": Record([*every, "m0.u"], plan["interval"], watch=["m0.y"])}
         try:
             simulation = system.initialize(**options)
         except LoopError:
@@ -82,7 +78,8 @@ def test_every_fmu_continues_in_another_process(built_fmus: BuiltFmus, elsewhere
     path = built_fmus.path(name, fmi)
     with played(path) as system:
         period = max(system["fmu"].step, system.components["player"].step if "player" in system.components else 0)
-        with system.initialize(record="fmu.*", allow_unconnected=True) as simulation:
+        system.allow_unconnected = True
+        with system.initialize(record="fmu.*") as simulation:
             simulation.advance(14 * period)
             state = simulation.save()
             simulation.advance(40 * period)
@@ -105,7 +102,7 @@ def chain(*, step="2 ms", law: type[PythonComponent] = SampledSaw, delay=False, 
 
 
 def taken(system: System, until: float = 0.1) -> bytes:
-    with system.initialize(record_interval="1 ms") as simulation:
+    with system.initialize(record=Record(interval="1 ms")) as simulation:
         simulation.advance(until)
         return simulation.save().to_bytes()
 
@@ -181,11 +178,11 @@ def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step(r
 @pytest.mark.parametrize("name", ["slow.u", "slow.gain"])
 def test_a_value_that_is_recorded_and_watched_is_one_value(name, tmp_path):
     def run(system: System, **more) -> Recording:
-        options = {"record": ["slow.y", name], "watch": [name, name], "stop_when": [StopWhen(name, ">", 1e9)]}
+        options = {"record": Record(["slow.y", name], watch=[name, name]), "stop_when": [StopWhen(name, ">", 1e9)]}
         return system.run(0.02, **options, **more)
 
     system = two_rates(Gained)
-    with system.initialize(record=["slow.y", name], watch=[name, name]) as simulation:
+    with system.initialize(record=Record(["slow.y", name], watch=[name, name])) as simulation:
         simulation.advance(0.008)
         state = SystemState.read(simulation.save().write(tmp_path / "state"))
     assert len(set(state.keys)) == len(state.values)
@@ -204,9 +201,9 @@ def two_rates(slow: type[Saw] = Saw) -> System:
 
 
 def test_the_grid_of_the_recorder_goes_on():
-    whole = chain().run(0.1, record_interval="10 ms")
+    whole = chain().run(0.1, record=Record(interval="10 ms"))
     state = SystemState.from_bytes(taken(chain(), 0.025))
-    assert_tail(chain().run(0.1, record_interval="10 ms", state=state), whole, 0.025)
+    assert_tail(chain().run(0.1, record=Record(interval="10 ms"), state=state), whole, 0.025)
 
 
 # ------------------------------------------------------------------------------------------------ what can be packed
@@ -597,7 +594,7 @@ def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower, rais
 def test_fmus_of_others_for_themselves_and_a_system_as_one_fmu(follower, elsewhere, tmp_path):
     """The container serializes the states of its members, and each of these."""
     with wired_pair(follower) as inner:
-        whole = inner.run(0.6, record=["b.y"], record_interval="3 ms")
+        whole = inner.run(0.6, record=Record(["b.y"], "3 ms"))
         path = inner.export_fmu(tmp_path / "Pair.fmu", fmi=3)
     with as_one(path) as system, system.initialize(record=["pair.b.y"]) as simulation:
         simulation.advance(0.3)

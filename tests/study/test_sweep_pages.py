@@ -12,12 +12,13 @@ import pytest
 from scipy import stats
 from sweep_tables import FMUS, made, table_of
 
+from cosim import Execution
 from cosim.recording.recording import Recording
 from cosim.report import Figure, Report, Section, write_report
 from cosim.study import load
 from cosim.study.design import DesignError
 from cosim.study.experiment import Metric
-from cosim.study.runner import Execution, Runner
+from cosim.study.runner import Runner
 from cosim.study.sweep import run_sweep
 from cosim.study.sweep_report import (
     Worst,

@@ -24,6 +24,12 @@ def wire(fmus: FmuSet, case: Case) -> System:  # noqa: ARG001
     return system
 
 
+def wire_as_meant(fmus: FmuSet, case: Case) -> System:
+    system = wire(fmus, case)
+    system.allow_unconnected = True
+    return system
+
+
 def measure(run: Run) -> dict[str, float]:
     return {"last": float(run.recording["mass.z"][-1])}
 
@@ -31,9 +37,9 @@ def measure(run: Run) -> dict[str, float]:
 FREE = Experiment("free", Case, wire=wire, measure=measure, stop_time=0.1, record=["mass.z"])
 
 
-def test_they_are_named_unless_the_experiment_allows_them(tmp_path) -> None:
+def test_they_are_named_unless_the_system_allows_them(tmp_path) -> None:
     with Runner(FREE, FmuSet(tmp_path)) as runner, pytest.warns(UnconnectedInputsWarning, match=r"mass\.force"):
         runner.run(Case())
-    with Runner(replace(FREE, allow_unconnected=True), FmuSet(tmp_path)) as runner, warnings.catch_warnings():
+    with Runner(replace(FREE, wire=wire_as_meant), FmuSet(tmp_path)) as runner, warnings.catch_warnings():
         warnings.simplefilter("error")
         assert runner.metrics(Case()) == {"last": 0.0}

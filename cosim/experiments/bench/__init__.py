@@ -18,7 +18,6 @@ EXPERIMENT = Experiment(
     stop_time=runs.stop_time,
     record=runs.recorded,
     record_interval="1 ms",
-    allow_unconnected=True,  # nothing drives the passive bench
     measure=runs.measure,
     signals=runs.signals,
     metrics=runs.METRICS,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base.layout import FMUS
-from cosim import StopWhen, System
+from cosim import Record, StopWhen, System
 from cosim.experiments.bench.runs import Case, configure, wire
 from cosim.gym import Step, SystemEnv
 from cosim.study.fmus import FmuSet
@@ -74,7 +74,6 @@ def environment(
         "terminated": [StopWhen(travel, ">", LIFTED), StopWhen(travel, "<", -LIFTED)],
         "failure_reward": FAILED,
         "scenario": partial(somewhere, within=offsets),
-        "record": ["plant.body.az"],
-        "record_interval": "1 ms",
+        "record": Record(["plant.body.az"], "1 ms"),
     }
     return SystemEnv(partial(system, FmuSet(Path(fmus), fmi)), render_mode=render_mode, **settings)

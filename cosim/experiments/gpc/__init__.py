@@ -20,7 +20,6 @@ EXPERIMENT = Experiment(
     stop_when=runs.stop_when,
     record=runs.recorded,
     record_interval="10 ms",
-    allow_unconnected=True,  # the driver keeps y = 0, and nothing drives the actuators of the passive car
     measure=runs.measure,
     signals=runs.signals,
     failed=runs.diverged,

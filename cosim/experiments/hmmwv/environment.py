@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base.layout import FMUS
-from cosim import System
+from cosim import Record, System
 from cosim.experiments.hmmwv.runs import Case, configure, wire
 from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD
 from cosim.gym import Step, SystemEnv
@@ -88,7 +88,6 @@ def environment(
         "length": STEPS * Fraction(CONTROL_PERIOD).limit_denominator(1000),
         "failure_reward": FAILED,
         "scenario": partial(somewhere, within=offsets),
-        "record": ["comfort.absorbed_power"],
-        "record_interval": "1 ms",
+        "record": Record(["comfort.absorbed_power"], "1 ms"),
     }
     return SystemEnv(partial(system, FmuSet(Path(fmus), fmi)), render_mode=render_mode, **settings)

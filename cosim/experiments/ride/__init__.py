@@ -21,7 +21,6 @@ EXPERIMENT = Experiment(
     stop_when=runs.stop_when,
     record=runs.recorded,
     record_interval="1 ms",
-    allow_unconnected=True,  # as in the experiments that the wirings are from
     measure=runs.measure,
     failed=runs.diverged,
     metrics=runs.METRICS,

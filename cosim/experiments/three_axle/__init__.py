@@ -18,7 +18,6 @@ EXPERIMENT = Experiment(
     stop_time=runs.DURATION,
     record=runs.recorded,
     record_interval="5 ms",
-    allow_unconnected=True,  # the controllers' `case` stays 0; nothing drives a passive vehicle
     measure=runs.measure,
     signals=runs.signals,
     metrics=runs.METRICS,

@@ -20,7 +20,7 @@ import numpy as np
 from build_fmus.base import safe_files
 from build_fmus.base.checks import number, whole_number
 from build_fmus.base.sources import code_hash
-from cosim import PythonComponent, System
+from cosim import PythonComponent, Record, System
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
 from fmu_sources.controllers.gpc.component import RESPONSE_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE
 from fmu_sources.controllers.gpc.control_law import GpcLaw, Variant, gpc_law
@@ -125,7 +125,7 @@ def record_identification(
     sequence[s.settling_samples : n] = np.random.default_rng(s.seed).normal(
         0.0, s.excitation, (s.samples, len(CORNERS))
     )
-    with System() as system:
+    with System(allow_unconnected=True) as system:  # the driver keeps y = 0
         system.add("speed", speed, parameters={"start.speed": s.speed})
         system.add("road", road)
         system.add("car", plant, step=TICK)
@@ -139,9 +139,7 @@ def record_identification(
         heights = [f"road.road.{k}.height" for k in CORNERS]
         recording = system.run(
             n * Fraction(TICKS_PER_SAMPLE, 1000),
-            record=[*responses, *heights],
-            record_interval=Fraction(1, 1000),
-            allow_unconnected=True,  # the driver keeps y = 0
+            record=Record([*responses, *heights], Fraction(1, 1000)),
         )
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])

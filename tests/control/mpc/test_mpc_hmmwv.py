@@ -7,7 +7,7 @@ import pytest
 from oracles.mpc import MpcReference
 from scipy import integrate, signal
 
-from cosim import Recording, System
+from cosim import Record, Recording, System
 from fmu_sources.controllers.mpc import MpcError
 from fmu_sources.controllers.mpc.hmmwv import (
     BACKENDS,
@@ -52,7 +52,8 @@ def drive(built_fmus, *, preview: bool, scale: float = 1.0) -> Recording:
         for a, b in (("road", "car"), ("road", "mpc"), ("car", "mpc"), ("mpc", "car")):
             system.connect_matching(a, b)
         record = ["car.*", "mpc.*", "road.preview.*"]
-        return system.run(3.0, record=record, record_interval="30 ms", allow_unconnected=True)
+        system.allow_unconnected = True
+        return system.run(3.0, record=Record(record, "30 ms"))
 
 
 @pytest.mark.parametrize("preview", [False, True])
@@ -110,7 +111,8 @@ def test_how_much_of_the_preview_counts(built_fmus) -> None:
                 heights = 0.03 * rng.standard_normal(POINTS)
                 shown = np.where(np.arange(POINTS) <= used, heights, heights[used]) if cut else heights
                 system["mpc"].set({f"preview.{k}": shown})
-            recording = system.run(0.3, record=["mpc.force.*"], allow_unconnected=True)
+            system.allow_unconnected = True
+            recording = system.run(0.3, record=["mpc.force.*"])
             forces.append(np.array([recording[f"mpc.{f}"] for f in FORCES]))
     assert np.abs(forces[0]).max() > 100.0
     assert np.array_equal(*forces)

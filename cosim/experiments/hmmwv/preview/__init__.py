@@ -19,7 +19,6 @@ EXPERIMENT = Experiment(
     stop_time=runs.stop_time,
     record=runs.recorded,
     record_interval="5 ms",
-    allow_unconnected=True,  # there are no actuators on the chain's car
     measure=runs.measure,
     signals=runs.signals,
     metrics=runs.METRICS,

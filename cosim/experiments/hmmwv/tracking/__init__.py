@@ -15,7 +15,6 @@ EXPERIMENT = Experiment(
     stop_time=runs.stop_time,
     record=runs.recorded,
     record_interval="1 ms",
-    allow_unconnected=True,  # the filter of the desired force runs without actuator and car
     measure=runs.measure,
     signals=runs.signals,
     metrics=runs.METRICS,
