@@ -46,8 +46,12 @@ def build_wheel(
     config_settings: Any = None,
     metadata_directory: str | None = None,  # noqa: ARG001
     more: Mapping[str, bytes] = MappingProxyType({}),
+    platform: str = "any",
 ) -> str:
-    """The wheel of setuptools, repacked with one name at its top; `more`: further files by path."""
+    """The wheel of setuptools, repacked with one name at its top.
+
+    `more`: further files by path; `platform`: the tag of that which they are for.
+    """
     target = Path(wheel_directory).resolve()
     with _copy():
         name = build_meta.build_wheel(".", config_settings)
@@ -58,6 +62,10 @@ def build_wheel(
     info = record.removesuffix("RECORD")
     files[f"{NAME}.pth"] = f"{NAME}\n".encode()
     files[f"{info}top_level.txt"] = f"{NAME}\n".encode()
+    if platform != "any":
+        name = name.replace("-any.whl", f"-{platform}.whl")
+        about = files[f"{info}WHEEL"].replace(b"-any\n", f"-{platform}\n".encode())
+        files[f"{info}WHEEL"] = about.replace(b"Purelib: true", b"Purelib: false")
     files[record] = _record({n: data for n, data in files.items() if n != record}, record)
     with zipfile.ZipFile(target / name, "w") as wheel:
         for one in sorted(files, key=lambda n: (n.startswith(info), n == record, n)):

@@ -2,7 +2,7 @@
 
 - `suspension-fmus-VERSION-fmus.zip`: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill
   of materials, their checksums, and the pages in which systems run live;
-- the wheel, with the engine for all five platforms, and the source distribution;
+- a wheel for each platform, with its engine and all FMUs for it, and the source distribution;
 - `SHA256SUMS` of these.
 """
 
@@ -15,6 +15,7 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -22,10 +23,12 @@ import backend
 
 from build_fmus import package, related
 from build_fmus.base import safe_files
+from build_fmus.base.layout import fmu_path
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
 from cosim.engine import library
 from cosim.experiments.live_pages import write_pages
+from cosim.fmu import prebuilt
 from cosim.study import FmuSet
 from fmu_sources import cli
 
@@ -57,9 +60,38 @@ def live_pages(built: Path, names: list[str]) -> dict[str, bytes]:
         return {f"live/{p.name}": p.read_bytes() for p in write_pages(FmuSet(built), Path(folder), names)}
 
 
+WHEELS = {  # platform -> tag of its wheel, by the oldest system that the compiler is told of
+    "x86_64-linux": "manylinux_2_17_x86_64",
+    "aarch64-linux": "manylinux_2_17_aarch64",
+    "x86_64-windows": "win_amd64",
+    "x86_64-darwin": "macosx_11_0_x86_64",
+    "aarch64-darwin": "macosx_11_0_arm64",
+}
+
+
+def built_fmus(folder: Path, names: list[str]) -> dict[str, bytes]:
+    """The FMUs in a folder by path."""
+    return {f"fmi{v}/{n}.fmu": fmu_path(folder, v, n).read_bytes() for v in (2, 3) for n in names}
+
+
+def wheel(platform: str, names: list[str], options: argparse.Namespace) -> str:
+    """Build the FMUs for a platform, what is compiled is shared with those for all, and write its wheel."""
+    own = options.fmus / ".wheels" / platform
+    (own / ".cache").mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        (own / ".cache" / "objects").symlink_to((options.fmus / ".cache" / "objects").resolve())
+    cli.build(names, Options(own, platform=platform))
+    engine = f"cosim/engine/prebuilt/{library.prebuilt_name(platform)}"
+    more = {
+        engine: library.compiled(platform).read_bytes(),
+        f"cosim/fmu/prebuilt/{prebuilt.STORE.name}": prebuilt.store(built_fmus(own, names)),
+    }
+    return backend.build_wheel(str(options.folder), more=more, platform=WHEELS[platform])
+
+
 def fmu_archive(built: Path, names: list[str]) -> bytes:
     """The zip of all FMUs, from the folder in which they were built."""
-    fmus = {f"fmi{v}/{n}.fmu": (built / f"fmi{v}" / f"{n}.fmu").read_bytes() for v in (2, 3) for n in names}
+    fmus = built_fmus(built, names)
     live = live_pages(built, names)
     text = README.format(
         n=len(names),
@@ -105,11 +137,7 @@ def main() -> None:
     )
     options.folder.mkdir(parents=True, exist_ok=True)
     files = {f"{PROJECT['name']}-{PROJECT['version']}-fmus.zip": fmu_archive(options.fmus, names)}
-    engines = {f"cosim/engine/prebuilt/{library.prebuilt_name(p)}": library.compiled(p).read_bytes() for p in PLATFORMS}
-    for name in (
-        backend.build_wheel(str(options.folder), more=engines),
-        backend.build_sdist(str(options.folder)),
-    ):
+    for name in (*(wheel(p, names, options) for p in PLATFORMS), backend.build_sdist(str(options.folder))):
         files[name] = (options.folder / name).read_bytes()
     for name, data in {**files, SUMS: sums(files)}.items():
         safe_files.write(options.folder / name, data)

@@ -6,6 +6,7 @@ It runs experiments and studies, identifies control laws, inspects FMUs and buil
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -200,18 +201,28 @@ def _options(command: Any) -> str:
 
 @app.command(cls=Command)
 def fmu(
-    file: Annotated[Path, typer.Argument(help=".fmu file of any tool")],
+    file: Annotated[Path, typer.Argument(help=".fmu file of any tool, or the name of an FMU of the catalog")],
     strict: Annotated[bool, typer.Option("--strict", help="reject an FMU that deviates from the FMI standard")] = False,
     limit: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"),
     ] = None,
+    copy: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="copy the FMU into this folder, and show nothing else")
+    ] = None,
+    fmi: Annotated[int, typer.Option(min=2, max=3, help="the FMI version that is copied, of a name")] = 3,
 ) -> None:
     """Show what is in an FMU, ready to wire, and where it deviates from the FMI standard."""
     from cosim.fmu.describe import describe, wiring
     from cosim.fmu.file import FmuFile
+    from cosim.fmu.find import find
     from cosim.fmu.limits import Limits
 
+    if copy is not None:
+        found = find(file, (fmi,))
+        copy.mkdir(parents=True, exist_ok=True)
+        show(Text(str(shutil.copy(found, copy / found.name))))
+        return
     opened = FmuFile(file, limits=Limits.of(limit or []), quiet=True)
     show(describe(opened))
     if strict:

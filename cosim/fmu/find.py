@@ -1,13 +1,14 @@
 """FMUs of the catalog by name: `FullCarHmmwv` is `fmus/fmi3/FullCarHmmwv.fmu` below the working folder.
 
-A checkout of the repository has a folder of built FMUs too. `published.toml` lists the names of the catalog.
+A checkout of the repository has a folder of built FMUs too, and a published wheel has the FMUs themselves, for where
+none is built. `published.toml` lists the names of the catalog.
 """
 
 from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -15,16 +16,18 @@ from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean, plain
 from build_fmus.base.layout import FMUS, fmu_path
 from cosim.core.errors import FmuError
+from cosim.fmu.prebuilt import packed
 
 PUBLISHED = Path(__file__).with_name("published.toml")
 VERSIONS = (3, 2)  # of FMI, the preferred one first
 
 
-def find(fmu: str | os.PathLike[str]) -> Path:
+def find(fmu: str | os.PathLike[str], versions: Sequence[int] = VERSIONS) -> Path:
     """The file of an FMU, given by its path or by its name in the catalog.
 
     Args:
         fmu: a text without slashes and dots is a name, unless there is a file or folder called so.
+        versions: of FMI, the preferred one first.
 
     Raises:
         FmuError: no FMU of that name is built. The message says how to build it, or which names there are.
@@ -32,8 +35,10 @@ def find(fmu: str | os.PathLike[str]) -> Path:
     text = os.fspath(fmu)
     if not text or {"/", "\\", "."} & set(text) or os.path.exists(text):
         return Path(text)
-    files = (fmu_path(folder, fmi, text) for folder in _folders() for fmi in VERSIONS)
-    found = next(filter(os.path.isfile, files), None)
+    files = (fmu_path(folder, fmi, text) for folder in _folders() for fmi in versions)
+    found = next(filter(os.path.isfile, files), None) or next(
+        filter(None, (packed(fmi, text) for fmi in versions)), None
+    )
     if found is None:
         raise FmuError(plain(_refusal(text)))
     return found

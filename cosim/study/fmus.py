@@ -11,6 +11,7 @@ from typing import Any
 
 from build_fmus.base import escape
 from build_fmus.base.layout import FMUS, fmu_path
+from cosim.fmu.prebuilt import packed
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:
@@ -57,6 +58,8 @@ class FmuSet:
             return found
         used, options = self.own.get(name, (name, ""))
         path = self._placed(fmu_path(self.directory, self.fmi, used))
+        if not path.is_file() and (used, self.directory) == (name, FMUS):
+            path = packed(self.fmi, name) or path
         if not path.is_file():
             raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(options)}` first")
         return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import re
 import subprocess
@@ -16,28 +17,29 @@ import yaml
 from built import ROOT, share_objects
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
-from environments import make
+from environments import Environment, make
 
 import cosim
-from build_fmus.compile import PLATFORMS
+from build_fmus.compile import PLATFORMS, host
 from fmu_sources.catalog import PAPERS
 
+TAGS = {
+    "x86_64-linux": "manylinux_2_17_x86_64",
+    "aarch64-linux": "manylinux_2_17_aarch64",
+    "x86_64-windows": "win_amd64",
+    "x86_64-darwin": "macosx_11_0_x86_64",
+    "aarch64-darwin": "macosx_11_0_arm64",
+}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 NAME = "Skyhook"
 WITHOUT_A_COMPILER = """
 import os
 os.environ |= {"PATH": "", "CC": "no-compiler"}
-from cosim import PythonComponent, System
+from cosim import System
 
-class Count(PythonComponent):
-    outputs = ("y",)
-
-    def step(self, t, h, u, y):
-        y[0] += h
-
-with System() as system:
-    system.add("count", Count(), step="1 ms")
-    recording = system.run(0.1)
+with System(allow_unconnected=True) as system:
+    system.add("law", "Skyhook")
+    recording = system.run(0.9)
 print(len(recording), recording.time[-1])
 """
 
@@ -51,8 +53,14 @@ def release(folder: Path, fmus: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    return release(tmp_path_factory.mktemp("release"), tmp_path_factory.mktemp("fmus"))
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the FMUs of the release are built."""
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture(scope="module")
+def files(built: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return release(tmp_path_factory.mktemp("release"), built)
 
 
 @pytest.fixture(scope="module")
@@ -81,19 +89,68 @@ def test_it_has_fmus_wheel_and_sources(files: dict[str, bytes], tmp_path: Path) 
         (tmp_path / name).write_bytes(data)
     assert verify(files["SHA256SUMS"].decode(), tmp_path) == {
         f"{stem}-{version}-fmus.zip",
-        f"{under}-{version}-py3-none-any.whl",
+        *(f"{under}-{version}-py3-none-{tag}.whl" for tag in TAGS.values()),
         f"{under}-{version}.tar.gz",
     }
 
 
-def test_the_wheel_runs_systems_without_a_compiler(files: dict[str, bytes], tmp_path: Path) -> None:
-    """The engine is in it for all platforms, and is loaded from there."""
-    (name,) = (n for n in files if n.endswith(".whl"))
-    (tmp_path / name).write_bytes(files[name])
-    environment = make(tmp_path / "environment", tmp_path / name)
-    place = environment.site / "suspension_fmus" / "cosim" / "engine" / "prebuilt"
-    assert {p.name for p in place.iterdir()} == {f"{n}{p.suffix}" for n, p in PLATFORMS.items()}
-    assert environment.execute(WITHOUT_A_COMPILER).split() == ["101", "0.1"]
+@pytest.fixture(scope="module")
+def environment(files: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    """The wheel of this platform, installed without extras."""
+    folder = tmp_path_factory.mktemp("installed")
+    (name,) = (n for n in files if n.endswith(f"{TAGS[host()]}.whl"))
+    (folder / name).write_bytes(files[name])
+    return make(folder / "environment", folder / name)
+
+
+def test_the_wheel_runs_systems_without_a_compiler(environment: Environment) -> None:
+    """Engine and FMU are in it."""
+    assert environment.execute(WITHOUT_A_COMPILER).split() == ["31", "0.9"]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_its_fmus_are_those_that_were_built(environment: Environment, built: Path, fmi: int) -> None:
+    """Byte for byte, by a command that needs neither the declaration nor a compiler."""
+    environment.run("suspension-fmus", "fmu", NAME, "--fmi", str(fmi), "--copy", "copies")
+    copy = environment.folder.parent / "copies" / f"{NAME}.fmu"
+    original = built / ".wheels" / host() / f"fmi{fmi}" / f"{NAME}.fmu"
+    assert copy.read_bytes() == original.read_bytes()
+
+
+def test_a_damaged_store_is_named(environment: Environment) -> None:
+    store = environment.site / "suspension_fmus" / "cosim" / "fmu" / "prebuilt" / "fmus.zip"
+    whole = store.read_bytes()
+    with zipfile.ZipFile(store) as z:
+        largest = max(z.infolist(), key=lambda i: i.compress_size)
+    at = largest.header_offset + 200
+    for damaged in (whole[:-100], whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]):
+        store.write_bytes(damaged)
+        try:
+            code = (
+                "import os, tempfile; os.environ['XDG_CACHE_HOME'] = tempfile.mkdtemp();"
+                f" from cosim import System; System().add('law', '{NAME}')"
+            )
+            assert re.search(
+                r"FmuError: \S+fmus.zip is damaged \(.*\): install the package again", environment.execute(code, code=1)
+            )
+        finally:
+            store.write_bytes(whole)
+
+
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_each_wheel_is_for_one_platform(files: dict[str, bytes], platform: str) -> None:
+    (name,) = (n for n in files if n.endswith(f"{TAGS[platform]}.whl"))
+    with zipfile.ZipFile(io.BytesIO(files[name])) as z:
+        about = next(z.read(n).decode() for n in z.namelist() if n.endswith("/WHEEL"))
+        engines = {Path(n).name for n in z.namelist() if "/engine/prebuilt/" in n}
+        with zipfile.ZipFile(io.BytesIO(z.read("suspension_fmus/cosim/fmu/prebuilt/fmus.zip"))) as store:
+            index = json.loads(store.read("index.json"))
+    assert f"Tag: py3-none-{TAGS[platform]}\n" in about
+    assert engines == {f"{platform}{PLATFORMS[platform].suffix}"}
+    assert set(index) == {f"fmi{v}/{NAME}.fmu" for v in (2, 3)}
+    binaries = {n for entry in index.values() for n in entry["files"] if n.startswith("binaries/")}
+    target = PLATFORMS[platform]
+    assert binaries == {f"binaries/{f}/{NAME}{target.suffix}" for f in (target.name, target.fmi2_name)}
 
 
 def test_every_file_of_the_zip_has_its_checksum(fmus: Path) -> None:
