@@ -60,7 +60,7 @@ def live_pages(built: Path, names: list[str]) -> dict[str, bytes]:
         return {f"live/{p.name}": p.read_bytes() for p in write_pages(FmuSet(built), Path(folder), names)}
 
 
-WHEELS = {  # platform -> tag of its wheel, by the oldest system that the compiler is told of
+WHEELS = {  # platform -> tag of its wheel, with the oldest system that the compiler aims at
     "x86_64-linux": "manylinux_2_17_x86_64",
     "aarch64-linux": "manylinux_2_17_aarch64",
     "x86_64-windows": "win_amd64",

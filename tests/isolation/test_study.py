@@ -77,8 +77,8 @@ def test_names_of_what_not_every_case_has_are_passed_over(harmless):
     with System() as system:
         system.add("plant", harmless)
         execution = Execution(isolate=("plant", "controller*"))
-        execution.prepare(system)
+        execution.prepare(system, every=False)
         component: Any = system["plant"].implementation
         assert component.isolation is not None
         with pytest.raises(WiringError, match="no component 'controller"):
-            execution.prepare(system, every=True)
+            execution.prepare(system)
