@@ -42,8 +42,8 @@ from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
-    from cosim.export.web.scene import Scene
     from cosim.linear.statespace import LinearModel, Matrices
+    from cosim.scenes.scene import Scene
 
 
 class System(Wiring):

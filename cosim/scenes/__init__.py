@@ -1,5 +1,6 @@
-"""What systems look like: scenes for live pages, found by the names of variables.
+"""What systems look like: scenes for live pages and animations, found by the names of variables.
 
+- `scene`: `Scene` and its parts; `assets/scene.js` draws it
 - `infer`: `infer_scene`, the scene of a system, from the names that plants, roads and controllers have in
   common
 - `shapes`: bodies of vehicles and test rigs

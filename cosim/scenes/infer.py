@@ -16,7 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.export.web.scene import (
+from cosim.scenes import shapes
+from cosim.scenes.scene import (
     Arrow,
     Body,
     Face,
@@ -33,7 +34,6 @@ from cosim.export.web.scene import (
     Value,
     Wheel,
 )
-from cosim.scenes import shapes
 from cosim.scenes.shapes import Axle, Outline
 from cosim.system.components import Connection, SystemComponent, indices
 from cosim.system.wiring import Wiring

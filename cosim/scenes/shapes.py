@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cosim.export.web.scene import Face, Material
+from cosim.scenes.scene import Face, Material
 
 Point = tuple[float, float, float]
 Contour = Sequence[tuple[float, float]]

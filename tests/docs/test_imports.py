@@ -24,6 +24,7 @@ BELOW = (
     "build_fmus/base/",
     "build_fmus/compile.py",
     "cosim/export/",  # which builds, and is asked for by one function of `System`
+    "cosim/scenes/",  # what its pages show
 )
 
 

@@ -21,8 +21,8 @@ from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
 from cosim.export.web.page import Control, Finish, Measure, PageSystem, WebPage, export_web
-from cosim.export.web.scene import Value
 from cosim.scenes import infer_scene
+from cosim.scenes.scene import Value
 from cosim.study import FmuSet, Runner
 from cosim.study.case import CaseError
 from cosim.study.web import _changed

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 from py_mini_racer import MiniRacer
 
-from cosim.export.web.scene import Scene, scene_data
+from cosim.scenes.scene import SCENE_SCRIPT, SCENE_STYLE, Scene, scene_data
 
-ASSETS = Path(__file__).parents[2] / "cosim" / "export" / "web" / "assets"
-COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", (ASSETS / "scene.css").read_text()))
+COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", SCENE_STYLE.read_text()))
 """Names with both colors, light and dark."""
 
 _PAGE = """
@@ -57,7 +55,7 @@ class Browser:
 
     def __init__(self) -> None:
         self.engine = MiniRacer()
-        self.engine.eval(f"const COLORS = {json.dumps(COLORS)};{_PAGE}{(ASSETS / 'scene.js').read_text()}")
+        self.engine.eval(f"const COLORS = {json.dumps(COLORS)};{_PAGE}{SCENE_SCRIPT.read_text()}")
 
     def see(
         self, scene: Scene, values: dict[str, float] | None = None, view: str = "side", road: str = "() => null"

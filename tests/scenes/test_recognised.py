@@ -23,8 +23,8 @@ from cosim import System
 from cosim.core.description import Description, Variable
 from cosim.core.errors import WiringError
 from cosim.experiments import EXPERIMENTS
-from cosim.export.web.scene import Body, Scene, Value, scene_data
 from cosim.scenes import infer_scene
+from cosim.scenes.scene import Body, Scene, Value, scene_data
 from cosim.study import FmuSet, Runner
 from cosim.study.experiment import resolved
 from cosim.study.loading import load

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cosim.export.web.scene import (
+from cosim.scenes.scene import (
     Arrow,
     Body,
     Face,

@@ -14,7 +14,8 @@ from scenes.browser import COLORS, Browser
 from ssp.systems import EVERY, experiment_system
 
 from cosim import System
-from cosim.export.web.scene import (
+from cosim.scenes import infer_scene, shapes
+from cosim.scenes.scene import (
     Arrow,
     Body,
     Face,
@@ -29,7 +30,6 @@ from cosim.export.web.scene import (
     Value,
     Wheel,
 )
-from cosim.scenes import infer_scene, shapes
 from cosim.scenes.shapes import Axle, Outline
 from cosim.study import FmuSet
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim import Record, System
-from cosim.export.web.scene import Scene
+from cosim.scenes.scene import Scene
 
 Values = dict[str, float]
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
@@ -26,6 +27,8 @@ PointsRole = Literal["preview", "sensed", "predicted"]
 TraceRole = Literal["ground", "wheel", "body"]
 T = TypeVar("T")
 
+SCENE_SCRIPT, SCENE_STYLE = (Path(__file__).parent / "assets" / name for name in ("scene.js", "scene.css"))
+"""Where the class `SceneView`, which draws a scene on a canvas, is, and its colors."""
 _FLAT = 1e-3  # m, how far a point of a face may lie from its plane
 
 

@@ -1,4 +1,4 @@
-// Draws a live scene, as cosim/export/web/scene.py describes it: orthographic views of bodies, wheels, struts, forces
+// Draws a live scene, as cosim/scenes/scene.py describes it: orthographic views of bodies, wheels, struts, forces
 // and road. x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colors are CSS custom
 // properties (scene.css).
 class SceneView {
