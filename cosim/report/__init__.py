@@ -7,7 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from cosim.recording.peaks import keep_peaks
-from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
+from cosim.report.animation import Animation, Phase, Playback, Take
 from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
 from cosim.report.maps import Layer, Map
 from cosim.report.model import (
@@ -37,31 +37,26 @@ def __getattr__(name: str) -> Any:
 __all__ = [
     "Animation",
     "Band",
-    "Body",
     "Claim",
     "Claims",
     "Counts",
     "Distribution",
     "Evidence",
     "Figure",
-    "Force",
     "Layer",
     "Map",
     "Palette",
     "Panel",
     "Parameter",
     "Phase",
-    "Reading",
+    "Playback",
     "Report",
     "ReportError",
     "Result",
-    "Scene",
     "Section",
     "Series",
-    "Strut",
     "Table",
     "Take",
-    "Wheel",
     "keep_peaks",
     "plotly_figure",
     "write_report",

@@ -17,6 +17,7 @@ from cosim.experiments.trench.claims import CLAIMS, verdict
 from cosim.experiments.trench.published import GRID, matrix, refined
 from cosim.experiments.trench.report import page, single
 from cosim.experiments.trench.runs import METRICS, Case, bands, measure, outcome, signals
+from cosim.scenes.scene import value
 from cosim.study import CaseError, Results, Runner, run_study
 from cosim.study.commands import run_case
 from fmu_sources.models.corners import SIX_CORNERS
@@ -105,9 +106,9 @@ def test_pages_of_one_crossing(crossings, fmus, tmp_path):
     made = single(runs, fmus)
     scenes = made.animations[0].takes[0].scenes
     assert [s.good for s in scenes] == [False, True]
-    body = scenes[1].bodies[0]
-    assert np.asarray(body.z)[0] == pytest.approx(1.2337, abs=1e-3)  # CG at rest
-    wheel = np.asarray(scenes[1].wheels[0].z)
+    first = {name: np.asarray(values).flat[0] for name, values in scenes[1].series.items()}
+    assert value(scenes[1].scene.bodies[0].z).of(first) == pytest.approx(1.2337, abs=1e-3)  # CG at rest
+    wheel = np.asarray(scenes[1].series["car.hub.a1l.z"])
     assert wheel.min() > 0.4  # the front wheel never falls in
     assert wheel.max() < 1.2
     assert json.loads((tmp_path / "summary.json").read_text())["animations"]

@@ -17,21 +17,19 @@ from browsers import looked_at
 
 from cosim.report import (
     Animation,
-    Body,
     Claim,
     Figure,
-    Force,
     Layer,
     Map,
     Panel,
-    Reading,
-    Scene,
+    Playback,
     Section,
     Series,
     Table,
     Take,
     write_report,
 )
+from cosim.scenes.scene import Arrow, Body, Face, Reading, Relief, Scene
 
 pytestmark = pytest.mark.pages
 
@@ -89,18 +87,17 @@ def every_kind(make_report):
         [f"a quantity with a name, number {i} [m/s2]" for i in range(14)],
         [[k / 3 + i for i in range(14)] for k in range(3)],
     )
-    scene = Scene(
-        "passive",
-        0.01,
-        [(0.0, 0.0), (9.0, 0.0)],
-        [Body("body", [(-1, 0), (1, 0), (1, 1)], t, 0 * t + 1, 0 * t)],
-        forces=[
-            Force("f", t, 0 * t, 0 * t, 1e4 * np.sin(t) ** 2),
-            Force("b", t, 0 * t + 1, 0 * t, 1e3 + 0 * t, "body"),
-        ],
-        readings=[Reading("pitch [deg]", t)],
-        outcome="crosses",
+    looks = Scene(
+        "body",
+        [Body("body", [Face([(-1, 0, 0), (1, 0, 0), (1, 0, 1)])], x="car.x", z=1.0)],
+        "body",
+        9.0,
+        1e5,
+        arrows=[Arrow("f", "ground", "car.f", on="body"), Arrow("b", "body", 1e3, on="body")],
+        readings=[Reading("pitch", "deg", "car.x")],
+        reliefs=[Relief([(0.0, 0.0)])],
     )
+    scene = Playback("passive", 0.01, looks, {"car.x": t, "car.f": 1e4 * np.sin(t) ** 2}, outcome="crosses")
     base = make_report()
     claims = [
         *base.claims,

@@ -37,29 +37,25 @@ from cosim.experiments.trench.published import (
     refined,
     some,
 )
-from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, measure, signals
-from cosim.fmu.file import FmuFile
+from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, configure, measure, signals, wire
 from cosim.report import (
     Animation,
-    Body,
     Figure,
-    Force,
     Layer,
     Map,
     Panel,
     Parameter,
     Phase,
-    Reading,
+    Playback,
     Report,
-    Scene,
     Section,
     Series,
-    Strut,
     Table,
     Take,
-    Wheel,
     write_report,
 )
+from cosim.scenes import infer_scene
+from cosim.scenes.scene import Reading
 from cosim.study import FmuSet, Results, Row, Run, make_lead, parameters, provenance, sections
 from fmu_sources.models.corners import SIX_CORNERS
 
@@ -69,6 +65,7 @@ CASES = (
     "case 2: middle axle over the trench",
     "case 3: rear axle over the trench",
 )
+FORCE_SCALE = 1e5  # N that are drawn as long as a meter
 _NAMES = {"passive": "passive", "mpc": "controlled"}
 _LOOKS: dict[str, Any] = {
     "passive": {"color": "gray", "dash": "dash"},
@@ -148,7 +145,7 @@ def single(runs: Mapping[str, Run], fmus: FmuSet) -> Report:
     rows, drawn = ({name: make(run) for name, run in runs.items()} for make in (measure, signals))
     case: Case = [run.case for run in runs.values()][-1]
     title = key_text((case.length, case.speed_kmh))
-    take = Take(title, [scene(_NAMES.get(s, s), run.case, rows[s], drawn[s], fmus) for s, run in runs.items()])
+    take = Take(title, [playback(_NAMES.get(s, s), run.case, rows[s], drawn[s], fmus) for s, run in runs.items()])
     columns = ["quantity", "limit", *rows]
     lines = [[LABELS[n], getattr(LIMITS, n), *(r[n] for r in rows.values())] for n in WEIGHTS]
     lines += [["cost [-]", None, *(r["cost"] for r in rows.values())]]
@@ -182,89 +179,45 @@ def _mean(rows: list[Row]) -> float:
 # ---------------------------------------------------------------------- animation
 
 
-def scene(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Scene:
-    """The left side of the vehicle in one run."""
-    parameter = FmuFile(fmus.path("ThreeAxleTrench")).description.parameters
-
-    def value(name: str) -> float:
-        return float(parameter[name].start)
-
-    offset = value("body.cg_offset") if case.cg_offset is None else case.cg_offset
-    at = {k: value(f"wheel.{k}.x") - offset for k in SIDE}  # ahead of the CG
-    first, last = at[SIDE[0]], at[SIDE[-1]]
-    signal = {n: np.asarray(v, dtype=float) for n, v in drawn["frames"].items()}
-    radius = value("disc.radius")
-    height = value("body.cg_height") + float(np.mean([signal[f"car.hub.{k}.z"][0] for k in SIDE]))  # of the CG at rest
-    outline = _outline(value, first, last)
-    start = row["trench_start"]
-    x, z, pitch = signal["car.x"] - start, height + signal["car.body.z"], signal["car.body.pitch"]
-    wheels, struts, forces = [], [], []
-    for k, axle in zip(SIDE, _AXLES, strict=True):
-        hub_x = signal[f"car.hub.{k}.x"] - start
-        rolled = (hub_x - hub_x[0]) / (radius - value("disc.rolling_loss"))
-        wheels.append(Wheel(axle, radius, hub_x, signal[f"car.hub.{k}.z"], rolled))
-        struts.append(Strut("vehicle", (at[k], 0.1), axle))
-        contact = {n: signal[f"car.contact.{k}.{n}"] for n in ("x", "z", "fx", "fz")}
-        forces.append(Force(axle, contact["x"] - start, contact["z"], contact["fx"], contact["fz"]))
-    cos, sin, nothing = np.cos(pitch), np.sin(pitch), np.zeros(len(x))
-    places = {
-        "bumper.front": outline[0],
-        "bumper.rear": outline[5],
-        "belly": ((first + last) / 2, value("outline.belly_height")),
-    }
-    for name, (bx, bz) in places.items():
-        force = signal[f"car.{name}.force"]
-        forces.append(Force(name, x + bx * cos + bz * sin, z - bx * sin + bz * cos, nothing, force, "body"))
+def playback(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Playback:
+    """A run of the vehicle. Both sides meet the trench alike, so the right one has the series of the left one."""
+    with wire(fmus, replace(case, controller="passive")) as system:
+        configure(system, replace(case, controller="passive"))
+        looks = infer_scene(system)
+        car = system["car"]
+        constant = {f"car.{n}": car.values.get(n, v.start) for n, v in car.description.parameters.items()}
+    assert looks is not None
+    recorded = {name: np.asarray(values, dtype=float) for name, values in drawn["frames"].items()}
+    series: dict[str, Any] = constant | {"car.body.roll": 0.0, **recorded, "car.trench.start": row["trench_start"]}
+    for left in SIDE:
+        series |= {n.replace(f".{left}.", f".{left[:-1]}r."): v for n, v in recorded.items() if f".{left}." in n}
     readings = [
-        Reading("pitch, nose down [deg]", np.degrees(pitch)),
-        Reading("speed [km/h]", 3.6 * signal["car.speed"]),
-        Reading("vertical acceleration [m/s2]", signal["car.body.az"]),
-        Reading("front hub force [kN]", signal["car.hub.a1l.fx"] / 1e3, 0),
+        Reading("pitch, nose down", "deg", "car.body.pitch", factor=math.degrees(1.0)),
+        Reading("speed", "km/h", "car.speed", factor=3.6),
+        Reading("vertical acceleration", "m/s2", "car.body.az"),
+        Reading("front hub force", "kN", "car.hub.a1l.fx", 0, 1e-3),
     ]
-    phase = Phase(CASES, signal["crossing.case"]) if "crossing.case" in signal else None
-    length = case.length
-    ground = [(-30.0, 0.0), (0.0, 0.0), (0.0, -5.0), (length, -5.0), (length, 0.0), (length + 30.0, 0.0)]
-    return Scene(
+    shown = replace(looks, readings=readings, limits=(), dimensions=(), force_scale=FORCE_SCALE)
+    return Playback(
         title=title,
         step=float(FRAME),
-        ground=ground,
-        bodies=[Body("vehicle", outline, x, z, pitch)],
-        wheels=wheels,
-        struts=struts,
-        forces=forces,
-        readings=readings,
-        phase=phase,
+        scene=shown,
+        series={name: series[name] for name in shown.variables},
+        phase=Phase(CASES, recorded["crossing.case"]) if "crossing.case" in recorded else None,
         outcome=row["outcome"],
         good=row["passed"],
     )
 
 
-def _outline(value: Any, first: float, last: float) -> list[tuple[float, float]]:
-    """Lower outline of the plant from the front bumper to the rear one; hull and roof are only for the picture."""
-    tip, knee, belly = (value(f"outline.{n}_height") for n in ("tip", "knee", "belly"))
-    front, rear = first + value("outline.front_overhang"), last - value("outline.rear_overhang")
-    aside, flat = value("outline.knee_distance"), value("outline.belly_distance")
-    lower = [
-        (front, tip),
-        (first + aside, knee),
-        (first + flat, belly),
-        (last - flat, belly),
-        (last - aside, knee),
-        (rear, tip),
-    ]
-    upper = [(rear, 0.35), (rear + 0.2, 1.0), (first - 0.1, 1.05), (first + 0.55, 0.5), (front - 0.05, 0.25)]
-    return [*lower, *upper]
-
-
 def _player(id_: str, takes: list[Take]) -> Animation:
     return Animation(
         id_,
-        "The crossing from the side",
-        "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire,"
-        " drawn where it acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of"
-        " contact. The hull above the belly line is drawn for orientation. Both runs share the clock; the road in view"
-        " follows each vehicle. Frames are 20 ms apart: peaks of impacts between them are in the time histories and"
-        " tables. Arrows are to scale; one too long for the picture leaves it, and its size is written.",
+        "The crossing, from any side",
+        "To scale; positions count from where the CG begins. Orange: force of the ground on a tire, where it acts."
+        " Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull"
+        " above the belly line is drawn for orientation. Both runs share the clock; the road in view follows each"
+        " vehicle. Frames are 20 ms apart: peaks of impacts between them are in the time histories and tables."
+        " An arrow that is too long for the picture is cut, with its size beside it.",
         takes,
     )
 
@@ -284,7 +237,7 @@ def _animation(study: Results, fmus: FmuSet) -> Animation | None:
         cases = {_NAMES[s]: Case(*key, s) for s in SYSTEMS}
         if not set(cases.values()) <= set(study.ran):
             continue
-        scenes = [scene(name, c, study[c], study.signals(c), fmus) for name, c in cases.items()]
+        scenes = [playback(name, c, study[c], study.signals(c), fmus) for name, c in cases.items()]
         takes.append(Take(key_text(key), scenes))
     return _player("crossing", takes) if takes else None
 

@@ -188,7 +188,7 @@ def recorded(case: Case) -> Sequence[str]:
     for k in SIX_CORNERS:
         names += [f"car.hub.{k}.{n}" for n in ("fx", "x", "z")]
         if k.endswith("l"):
-            names += [f"car.contact.{k}.{n}" for n in ("fx", "fz", "x", "z")]
+            names += [f"car.contact.{k}.{n}" for n in ("fx", "fz", "x", "z")] + [f"car.tire.{k}.deflection"]
     if case.controller != "passive":
         names += ["crossing.case", "crossing.reference.pitch[1]", *(f"controller.force.{k}" for k in SIX_CORNERS)]
     if case.controller.startswith("mpc"):
@@ -266,7 +266,7 @@ def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
     return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
 
 
-SIDE = tuple(k for k in SIX_CORNERS if k.endswith("l"))  # that is looked at
+SIDE = tuple(k for k in SIX_CORNERS if k.endswith("l"))  # the other one moves alike
 MOVING = (
     "car.x",
     "car.speed",
@@ -277,6 +277,7 @@ MOVING = (
     *(f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")),
     *(f"car.hub.{k}.{n}" for k in SIDE for n in "xz"),
     *(f"car.contact.{k}.{n}" for k in SIDE for n in ("fx", "fz", "x", "z")),
+    *(f"car.tire.{k}.deflection" for k in SIDE),
     "crossing.case",
 )
 """Drawn in animations."""

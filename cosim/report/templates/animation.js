@@ -1,42 +1,17 @@
 "use strict";
+// Plays recorded runs through the scene of a live page (SceneView), as cosim/report/animation.py describes them.
 (() => {
   const PALETTES = {
     light: {
       ink: "#1a2330",
       muted: "#55606e",
       rule: "#aab3be",
-      soil: "#d9cdb8",
-      soilEdge: "#7a6647",
-      sky: "#fbfcfd",
-      mark: "rgba(26,35,48,.28)",
-      outline: "#7f9a72",
-      outlineEdge: "#3c5233",
-      tire: "#2b2f36",
-      rim: "#c9ced6",
-      spoke: "#8a929e",
-      strut: "#0b4f8a",
-      halo: "#ffffff",
-      ground: "#d55e00",
-      body: "#c2185b",
       lines: ["#767676", "#0072b2", "#009e73", "#b5578f"],
     },
     dark: {
       ink: "#e4e8ee",
       muted: "#a7b0bc",
       rule: "#5d6875",
-      soil: "#4a4030",
-      soilEdge: "#a8906a",
-      sky: "#161c25",
-      mark: "rgba(228,232,238,.35)",
-      outline: "#5f7a55",
-      outlineEdge: "#b3cda6",
-      tire: "#0b0d10",
-      rim: "#8a929e",
-      spoke: "#4a515c",
-      strut: "#7db9ee",
-      halo: "#12171e",
-      ground: "#f2803d",
-      body: "#ff7fab",
       lines: ["#9aa3ad", "#4a9ede", "#2fc49a", "#e08cc0"],
     },
   };
@@ -51,8 +26,6 @@
       : matchMedia("(prefers-color-scheme: dark)").matches);
   const FONT = "12px 'Helvetica Neue', Helvetica, Arial, sans-serif";
   const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
-  const LOW = -1.2,
-    HIGH = 3.05; // m, what is in view
   const make = (tag, className, parent) => {
     const element = document.createElement(tag);
     if (className) element.className = className;
@@ -70,23 +43,35 @@
     });
     return values;
   };
-  const SERIES = ["x", "z", "angle", "turn", "fx", "fz", "values"];
-  const unpackParts = (parts) =>
-    parts.forEach((part) => {
-      SERIES.forEach((name) => {
-        if (part[name]) part[name] = unpack(part[name]);
-      });
-    });
   const at = (series, place) => {
     const i = Math.min(Math.floor(place), series.length - 1),
       rest = place - i;
     return i + 1 < series.length ? series[i] + rest * (series[i + 1] - series[i]) : series[i];
   };
 
+  // A recorded run: `value` is that of a variable at `place`, in samples, which `seek` sets.
   const prepare = (scene) => {
-    [scene.bodies, scene.wheels, scene.forces, scene.readings].forEach(unpackParts);
-    if (scene.phase) scene.phase.index = unpack(scene.phase.index);
+    const values = scene.values.map((packed) => (typeof packed === "number" ? packed : unpack(packed)));
+    scene.place = 0;
+    scene.value = (name) => {
+      const series = values[scene.series[name]];
+      return typeof series === "number" ? series : at(series, scene.place);
+    };
     scene.duration = (scene.samples - 1) * scene.step;
+    scene.seek = (time) => {
+      scene.place = Math.min(time, scene.duration) / scene.step;
+    };
+    if (scene.phase) scene.phase.index = unpack(scene.phase.index);
+    const reading = scene.scene.readings[0]; // is drawn over time
+    if (reading) {
+      const view = { raw: SceneView.prototype.raw, now: [] };
+      const curve = new Float64Array(scene.samples);
+      for (scene.place = 0; scene.place < scene.samples; scene.place += 1) {
+        view.now = scene.scene.names.map(scene.value);
+        curve[scene.place] = reading.factor * view.raw(reading.value);
+      }
+      scene.first = { label: reading.label, unit: reading.unit, values: curve };
+    }
     return scene;
   };
 
@@ -107,204 +92,6 @@
     return { pen, width, height };
   };
 
-  const arrow = (pen, x, y, dx, dy, color) => {
-    const length = Math.hypot(dx, dy);
-    if (length < 3) return;
-    const head = Math.min(9, 0.5 * length),
-      ux = dx / length,
-      uy = dy / length;
-    const tip = [x + dx, y + dy],
-      neck = [tip[0] - head * ux, tip[1] - head * uy];
-    for (const [style, wide] of [
-      [paint.halo, 6],
-      [color, 3],
-    ]) {
-      pen.strokeStyle = style;
-      pen.lineWidth = wide;
-      pen.beginPath();
-      pen.moveTo(x, y);
-      pen.lineTo(...neck);
-      pen.stroke();
-    }
-    pen.fillStyle = color;
-    pen.beginPath();
-    pen.moveTo(...tip);
-    pen.lineTo(neck[0] - 0.6 * head * uy, neck[1] + 0.6 * head * ux);
-    pen.lineTo(neck[0] + 0.6 * head * uy, neck[1] - 0.6 * head * ux);
-    pen.fill();
-  };
-
-  const drawScene = (canvas, scene, time, options) => {
-    const height = Math.round((canvas.clientWidth * (HIGH - LOW)) / options.width);
-    const { pen, width } = surface(canvas, height);
-    const scale = width / options.width,
-      place = Math.min(time, scene.duration) / scene.step;
-    const center = at(scene.bodies[0].x, place);
-    const px = (x) => width / 2 + (x - center) * scale,
-      py = (z) => (HIGH - z) * scale;
-
-    pen.fillStyle = paint.sky;
-    pen.fillRect(0, 0, width, height);
-    // ground, level beyond its ends
-    const ground = scene.ground,
-      last = ground[ground.length - 1];
-    pen.beginPath();
-    pen.moveTo(-10, py(ground[0][1]));
-    ground.forEach(([x, z]) => pen.lineTo(px(x), py(z)));
-    pen.lineTo(Math.max(width + 10, px(last[0])), py(last[1]));
-    pen.lineTo(Math.max(width + 10, px(last[0])), height + 10);
-    pen.lineTo(Math.min(-10, px(ground[0][0])), height + 10);
-    pen.lineTo(Math.min(-10, px(ground[0][0])), py(ground[0][1]));
-    pen.closePath();
-    pen.fillStyle = paint.soil;
-    pen.fill();
-    pen.strokeStyle = paint.soilEdge;
-    pen.lineWidth = 2;
-    pen.stroke();
-    // a mark every meter along the road
-    pen.textAlign = "center";
-    pen.textBaseline = "alphabetic";
-    for (let x = Math.ceil(center - options.width / 2); x <= center + options.width / 2; x += 1) {
-      pen.strokeStyle = paint.mark;
-      pen.lineWidth = 1;
-      pen.beginPath();
-      pen.moveTo(px(x), height - 16);
-      pen.lineTo(px(x), height - (x % 5 ? 20 : 24));
-      pen.stroke();
-      pen.fillStyle = paint.muted;
-      if (scale > 42 || x % 2 === 0) pen.fillText(`${x}${x % 5 ? "" : " m"}`, px(x), height - 4);
-    }
-
-    const onBody = (body, [bx, bz]) => {
-      const angle = at(body.angle, place),
-        c = Math.cos(angle),
-        s = Math.sin(angle);
-      return [at(body.x, place) + bx * c + bz * s, at(body.z, place) - bx * s + bz * c];
-    };
-    // struts: a cylinder from the body, a rod to the wheel
-    for (const strut of scene.struts) {
-      const wheel = scene.wheels[strut.wheel],
-        [x1, z1] = onBody(scene.bodies[strut.body], strut.at);
-      const x2 = at(wheel.x, place),
-        z2 = at(wheel.z, place),
-        length = Math.hypot(x2 - x1, z2 - z1) || 1;
-      const share = Math.min(1, strut.length / length);
-      const middle = [x1 + share * (x2 - x1), z1 + share * (z2 - z1)];
-      strut.drawn = [
-        [px(x1), py(z1)],
-        [px(middle[0]), py(middle[1])],
-        [px(x2), py(z2)],
-      ];
-    }
-    for (const body of scene.bodies) {
-      pen.beginPath();
-      body.outline.forEach((point, i) => {
-        const [x, z] = onBody(body, point);
-        pen[i ? "lineTo" : "moveTo"](px(x), py(z));
-      });
-      pen.closePath();
-      pen.fillStyle = paint.outline;
-      pen.fill();
-      pen.strokeStyle = paint.outlineEdge;
-      pen.lineWidth = 2;
-      pen.stroke();
-    }
-    for (const wheel of scene.wheels) {
-      const x = px(at(wheel.x, place)),
-        y = py(at(wheel.z, place)),
-        r = wheel.radius * scale,
-        turn = at(wheel.turn, place);
-      const disc = (radius, fill) => {
-        pen.beginPath();
-        pen.arc(x, y, radius, 0, 2 * Math.PI);
-        pen.fillStyle = fill;
-        pen.fill();
-      };
-      disc(r, paint.tire);
-      disc(0.58 * r, paint.rim);
-      pen.strokeStyle = paint.spoke;
-      pen.lineWidth = Math.max(1.5, 0.06 * r);
-      pen.beginPath();
-      for (let k = 0; k < 6; k += 1) {
-        const a = turn + (k * Math.PI) / 3;
-        pen.moveTo(x, y);
-        pen.lineTo(x + 0.52 * r * Math.cos(a), y + 0.52 * r * Math.sin(a));
-      }
-      pen.stroke();
-      disc(0.16 * r, paint.tire);
-    }
-    for (const strut of scene.struts) {
-      for (const [from, to, wide, style] of [
-        [1, 2, 7, paint.halo],
-        [0, 1, 10, paint.halo],
-        [1, 2, 3.5, paint.strut],
-        [0, 1, 7, paint.strut],
-      ]) {
-        pen.strokeStyle = style;
-        pen.lineWidth = wide * Math.min(1.3, scale / 48);
-        pen.beginPath();
-        pen.moveTo(...strut.drawn[from]);
-        pen.lineTo(...strut.drawn[to]);
-        pen.stroke();
-      }
-    }
-    for (const force of scene.forces) {
-      const fx = (at(force.fx, place) / options.forceScale) * scale,
-        fz = (at(force.fz, place) / options.forceScale) * scale;
-      const x = px(at(force.x, place)),
-        y = py(at(force.z, place));
-      arrow(pen, x, y, fx, -fz, paint[force.role]);
-      const length = Math.hypot(fx, fz);
-      // at its true length, out of the picture
-      const leaves = x + fx < 0 || x + fx > width || y - fz < 0 || y - fz > height;
-      if ((force.role === "body" && length > 3) || leaves) {
-        const text = `${Math.round(((length / scale) * options.forceScale) / 1e3)} kN`;
-        const where = [
-          Math.min(Math.max(x + fx + 6, 4), width - pen.measureText(text).width - 6),
-          Math.min(Math.max(y - fz + 4, 34), height - 30),
-        ];
-        pen.textAlign = "left";
-        pen.lineWidth = 3;
-        pen.strokeStyle = paint.halo;
-        pen.strokeText(text, ...where);
-        pen.fillStyle = paint[force.role];
-        pen.fillText(text, ...where);
-      }
-    }
-    // scales
-    const label = (text, x, color) => {
-      pen.textAlign = "left";
-      pen.lineWidth = 3;
-      pen.strokeStyle = paint.sky;
-      pen.strokeText(text, x, 20);
-      pen.fillStyle = color;
-      pen.fillText(text, x, 20);
-      return x + pen.measureText(text).width + 18;
-    };
-    pen.strokeStyle = paint.ink;
-    pen.lineWidth = 1.5;
-    pen.beginPath();
-    pen.moveTo(10, 12);
-    pen.lineTo(10, 16);
-    pen.lineTo(10 + scale, 16);
-    pen.lineTo(10 + scale, 12);
-    pen.stroke();
-    let x = label("1 m", 16 + scale, paint.ink);
-    // a round force, as long as half a meter or more, stands for both kinds
-    const roles = new Set(scene.forces.map((force) => force.role));
-    const decade = 10 ** Math.floor(Math.log10(0.5 * options.forceScale));
-    const sample = [1, 2, 5, 10].map((k) => k * decade).find((size) => size >= 0.5 * options.forceScale);
-    const long = (sample / options.forceScale) * scale;
-    for (const [role, text] of [
-      ["ground", "on wheels"],
-      ["body", "on body"],
-    ]) {
-      if (!roles.has(role)) continue;
-      arrow(pen, x, 16, long, 0, paint[role]);
-      x = label(`${sample / 1e3} kN ${text}`, x + long + 6, paint[role]);
-    }
-  };
-
   const drawTrack = (canvas, take, time, duration) => {
     const row = canvas.clientWidth < 480 ? 16 : 0, // px, of a second row of words on a narrow page
       height = 116 + row,
@@ -314,7 +101,7 @@
       top = 22 + row,
       bottom = 96 + row;
     const x = (t) => left + (t / duration) * (width - left - right);
-    const series = take.scenes.map((s) => s.readings[0]).filter(Boolean);
+    const series = take.scenes.map((s) => s.first).filter(Boolean);
     if (!series.length) return;
     let low = 0,
       high = 0;
@@ -367,7 +154,7 @@
     for (let t = 0; t <= duration + 1e-9; t += tick)
       pen.fillText(`${+t.toFixed(1)}${t === 0 ? " s" : ""}`, x(t), height - 4);
     take.scenes.forEach((scene, n) => {
-      const reading = scene.readings[0];
+      const reading = scene.first;
       if (!reading) return;
       pen.strokeStyle = paint.lines[n % paint.lines.length];
       pen.setLineDash(DASHES[n % DASHES.length]);
@@ -380,7 +167,7 @@
     let place = left;
     pen.textAlign = "left";
     pen.fillStyle = paint.ink;
-    const label = `${series[0].quantity} [${series[0].unit}]`;
+    const label = `${series[0].label} [${series[0].unit}]`;
     pen.fillText(label, place, 14);
     if (!row) place += pen.measureText(label).width + 18;
     take.scenes.forEach((scene, n) => {
@@ -413,6 +200,8 @@
     const data = JSON.parse(unpacked(document.getElementById(stage.dataset.animation)));
     data.takes.forEach((take) => take.scenes.forEach(prepare));
     const title = stage.closest("figure").querySelector("h3").textContent.trim();
+    const camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
+    const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)").matches;
     let take,
       duration,
       views,
@@ -454,6 +243,15 @@
         speed = SPEEDS[i];
       },
     );
+    const looks = choose("view", Object.keys(SceneView.VIEWS), 0, (i) => {
+      views[0].view.view = Object.keys(SceneView.VIEWS)[i];
+      moved();
+    });
+    const moved = () => {
+      looks.value = Object.keys(SceneView.VIEWS).indexOf(camera.view);
+      draw();
+      if (camera.turn && !playing) requestAnimationFrame(moved);
+    };
     const takes = choose(
       "run",
       data.takes.map((t) => t.title),
@@ -473,7 +271,7 @@
       slider.max = duration;
       scenes.replaceChildren();
       views = take.scenes.map((scene) => {
-        const box = make("section", "scene", scenes),
+        const box = make("section", "run", scenes),
           header = make("header", "", box);
         make("b", "", header).textContent = scene.title;
         if (scene.outcome) {
@@ -482,53 +280,47 @@
           chip.title = scene.outcome;
         }
         const phase = scene.phase ? make("span", "phase", header) : null;
-        const canvas = make("canvas", "", box);
+        const canvas = make("canvas", "scene", box);
         canvas.setAttribute("role", "img");
-        canvas.setAttribute("aria-label", `${scene.title}, seen from the side`);
+        const view = new SceneView(canvas, scene.scene, {
+          value: scene.value,
+          reducedMotion,
+          camera,
+          changed: moved,
+        });
         const list = make("dl", "", box);
-        const cells = scene.readings.map((reading) => {
+        const cells = view.readings().map(({ label, unit }) => {
           const cell = make("div", "", list);
-          make("dt", "", cell).textContent = reading.quantity;
+          make("dt", "", cell).textContent = label;
           const dd = make("dd", "", cell),
             number = document.createTextNode("");
           dd.append(number);
-          if (reading.unit !== "-") make("span", "", dd).textContent = ` ${reading.unit}`;
+          if (unit) make("span", "", dd).textContent = ` ${unit}`;
           return number;
         });
-        scene.struts.forEach((strut) => {
-          // cylinders as long as the shortest strut of the run, nearly
-          const wheel = scene.wheels[strut.wheel],
-            body = scene.bodies[strut.body];
-          let least = Infinity;
-          for (let i = 0; i < scene.samples; i += 1) {
-            const c = Math.cos(body.angle[i]),
-              s = Math.sin(body.angle[i]),
-              [bx, bz] = strut.at;
-            least = Math.min(
-              least,
-              Math.hypot(body.x[i] + bx * c + bz * s - wheel.x[i], body.z[i] - bx * s + bz * c - wheel.z[i]),
-            );
-          }
-          strut.length = 0.75 * least;
-        });
-        return { scene, canvas, phase, cells };
+        return { scene, canvas, view, phase, cells };
       });
       seek(when);
     };
 
     const draw = () => {
-      paint = isDark() ? PALETTES.dark : PALETTES.light;
-      for (const { scene, canvas, phase, cells } of views) {
-        drawScene(canvas, scene, time, data);
-        const place = Math.min(time, scene.duration) / scene.step;
-        scene.readings.forEach((reading, i) => {
-          cells[i].data = at(reading.values, place)
-            .toFixed(reading.decimals)
-            .replace(/^-(?=0\.?0*$)/, "")
-            .replace("-", "\u2212");
+      const dark = isDark();
+      paint = dark ? PALETTES.dark : PALETTES.light;
+      for (const { scene, canvas, view, phase, cells } of views) {
+        scene.seek(time);
+        const scheme = dark ? "dark" : "light";
+        if (canvas.dataset.scheme !== scheme) {
+          canvas.dataset.scheme = scheme;
+          canvas.style.setProperty("--scene-scheme", scheme);
+          view.restyle();
+        }
+        view.draw(time);
+        view.readings().forEach(({ text }, i) => {
+          cells[i].data = text.replace("-", "\u2212");
         });
+        canvas.setAttribute("aria-label", `${scene.title}: ${view.describe()}`);
         if (phase) {
-          const index = scene.phase.index[Math.min(Math.floor(place + 1e-6), scene.samples - 1)];
+          const index = scene.phase.index[Math.min(Math.floor(scene.place + 1e-6), scene.samples - 1)];
           phase.textContent = scene.phase.names[index];
           phase.style.background = PHASES[index % PHASES.length];
         }
