@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from cosim import Recording
+from cosim.core.content_checks import label_of
 from cosim.gym.signals import Signals
 from cosim.recording.peaks import keep_peaks
-from cosim.report.content_checks import label_of
 from cosim.report.model import Figure, Panel, Series
 
 

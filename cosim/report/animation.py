@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base.checks import finite, number
-from cosim.report.content_checks import assign, check_id, check_text, check_unique, curve, items
+from cosim.core.content_checks import assign, check_id, check_text, check_unique, curve, items
 from cosim.scenes.scene import Scene, scene_data
 
 _DIGITS = 4  # of the largest magnitude of a series that are kept, at least

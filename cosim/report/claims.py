@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cosim.report.content_checks import assign, check_choice, check_id, check_text, plain_value
+from cosim.core.content_checks import assign, check_choice, check_id, check_text, plain_value
 
 Verdict = Literal[
     "reproduced", "trend reproduced, magnitude differs", "not reproduced", "open", "holds", "does not hold"

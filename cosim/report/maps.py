@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base import escape
-from cosim.report.content_checks import (
+from cosim.core.content_checks import (
     Array,
     assign,
     check_id,

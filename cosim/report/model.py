@@ -13,9 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from cosim.report.animation import Animation
-from cosim.report.claims import Claim, Counts
-from cosim.report.content_checks import (
+from cosim.core.content_checks import (
     Array,
     Scalar,
     assign,
@@ -29,6 +27,8 @@ from cosim.report.content_checks import (
     plain_value,
     split_label,
 )
+from cosim.report.animation import Animation
+from cosim.report.claims import Claim, Counts
 from cosim.report.maps import Map
 
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "gray"]

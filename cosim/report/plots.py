@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base import escape, extras
-from cosim.report.content_checks import UNKNOWN, Array, drawn_label, label_of, split_label
+from cosim.core.content_checks import UNKNOWN, Array, drawn_label, label_of, split_label
 from cosim.report.model import Color, Dash, Figure, Panel, Series
 
 with extras.needed("reports", extras.WRITING):

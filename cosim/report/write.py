@@ -25,10 +25,10 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base import escape, extras, safe_files
+from cosim.core.content_checks import Array, Scalar
 from cosim.core.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.claims import Claim, Verdict
-from cosim.report.content_checks import Array, Scalar
 from cosim.report.maps import Map, map_plot
 from cosim.report.model import Figure, Report, Table
 from cosim.report.plots import Palette, dark_colors, placed_columns, plotly_figure, series_columns

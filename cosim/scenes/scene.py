@@ -10,14 +10,15 @@ that reads.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from build_fmus.base.checks import number, unknown, whole_number
+from cosim.core.content_checks import assign, check_choice, check_text, check_unique, items
 
 Side = Literal["left", "right"]
 Sides = Literal["left", "right", "both"]
@@ -53,10 +54,10 @@ class Value:
             if not component or not variable:
                 raise ValueError(f"a value names {name!r}; write component.variable")
             number(f"value: factor of '{name}'", factor)
-        _assign(self, "terms", {name: float(factor) for name, factor in given if factor})
-        _assign(self, "offset", float(number("value: offset", self.offset)))
+        assign(self, "terms", {name: float(factor) for name, factor in given if factor})
+        assign(self, "offset", float(number("value: offset", self.offset)))
         if self.rest is not None:
-            _assign(self, "rest", float(number("value: rest", self.rest)))
+            assign(self, "rest", float(number("value: rest", self.rest)))
 
     def __hash__(self) -> int:
         return hash((frozenset(self.terms.items()), self.offset, self.rest))
@@ -109,8 +110,8 @@ class Face:
     material: Material = "body"
 
     def __post_init__(self) -> None:
-        _assign(self, "points", _polygon(self.points))
-        _check_choice("face", "material", self.material, Material)
+        assign(self, "points", _polygon(self.points))
+        check_choice("face", "material", self.material, Material)
 
 
 @dataclass(frozen=True)
@@ -128,8 +129,8 @@ class Body:
 
     def __post_init__(self) -> None:
         where = f"body '{self.name}'"
-        _check_text(where, name=self.name)
-        _assign(self, "faces", _items(where, "faces", self.faces, Face))
+        check_text(where, name=self.name)
+        assign(self, "faces", items(where, "faces", self.faces, Face))
         if not self.faces:
             raise ValueError(f"{where} has no faces")
         _values(self, "x", "y", "z", "roll", "pitch", "yaw")
@@ -157,13 +158,13 @@ class Wheel:
 
     def __post_init__(self) -> None:
         where = f"wheel '{self.name}'"
-        _check_text(where, name=self.name)
+        check_text(where, name=self.name)
         number(f"{where}: radius", self.radius, "m", above=0)
         number(f"{where}: width", self.width, "m", above=0)
         _values(self, "x", "y", "z", "turn", "heading", "squash")
         if self.contact is not None:
             x, z = self.contact
-            _assign(self, "contact", (value(x), value(z)))
+            assign(self, "contact", (value(x), value(z)))
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ class Strut:
 
     def __post_init__(self) -> None:
         for end in ("at", "to"):
-            _assign(self, end, _point(f"strut to wheel '{self.wheel}'", end, getattr(self, end)))
+            assign(self, end, _point(f"strut to wheel '{self.wheel}'", end, getattr(self, end)))
 
 
 @dataclass(frozen=True)
@@ -198,11 +199,11 @@ class Arrow:
 
     def __post_init__(self) -> None:
         where = f"arrow '{self.name}'"
-        _check_text(where, name=self.name)
-        _check_choice(where, "role", self.role, ArrowRole)
+        check_text(where, name=self.name)
+        check_choice(where, "role", self.role, ArrowRole)
         _values(self, "fx", "fy", "fz")
         x, y, z = self.at
-        _assign(self, "at", (value(x), value(y), value(z)))
+        assign(self, "at", (value(x), value(y), value(z)))
 
 
 @dataclass(frozen=True)
@@ -222,8 +223,8 @@ class Ground:
 
     def __post_init__(self) -> None:
         where = f"ground on the {self.side}"
-        _check_choice("ground", "side", self.side, Side)
-        _check_text(where, component=self.component, input=self.input, output=self.output)
+        check_choice("ground", "side", self.side, Side)
+        check_text(where, component=self.component, input=self.input, output=self.output)
         number(f"{where}: y", self.y, "m")
         number(f"{where}: ahead", self.ahead, "m")
 
@@ -245,14 +246,14 @@ class Points:
 
     def __post_init__(self) -> None:
         where = f"points '{self.name}'"
-        _check_text(where, name=self.name)
-        _check_choice(where, "role", self.role, PointsRole)
+        check_text(where, name=self.name)
+        check_choice(where, "role", self.role, PointsRole)
         _values(self, "x", "y", "spacing")
         heights = tuple(value(h) for h in self.heights)
         if len(heights) < 2:
             raise ValueError(f"{where}: {len(heights)} heights; a line needs two")
-        _assign(self, "heights", heights)
-        _assign(self, "count", value(float(len(heights)) if self.count is None else self.count))
+        assign(self, "heights", heights)
+        assign(self, "count", value(float(len(heights)) if self.count is None else self.count))
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ class Limit:
     at: str | None = None
 
     def __post_init__(self) -> None:
-        _check_text("limit", label=self.label)
+        check_text("limit", label=self.label)
         _values(self, "value")
 
 
@@ -280,7 +281,7 @@ class Reading:
 
     def __post_init__(self) -> None:
         where = f"reading '{self.label}'"
-        _check_text(where, label=self.label)
+        check_text(where, label=self.label)
         if not isinstance(self.unit, str):
             raise ValueError(f"{where}: unit {self.unit!r} is no text")
         if whole_number(f"{where}: decimals", self.decimals, least=0) > 6:
@@ -302,7 +303,7 @@ class Trench:
     side: Sides = "both"
 
     def __post_init__(self) -> None:
-        _check_choice("trench", "side", self.side, Sides)
+        check_choice("trench", "side", self.side, Sides)
         _values(self, "start", "length", "depth")
 
 
@@ -317,11 +318,11 @@ class Relief:
     side: Sides = "both"
 
     def __post_init__(self) -> None:
-        _check_choice("relief", "side", self.side, Sides)
+        check_choice("relief", "side", self.side, Sides)
         points = tuple((value(x), value(z)) for x, z in self.points)
         if not points:
             raise ValueError("relief: give at least one point (x, z)")
-        _assign(self, "points", points)
+        assign(self, "points", points)
 
 
 @dataclass(frozen=True)
@@ -337,8 +338,8 @@ class Trace:
 
     def __post_init__(self) -> None:
         where = f"trace '{self.name}'"
-        _check_text(where, name=self.name)
-        _check_choice(where, "role", self.role, TraceRole)
+        check_text(where, name=self.name)
+        check_choice(where, "role", self.role, TraceRole)
         number(f"{where}: speed", self.speed, "m/s", above=0)
         for name in ("x", "y"):
             number(f"{where}: {name}", getattr(self, name), "m")
@@ -374,13 +375,13 @@ class Scene:
 
     def __post_init__(self) -> None:
         where = f"scene '{self.title}'"
-        _check_text(where, title=self.title, what=self.what)
+        check_text(where, title=self.title, what=self.what)
         for name in ("width", "force_scale"):
             number(f"{where}: {name}", getattr(self, name), above=0)
         for name, kind in _PARTS.items():
-            parts = _items(where, name, getattr(self, name), kind)
-            _assign(self, name, parts)
-            _check_unique(
+            parts = items(where, name, getattr(self, name), kind)
+            assign(self, name, parts)
+            check_unique(
                 where,
                 name,
                 (
@@ -390,7 +391,7 @@ class Scene:
                 ),
             )
         bodies, wheels = ([part.name for part in parts] for parts in (self.bodies, self.wheels))
-        _check_unique(where, "body or wheel", (*bodies, *wheels))
+        check_unique(where, "body or wheel", (*bodies, *wheels))
         if self.follow not in bodies:
             raise ValueError(f"{where}: {unknown('body to follow', self.follow, bodies)}")
         for strut in self.struts:
@@ -490,42 +491,13 @@ def _fields(part: Any) -> Iterator[tuple[str, Any]]:
 # checks
 
 
-def _assign(target: object, name: str, new: object) -> None:
-    object.__setattr__(target, name, new)
-
-
 def _label(part: Any) -> str:
     return part.name if hasattr(part, "name") else part.label
 
 
 def _values(part: object, *names: str) -> None:
     for name in names:
-        _assign(part, name, value(getattr(part, name)))
-
-
-def _check_text(where: str, **texts: str) -> None:
-    for name, text in texts.items():
-        if not isinstance(text, str) or not text.strip():
-            raise ValueError(f"{where}: '{name}' is empty")
-
-
-def _check_choice(where: str, name: str, given: object, choices: object) -> None:
-    if given not in get_args(choices):
-        raise ValueError(f"{where}: {unknown(name, given, get_args(choices))}")
-
-
-def _check_unique(where: str, kind: str, names: Iterable[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
-
-
-def _items(where: str, name: str, given: Iterable[T], kind: type) -> tuple[T, ...]:
-    items = tuple(given)
-    for item in items:
-        if not isinstance(item, kind):
-            raise ValueError(f"{where}: '{name}' holds {item!r}, which is not a {kind.__name__}")
-    return items
+        assign(part, name, value(getattr(part, name)))
 
 
 def _point(where: str, name: str, given: Sequence[float]) -> tuple[float, ...]:

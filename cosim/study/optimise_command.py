@@ -208,8 +208,8 @@ def _unit(experiment: Experiment, metric: str) -> str:
 
 def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
     """The page, and what is best on the screen."""
+    from cosim.core.content_checks import label_of
     from cosim.report import Report, write_report
-    from cosim.report.content_checks import label_of
     from cosim.report.fronts import front_section
     from cosim.report.model import Section, Table
 

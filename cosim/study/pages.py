@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base.terminal import PACKAGE
+from cosim.core.content_checks import Scalar, label_of
 from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
-from cosim.report.content_checks import Scalar, label_of
 from cosim.study import key
 from cosim.study.case import Field, differing
 from cosim.study.experiment import Experiment, Metric, resolved, undeclared

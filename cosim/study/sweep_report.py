@@ -14,10 +14,10 @@ import numpy as np
 from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
 from cosim import Execution
+from cosim.core.content_checks import Scalar, label_of
 from cosim.recording.peaks import keep_peaks
 from cosim.recording.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
-from cosim.report.content_checks import Scalar, label_of
 from cosim.study.design import METHODS, DesignError
 from cosim.study.experiment import Metric, undeclared
 from cosim.study.fmus import FmuSet

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from cosim.core.content_checks import split_label
 from cosim.experiments.metrics.crossing import LABELS, LIMITS
 from cosim.experiments.trench.runs import APPROACH, CLEAR, LEAD, RUN_OUT, STEP, TOUCH, Case
 from cosim.export.web.page import Control, Finish, How, Measure, WebPage
-from cosim.report.content_checks import split_label
 from cosim.scenes.scene import Value
 from cosim.study.web import Live, LiveCase
 from fmu_sources.models.corners import SIX_CORNERS

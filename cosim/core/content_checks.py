@@ -1,4 +1,4 @@
-"""Checks of what reports are made of; errors say where and what."""
+"""Checks of what reports and scenes are made of; errors say where and what."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TypeVar, get_args
 
 import numpy as np
 import numpy.typing as npt
+
+from build_fmus.base.checks import unknown
 
 Array = npt.NDArray[np.float64]
 Scalar = str | bool | int | float | None
@@ -59,7 +61,7 @@ def check_id(where: str, identifier: str) -> None:
 def check_choice(where: str, name: str, value: object, choices: object) -> None:
     """Raise ValueError unless a value is one of the choices, a `Literal` type."""
     if value not in get_args(choices):
-        raise ValueError(f"{where}: {name} {value!r} is not one of {', '.join(map(repr, get_args(choices)))}")
+        raise ValueError(f"{where}: {unknown(name, value, get_args(choices))}")
 
 
 def check_text(where: str, **texts: str) -> None:
