@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from build_fmus.base import extras
+from build_fmus.base.elementwise import FUNCTIONS
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -75,40 +76,6 @@ def _negative(a: Text) -> Text:
 def _not(a: Text) -> Text:
     return Text(f"!{a.within(ATOM)}", SIGNED, logical=True)
 
-
-FUNCTIONS = (
-    "exp",
-    "log",
-    "pow",
-    "sqrt",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asinh",
-    "acosh",
-    "atanh",
-    "floor",
-    "ceil",
-    "fmod",
-    "fabs",
-    "sign",
-    "copysign",
-    "erf",
-    "fmin",
-    "fmax",
-    "log1p",
-    "expm1",
-    "hypot",
-    "remainder",
-)
-"""Operations that C has a function for, of the same name; `sign` is one of ours."""
 
 _Writer = Callable[..., Text]
 _CONDITIONS = (ca.OP_NOT, ca.OP_AND, ca.OP_OR)

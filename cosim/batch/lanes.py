@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from build_fmus.base import elementwise
 from cosim.batch.statements import (
     Assignment,
     Call,
@@ -26,41 +27,7 @@ from cosim.batch.statements import (
     read_function,
 )
 
-FUNCTIONS = frozenset(
-    (
-        "exp",
-        "log",
-        "pow",
-        "sqrt",
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "asinh",
-        "acosh",
-        "atanh",
-        "floor",
-        "ceil",
-        "fmod",
-        "fabs",
-        "sign",
-        "copysign",
-        "erf",
-        "fmin",
-        "fmax",
-        "log1p",
-        "expm1",
-        "hypot",
-        "remainder",
-        "square",
-    )
-)
+FUNCTIONS = frozenset((*elementwise.FUNCTIONS, "square"))
 """What generated statements call on numbers; `runtime/lanes.h` has each as lanes_NAME."""
 
 VECTORS = {"x": "States", "u": "Inputs", "p": "Parameters"}
