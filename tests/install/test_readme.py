@@ -22,6 +22,7 @@ README = ROOT / "README.md"
 TEXT = README.read_text(encoding="utf-8")
 INSTALL = ROOT / "docs" / "how-to" / "install.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+RELEASE = (ROOT / ".ci" / "release.py").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 LONGEST, WIDEST, FIRST_SCREEN = 150, 120, 12
 COUNTS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
@@ -91,6 +92,9 @@ def test_shell_commands_exist(page: Path) -> None:
         elif program == "pip":
             ((install, what),) = [names]
             assert install == "install"
+            if wheel := re.fullmatch(rf"suspension_fmus-{re.escape(PROJECT['version'])}-py3-none-(\w+)\.whl", what):
+                assert f'"{wheel[1]}"' in RELEASE
+                continue
             assert set(re.findall(r"[a-z]+", what)) <= PROJECT["optional-dependencies"].keys()
         elif program == "build-fmus":
             assert set(names) <= {*default_catalog(), "all"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import io
 import json
@@ -23,13 +24,8 @@ import cosim
 from build_fmus.compile import PLATFORMS, host
 from fmu_sources.catalog import PAPERS
 
-TAGS = {
-    "x86_64-linux": "manylinux_2_17_x86_64",
-    "aarch64-linux": "manylinux_2_17_aarch64",
-    "x86_64-windows": "win_amd64",
-    "x86_64-darwin": "macosx_11_0_x86_64",
-    "aarch64-darwin": "macosx_11_0_arm64",
-}
+RELEASE = (ROOT / ".ci" / "release.py").read_text(encoding="utf-8")
+TAGS = ast.literal_eval(re.search(r"^WHEELS = (\{.*?\})", RELEASE, re.MULTILINE | re.DOTALL)[1])  # type: ignore[index]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 NAME = "Skyhook"
 WITHOUT_A_COMPILER = """
