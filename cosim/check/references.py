@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from pathlib import Path
 from typing import Any
 
+from build_fmus.base.csv_table import CsvTable
 from cosim.check.bench import Bench, Found, Values
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
@@ -74,22 +74,12 @@ Table = tuple[list[str], list[list[float]]]
 
 def _table(path: Path) -> Table:
     """Names and rows of a table that begins with time. Raises ValueError."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = list(csv.reader(file))
-    if len(rows) < 2 or not rows[0] or rows[0][0].strip().strip('"').lower() != "time":
+    file = CsvTable.read(path, ValueError, "it is not a table whose first column is time")
+    if not file.lines or file.header[0].strip('"').lower() != "time":
         raise ValueError("it is not a table whose first column is time")
-    try:
-        table = [
-            [float(x) if x.strip() not in ("true", "false") else float(x.strip() == "true") for x in row]
-            for row in rows[1 : MOST_ROWS + 2]
-            if row
-        ]
-    except ValueError:
-        raise ValueError("a value is no number") from None
-    header = [h.strip() for h in rows[0]]
-    if any(len(row) != len(header) for row in table):
-        raise ValueError("its rows differ in length")
-    return header, table
+    gap = "a reference has a number in each cell"
+    rows = itertools.islice(enumerate(file.rows(gap)), MOST_ROWS + 1)
+    return list(file.header), [[file.number(k, "it", cell, gap) for cell in row] for k, row in rows]
 
 
 def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Found:

@@ -24,6 +24,7 @@ import numpy as np
 
 from build_fmus.base import extras, safe_files
 from build_fmus.base.checks import plain
+from build_fmus.base.csv_table import CsvTable
 from cosim.core.base_error import CosimError
 from cosim.core.signals import Array
 from cosim.recording.reading import NotRead, answer, read_apart
@@ -209,21 +210,16 @@ def _as_text(file: IO[bytes]) -> Iterator[io.TextIOWrapper]:
 
 def read_csv(path: Path) -> Content:
     """Raises FormatError naming the file and line that cannot be read, OSError."""
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.reader(file)
-        rows: list[list[float]] = []
-        try:
-            header = next(reader, [""])
-            if not header or split_unit(header[0])[0] != TIME:
-                raise ValueError("the first column must be 'time [s]'")
-            for row in filter(None, reader):
-                if len(row) != len(header):
-                    raise ValueError(f"{len(row)} numbers for {len(header)} columns")
-                rows.append([float(x) for x in row])
-        except (ValueError, csv.Error) as error:
-            raise FormatError(f"{path}, near line {reader.line_num}: {error}") from None
-    table = np.array(rows, dtype=float).reshape(len(rows), len(header))
-    pairs = [split_unit(text) for text in header[1:]]
+    file = CsvTable.read(path, FormatError, "a recording has the header 'time [s],...'")
+    if split_unit(file.header[0])[0] != TIME:
+        file.refuse(-1, "the first column must be 'time [s]'")
+    table = file.numbers()
+    if table is None:
+        gap = "a recording has a number in each cell"
+        rows = enumerate(file.rows(gap))
+        cells = [[file.number(k, h, c, gap) for h, c in zip(file.header, row, strict=True)] for k, row in rows]
+        table = np.array(cells, dtype=float).reshape(len(cells), len(file.header))
+    pairs = [split_unit(text) for text in file.header[1:]]
     return Content(table[:, 0], [name for name, _ in pairs], table[:, 1:], dict(pairs))
 
 

@@ -6,8 +6,6 @@ refused with the line (of a file) or row, the column and what to do.
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,6 +17,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import did_you_mean, one_line, plain
+from build_fmus.base.csv_table import BOOLEANS, CsvTable
 from build_fmus.base.units import KNOWN, Unit, conversion
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
@@ -28,7 +27,6 @@ from cosim.recording.recording import Recording
 TIMES = ("time", "t", "timestamp", "timestamps", "time stamp", "time_stamp")
 """Names of a time column that is not named, small letters."""
 _UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|(?<=\s)\(([^()]*)\))?\s*", re.DOTALL)
-_BOOLEANS = {"true": 1.0, "false": 0.0}
 _NONE = ("-", "–", "1")  # how people write that a number has no dimension
 
 
@@ -231,89 +229,34 @@ def _taken(name: str, only: Sequence[str] | None) -> bool:
 
 
 def _of_csv(path: Path, only: Sequence[str] | None) -> _Raw:
-    """Read a CSV file, separated by commas, semicolons or tabs; with semicolons a decimal comma is understood.
-
-    Lines before the header may begin with #.
-    """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise TableError(f"{path}: not a text file (UTF-8)") from None
-    lines = text.splitlines()
-    while lines and not lines[-1].strip():
-        lines.pop()
-    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
-    if first is None:
-        raise TableError(f"{path}: empty; a table has a header such as 'time [s],z [m]' and lines of numbers")
-    separator = next((s for s in (";", "\t", ",") if s in lines[first]), ",")
-    header = _cells(lines[first], separator, f"{path}, line {first + 1}")
-    body = lines[first + 1 :]
-    table = _fast(body, separator, len(header))
-    kinds: list[str | None] = [None] * len(header)
-    if table is None:
-        table, kinds = _slow(path, body, first + 2, separator, [split_header(h)[0] for h in header], only)
-    found = [(h, table[:, i], None, kinds[i]) for i, h in enumerate(header)]
-    return _Raw(str(path), found, lambda k: f"line {first + 2 + k}", whole=True)
+    csv = CsvTable.read(path, TableError, "a table has a header such as 'time [s],z [m]' and lines of numbers")
+    table = csv.numbers()
+    kinds: list[str | None] = [None] * len(csv.header)
+    if table is None or not np.isfinite(table).all():
+        table, kinds = _by_cell(csv, only)
+    found = [(h, table[:, i], None, kinds[i]) for i, h in enumerate(csv.header)]
+    return _Raw(str(path), found, lambda k: f"line {csv.first + k}", whole=True)
 
 
-def _fast(body: Sequence[str], separator: str, width: int) -> Array | None:
-    """Lines of nothing but finite numbers; None for what somebody must look at."""
-    if not body or separator == ";" or not all(line.strip() for line in body):
-        return None
-    try:
-        table = np.loadtxt(io.StringIO("\n".join(body)), delimiter=separator, comments=None, ndmin=2)
-    except ValueError:
-        return None
-    return table if table.shape == (len(body), width) and np.isfinite(table).all() else None
-
-
-def _slow(
-    path: Path, body: Sequence[str], first: int, separator: str, names: Sequence[str], only: Sequence[str] | None
-) -> tuple[Array, list[str | None]]:
+def _by_cell(csv: CsvTable, only: Sequence[str] | None) -> tuple[Array, list[str | None]]:
     """Read cell by cell, with errors that name the cell; also returns the columns of `true` and `false`.
 
     Columns that are not taken may hold anything.
     """
-    table = np.full((len(body), len(names)), np.nan)
+    names = [split_header(h)[0] for h in csv.header]
+    table = np.full((len(csv.lines), len(names)), np.nan)
     taken = [(i, n) for i, n in enumerate(names) if _taken(n, only)]
     booleans: set[int] = set()
-    for k, line in enumerate(body):
-        where = f"{path}, line {first + k}"
-        cells = [c.strip() for c in _cells(line, separator, where)]
-        if not any(cells):
-            raise TableError(f"{where}: empty line; {_GAP}")
-        if len(cells) != len(names):
-            raise TableError(f"{where}: {len(cells)} values for {len(names)} columns ({', '.join(names)})")
+    for k, cells in enumerate(csv.rows(_GAP)):
         for i, name in taken:
-            if cells[i].lower() in _BOOLEANS:
+            if cells[i].lower() in BOOLEANS:
                 booleans.add(i)
-            table[k, i] = _cell(cells[i], separator, f"{where}: column '{name}'")
+            table[k, i] = csv.number(k, f"column '{name}'", cells[i], _GAP)
     for i in booleans:
         mixed = np.flatnonzero(~np.isin(table[:, i], (0.0, 1.0)))
         if mixed.size:
-            raise TableError(
-                f"{path}, line {first + int(mixed[0])}: column '{names[i]}' is a number, but other rows are true or"
-                " false"
-            )
+            csv.refuse(int(mixed[0]), f"column '{names[i]}' is a number, but other rows are true or false")
     return table, ["boolean" if i in booleans else None for i in range(len(names))]
-
-
-def _cells(line: str, separator: str, where: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=separator), [])
-    except csv.Error as error:
-        raise TableError(f"{where}: cannot be read: {error}") from None
-
-
-def _cell(cell: str, separator: str, where: str) -> float:
-    if not cell:
-        raise TableError(f"{where}: no value; {_GAP}")
-    if cell.lower() in _BOOLEANS:
-        return _BOOLEANS[cell.lower()]
-    try:
-        return float(cell.replace(",", ".") if separator == ";" else cell)
-    except ValueError:
-        raise TableError(f"{where} is {one_line(cell, 40)!r}, which is not a number") from None
 
 
 # ------------------------------------------------------------------------------------------------------- what is in it

@@ -10,6 +10,7 @@ import numpy as np
 
 from build_fmus.base import units
 from build_fmus.base.checks import nearest
+from build_fmus.base.csv_table import CsvTable
 from build_fmus.component import Component
 from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.errors import RoadError, check_length
@@ -88,29 +89,19 @@ def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.nda
 
 def read_csv(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance, left and right height [m] of a CSV road; see `road_from_file`."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise RoadError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise RoadError(f"{path}: not a text file; a road is CSV with header {_HEADER!r}, or OpenCRG (.crg)") from None
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if not lines:
-        raise RoadError(f"{path}: empty; a road needs the header {_HEADER!r} and at least two lines of numbers")
-    separator = ";" if ";" in lines[0] else "," if "," in lines[0] else "\t"
-    columns = _columns(path, lines[0].split(separator))
-
-    rows: list[tuple[float, ...]] = []
-    for number, line in enumerate(lines[1:], start=2):
-        cells = [c.strip() for c in line.split(separator)]
-        if not any(cells):
-            raise RoadError(f"{path}, line {number}: empty line; remove it or fill the gap with heights")
-        row = tuple(_cell(path, number, cells, column, comma=separator == ";") for column in columns)
+    table = CsvTable.read(path, RoadError, f"a road is CSV with header {_HEADER!r}, or OpenCRG (.crg)")
+    columns = _columns(table)
+    rows: list[list[float]] = []
+    for k, cells in enumerate(table.rows("remove it or fill the gap with heights")):
+        row = []
+        for name, index, unit in columns:
+            number = table.number(k, f"column '{name}'", cells[index], "roads must not have gaps")
+            row.append(check_length(units.convert(number, unit, "m"), f"{path}, line {table.first + k}: {name}"))
         if rows and row[0] <= rows[-1][0]:
-            raise RoadError(
-                f"{path}, line {number}: distance {row[0]:g} m after {rows[-1][0]:g} m; distances must increase from "
-                "line to line (a vertical step needs two points a little apart)"
+            table.refuse(
+                k,
+                f"distance {row[0]:g} m after {rows[-1][0]:g} m; distances must increase from line to line (a vertical"
+                " step needs two points a little apart)",
             )
         rows.append(row)
     if len(rows) < 2:
@@ -119,10 +110,10 @@ def read_csv(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return distance, left, right
 
 
-def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
+def _columns(table: CsvTable) -> list[tuple[str, int, str]]:
     """Name, index and unit of the distance, left and right columns."""
     names, given = [], []
-    for cell in header:
+    for cell in table.header:
         match = re.fullmatch(r"\s*\"?\s*([^\[\(\"]*?)\s*(?:[\[\(]\s*([^\]\)]*?)\s*[\]\)])?\s*\"?\s*", cell)
         name, unit = (match[1], match[2]) if match else (cell, None)
         names.append(re.sub(r"[\s_\-]+", " ", name).strip().lower())
@@ -133,30 +124,20 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
         if index is None:
             near = nearest(column, names)
             hint = f"; is {near[0]!r} meant to be it?" if near else ""
-            raise RoadError(
-                f"{path}, line 1: no column {column!r} among {', '.join(map(repr, names))}{hint} (a road file starts "
-                f"with the line {_HEADER!r})"
+            table.refuse(
+                -1,
+                f"no column {column!r} among {', '.join(map(repr, names))}{hint} (a road file starts with the line"
+                f" {_HEADER!r})",
             )
         if not (unit := given[index]):
-            raise RoadError(
-                f"{path}, line 1: column {names[index]!r} has no unit; write it in brackets, such as '{names[index]}"
-                f" [m]' or '{names[index]} [mm]'"
+            table.refuse(
+                -1,
+                f"column {names[index]!r} has no unit; write it in brackets, such as '{names[index]} [m]' or"
+                f" '{names[index]} [mm]'",
             )
         try:
             units.convert(1.0, unit, "m")
         except KeyError as error:
-            raise RoadError(f"{path}, line 1: column {column!r}: {error.args[0]}") from None
+            table.refuse(-1, f"column {column!r}: {error.args[0]}")
         found.append((column, index, unit))
     return found
-
-
-def _cell(path: Path, number: int, cells: list[str], column: tuple[str, int, str], *, comma: bool) -> float:
-    name, index, unit = column
-    text = cells[index].strip('"') if index < len(cells) else ""
-    if not text:
-        raise RoadError(f"{path}, line {number}: no value for {name!r}; roads must not have gaps")
-    try:
-        value = float(text.replace(",", ".") if comma else text)
-    except ValueError:
-        raise RoadError(f"{path}, line {number}: {name} is {text!r}, which is not a number") from None
-    return check_length(units.convert(value, unit, "m"), f"{path}, line {number}: {name}")

@@ -201,7 +201,7 @@ def test_irregular_points_are_resampled(tmp_path):
         ("", ["empty", "distance [m]"]),
         (HEADER + "0,0,0\n", ["1 line(s)", "two points"]),
         (HEADER + "0,0,0\n1,,0\n2,0,0\n", ["line 3", "'left'", "gaps"]),
-        (HEADER + "0,0,0\n1,0\n2,0,0\n", ["line 3", "'right'", "gaps"]),
+        (HEADER + "0,0,0\n1,0\n2,0,0\n", ["line 3", "2 values for 3 columns", "right"]),
         (HEADER + "0,0,0\n\n2,0,0\n", ["line 3", "empty line"]),
         (HEADER + "0,0,0\n1,bump,0\n", ["line 3", "left", "'bump'", "not a number"]),
         (HEADER + "0,0,0\n1,nan,0\n", ["line 3", "finite"]),
