@@ -6,8 +6,8 @@ is left out. Product: everything outside of `tests`.
 
 from __future__ import annotations
 
+import argparse
 import subprocess
-import sys
 from collections import Counter
 from pathlib import PurePosixPath
 
@@ -31,7 +31,13 @@ def count(commit: str | None = None) -> dict[str, int]:
 
 def main() -> None:
     """Print the table: one row per package, then product and tests."""
-    found = count(*sys.argv[1:2])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.lines", description="Count lines of code by package.")
+    parser.add_argument("commit", nargs="?", help="a commit instead of the working tree")
+    commit = parser.parse_args().commit
+    try:
+        found = count(commit)
+    except subprocess.CalledProcessError as error:
+        parser.error(f"git cannot read {commit or 'this folder'}: {error.stderr.strip()}")
     tests = sum(n for package, n in found.items() if package.split("/")[0] == "tests")
     for package, n in [*sorted(found.items()), ("product", sum(found.values()) - tests), ("tests", tests)]:
         print(f"{n:7d}  {package}")
