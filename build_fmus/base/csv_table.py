@@ -40,14 +40,14 @@ class CsvTable:
     error: type[ValueError]
 
     @classmethod
-    def read(cls, path: Path, error: type[ValueError], hint: str) -> CsvTable:
-        """The table of a file.
+    def read(cls, path: Path, error: type[ValueError], hint: str, separators: str = ";\t,") -> CsvTable:
+        """The table of a file; the first of the `separators` that its header contains separates its cells.
 
         Raises:
             error: the file cannot be read, is no text, or is empty, where the `hint` says what belongs there.
         """
         try:
-            lines = path.read_text(encoding="utf-8-sig").splitlines()
+            lines = path.read_text(encoding="utf-8-sig").split("\n")
         except OSError as reason:
             raise error(f"{path}: cannot be read: {reason.strerror}") from None
         except UnicodeDecodeError:
@@ -57,7 +57,7 @@ class CsvTable:
         head = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
         if head is None:
             raise error(f"{path}: empty; {hint}")
-        separator = next((s for s in (";", "\t", ",") if s in lines[head]), ",")
+        separator = next((s for s in separators if s in lines[head]), ",")
         made = cls(path, (), separator, head + 1, tuple(lines[head:]), error)
         header = made.cells(0)
         return cls(path, tuple(header), separator, head + 2, tuple(lines[head + 1 :]), error)

@@ -74,7 +74,7 @@ Table = tuple[list[str], list[list[float]]]
 
 def _table(path: Path) -> Table:
     """Names and rows of a table that begins with time. Raises ValueError."""
-    file = CsvTable.read(path, ValueError, "it is not a table whose first column is time")
+    file = CsvTable.read(path, ValueError, "it is not a table whose first column is time", separators=",")
     if not file.lines or file.header[0].strip('"').lower() != "time":
         raise ValueError("it is not a table whose first column is time")
     gap = "a reference has a number in each cell"

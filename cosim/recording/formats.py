@@ -210,7 +210,7 @@ def _as_text(file: IO[bytes]) -> Iterator[io.TextIOWrapper]:
 
 def read_csv(path: Path) -> Content:
     """Raises FormatError naming the file and line that cannot be read, OSError."""
-    file = CsvTable.read(path, FormatError, "a recording has the header 'time [s],...'")
+    file = CsvTable.read(path, FormatError, "a recording has the header 'time [s],...'", separators=",")
     if split_unit(file.header[0])[0] != TIME:
         file.refuse(-1, "the first column must be 'time [s]'")
     table = file.numbers()

@@ -70,6 +70,12 @@ def test_recordings_with_little_in_them(ending: str, samples: int, variables: in
     assert_alike(Recording.read(small.write(tmp_path / f"a{ending}")), small)
 
 
+def test_names_with_the_marks_of_a_csv_file(tmp_path: Path) -> None:
+    names = ["a.x;y", "a.x,y", 'a."x"', "a.x\ty", "a.x\u2028y", "a.x\x85y", "a.#x"]
+    odd = Recording(np.arange(2.0), names, np.ones((2, len(names))), {})
+    assert_alike(Recording.read(odd.write(tmp_path / "a.csv")), odd)
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_failed_write_leaves_the_older_file(recording: Recording, ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"a{ending}"
