@@ -1,8 +1,9 @@
 """Published statements, and how our runs judge them.
 
-A claim is judged on two things: whether what it says holds (the order of two controllers, the sign of a change), and,
-where the paper gives a number, whether our result lies in a band around it. So there are three verdicts on a published
-claim, and a fourth where the runs do not decide. Additional checks, which no paper states, are counted separately.
+A claim is one published sentence. It is judged on two things: whether what it says holds (the order of two controllers,
+the sign of a change), and, where the paper gives a number, whether our result lies in a band around it. A claim that
+holds because a parameter was fitted to it is calibrated, not reproduced. Where the runs do not decide, it is open.
+Conditions and seeds never make further claims. Additional checks, which no paper states, are counted separately.
 """
 
 from __future__ import annotations
@@ -12,20 +13,36 @@ import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from cosim.core.content_checks import assign, check_choice, check_id, check_text, plain_value
 
 Verdict = Literal[
-    "reproduced", "trend reproduced, magnitude differs", "not reproduced", "open", "holds", "does not hold"
+    "reproduced",
+    "calibrated",
+    "trend reproduced, magnitude differs",
+    "open",
+    "not reproduced",
+    "holds",
+    "does not hold",
 ]
-OUTCOMES: tuple[Verdict, ...] = ("reproduced", "trend reproduced, magnitude differs", "open", "not reproduced")
+OUTCOMES: tuple[Verdict, ...] = get_args(Verdict)[:5]
 """Verdicts on published claims, from the best to the worst; the two others belong to additional checks."""
 
 _SHARE = 0.10  # of a single published figure: how far our result may lie from it
 _LEVEL = 0.05  # of the sign test: chance of so many seeds on one side if both sides were equally likely
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What came out under one condition of a claim that the paper states for several readings, such as two pumps."""
+
+    name: str
+    result: str
+    verdict: Verdict
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,7 +51,8 @@ class Claim:
 
     `result` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows
     from, `fitted` what was chosen with published figures in view. A claim that was not reproduced in full needs a
-    reason.
+    reason. `conditions` are its parts where it was judged under several, `share` says how many samples of a random
+    design agree with the claim.
     """
 
     id: str
@@ -48,6 +66,8 @@ class Claim:
     unit: str = ""
     criterion: str = ""
     fitted: str = ""
+    conditions: tuple[Condition, ...] = ()
+    share: str = ""
 
     def __post_init__(self) -> None:
         where = f"claim '{self.id}'"
@@ -69,8 +89,8 @@ class Claim:
 
     @property
     def passed(self) -> bool:
-        """Reproduced in full; for a check, that it holds."""
-        return self.verdict in ("reproduced", "holds")
+        """Reproduced or calibrated in full; for a check, that it holds."""
+        return self.verdict in ("reproduced", "calibrated", "holds")
 
     @property
     def reproduced(self) -> bool:
@@ -242,126 +262,62 @@ def verdict_of(
     band: Band | None = None,
     over: Distribution | None = None,
     undecided: str = "",
+    calibrated: bool = False,
 ) -> Verdict:
-    """Verdict on a published claim, from what `Claims.judge` is given."""
+    """Verdict on a published claim.
+
+    Args:
+        holds: whether the claim holds, leaving the published number aside.
+        value: our figure; not a number counts as none.
+        band: where the value counts as the published one.
+        over: distribution that the value is the median of. A band that is open on one side is a bound, which then has
+            to hold significantly (`Distribution.is_significant`), not in the median alone.
+        undecided: why the runs do not decide.
+        calibrated: whether a parameter was fitted to this very claim.
+    """
     if undecided:
         return "open"
     if not holds:
         return "not reproduced"
-    number = _figure(value if over is None else over.median)
+    number = rounded(value if over is None else over.median)
     magnitude = band is None or (number is not None and number in band)
     if band is not None and band.open and over is not None:
         magnitude = magnitude and over.is_significant(band.__contains__)
-    return "reproduced" if magnitude else "trend reproduced, magnitude differs"
+    if not magnitude:
+        return "trend reproduced, magnitude differs"
+    return "calibrated" if calibrated else "reproduced"
 
 
-def _figure(value: float | None) -> float | None:
+def verdict_under(conditions: Sequence[Verdict]) -> Verdict:
+    """Verdict on a claim from those under several conditions: open where one of them holds it and another does not."""
+    if len(set(conditions)) > 1 and {"open", "not reproduced"} & set(conditions):
+        return "open"
+    return max(conditions, key=OUTCOMES.index)
+
+
+def rounded(value: float | None) -> float | None:
     """A figure as claims keep it, to five significant digits; none where there is no number."""
     return None if value is None or np.isnan(value) else float(f"{value:.5g}")
 
 
 class Claims(list[Claim]):
-    """Claims of a report in their order, each judged as it is added; `evidence` holds the distributions looked at."""
+    """Claims of a report in their order.
+
+    `evidence` holds the distributions that they were judged on. `passed` says of each claim with which samples of the
+    random design it holds in full, if these were judged one by one.
+    """
 
     def __init__(self, claims: Iterable[Claim] = ()) -> None:
         super().__init__(claims)
         self.evidence: list[Evidence] = []
+        self.passed: list[list[bool]] = []
 
-    def is_significant(
-        self, id: str, quantity: str, values: Distribution, holds: Callable[[float], bool], unit: str = "-"
-    ) -> bool:
-        """Whether `values` are significant on the claimed side (`Distribution.is_significant`).
+    @property
+    def published(self) -> int:
+        """Number of published claims."""
+        return sum(not c.own for c in self)
 
-        The answer is kept as evidence for claim `id`.
-        """
-        self.evidence.append(Evidence(id, quantity, unit, values, values.count(holds)))
-        return values.is_significant(holds)
-
-    def judge(
-        self,
-        id: str,
-        claim: str,
-        published: str,
-        result: str,
-        holds: bool,
-        reason: str,
-        source: str,
-        value: float | None = None,
-        unit: str = "",
-        *,
-        band: Band | None = None,
-        over: Distribution | None = None,
-        criterion: str = "",
-        fitted: str = "",
-        undecided: str = "",
-    ) -> None:
-        """Add a published claim and its verdict.
-
-        Args:
-            id: names the claim in the report's files.
-            claim: the statement.
-            published: its figure or wording.
-            source: where it is printed.
-            result: our result, in words.
-            holds: whether the claim holds, leaving the published number aside.
-            reason: why it does not hold, or not in that size (kept only then).
-            value: our figure, kept to five significant digits; not a number counts as none.
-            unit: of `value`.
-            band: where the value counts as the published one; outside of it the verdict is "trend reproduced, magnitude
-                differs".
-            over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
-                bound, which then has to hold significantly (`Distribution.is_significant`), not in the median alone.
-            criterion: the rule of `holds` in words; that of the band is added.
-            fitted: values that were chosen with published figures in view, or matched by construction.
-            undecided: why the runs do not decide; the verdict is "open" then.
-        """
-        if over is not None:
-            if value is not None:
-                raise ValueError(f"claim '{id}' has a value and a distribution; the value is the distribution's median")
-            value = over.median
-        if band is not None and value is None:
-            raise ValueError(f"claim '{id}' has a band but no value to lie in it")
-        verdict = verdict_of(holds, value, band, over, undecided)
-        rules = [criterion] if criterion else []
-        if band is not None:
-            share = f" in a significant majority of the {over.of}" if over is not None and band.open else ""
-            rules.append(f"magnitude {band.text(unit)}{share}" + (f" ({band.reason})" if band.reason else ""))
-        reason = undecided or reason
-        self._add(id, claim, published, result, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
-
-    def check(
-        self,
-        id: str,
-        claim: str,
-        expected: str,
-        result: str,
-        holds: bool,
-        reason: str,
-        source: str,
-        value: float | None = None,
-        unit: str = "",
-        *,
-        criterion: str = "",
-        fitted: str = "",
-    ) -> None:
-        """Add an additional check, which no paper states; arguments as those of `judge`."""
-        verdict: Verdict = "holds" if holds else "does not hold"
-        self._add(id, claim, expected, result, verdict, reason, source, _figure(value), unit, criterion, fitted)
-
-    def _add(
-        self,
-        id: str,
-        claim: str,
-        published: str,
-        result: str,
-        verdict: Verdict,
-        reason: str,
-        source: str,
-        number: float | None,
-        unit: str,
-        criterion: str,
-        fitted: str,
-    ) -> None:
-        unit = "" if number is None else unit
-        reason = "" if verdict in ("reproduced", "holds") else reason
-        self.append(Claim(id, claim, published, result, verdict, reason, source, number, unit, criterion, fitted))
+    @property
+    def by_sample(self) -> list[int]:
+        """Number of published claims that hold in full with each sample alone."""
+        return [sum(each) for each in zip(*(p for p in self.passed if p), strict=True)]

@@ -16,7 +16,7 @@ import math
 import os
 import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,7 @@ SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
 WHOLE = 12  # rows of a table that is not broken across pages of paper
 _LOOK: dict[Verdict, dict[str, str]] = {
     "reproduced": {"style": "yes", "mark": "✓"},
+    "calibrated": {"style": "fit", "mark": "="},
     "trend reproduced, magnitude differs": {"style": "order", "mark": "≈"},
     "open": {"style": "open", "mark": "?"},
     "not reproduced": {"style": "no", "mark": "✗"},
@@ -112,6 +113,8 @@ def summary(report: Report) -> dict[str, Any]:
                 "fitted": c.fitted,
                 "reason": c.reason,
                 "source": c.source,
+                "share": c.share,
+                "conditions": [asdict(part) for part in c.conditions],
             }
             for c in report.claims
         ],

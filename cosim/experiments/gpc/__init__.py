@@ -1,8 +1,8 @@
 """Paper 000: a nonlinear HMMWV on three roads, passive and under three GPC controllers.
 
 `runs` wires, runs and measures; `matching` looks for the weight that gives a controller another's response;
-`published` has the paper's conditions and the plan of the study; `results` reads numbers off it, `judge` has the
-rules of the claims, `claims` judges, `report` lays out. `identify` derives the controllers again.
+`published` has the paper's conditions and the plan of the study; `results` reads numbers off it. `claims.toml` has the
+claims, `judge` judges them, `report` lays out. `identify` derives the controllers again.
 """
 
 from cosim.experiments.gpc import published, runs
@@ -28,7 +28,7 @@ EXPERIMENT = Experiment(
     compared=runs.compared,
     remarks=runs.remarks,
     plan=published.plan,
-    claims="cosim.experiments.gpc.claims:CLAIMS",
+    claims="cosim.experiments.gpc.judge:CLAIMS",
     report="cosim.experiments.gpc.report:report",
     own_fmus="cosim.experiments.own_files:own_fmus",
     papers="fmu_sources.catalog:PAPERS",

@@ -15,7 +15,6 @@ from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, TRAVEL_LIMIT, Case
 from cosim.experiments.hmmwv.statements import NAMES, PREVIEW_GAIN, ROAD_NAMES, STATEMENTS, Statement, gain
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING_CLAIMS
 from cosim.study import ClaimList, Distribution, Finding, Results, RunFailed
-from cosim.study.claims import Text
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 ESTIMATES_COST = 10.0  # %, of the same with true states; our criterion
@@ -30,7 +29,7 @@ STEPPED: dict[str, Callable[[Averages], Finding]] = {}
 """Claims that are judged with half the steps of exchange and solvers too, by id."""
 
 
-def claim(id: str, text: Text, *, published: str, source: str) -> Callable[[Callable[[Averages], Finding]], None]:
+def claim(id: str, text: str, *, published: str, source: str) -> Callable[[Callable[[Averages], Finding]], None]:
     """Decorator of a function that judges a claim on the vehicle.
 
     The claim is open if half the steps change its verdict.
@@ -69,9 +68,8 @@ def unsettled(study: Results) -> list[str]:
 def _state(s: Statement, suffix: str, at: Condition) -> None:
     """Make a statement a claim under a condition of the pump."""
 
-    def text(study: Results) -> str:
-        return f"{ROAD_NAMES[s.road].capitalize()}, {at.words(Averages(study))}: {s.claim}"
-
+    pump = "pump without limit" if at is WITHOUT_LIMIT else "the paper's pump at each actuator"
+    text = f"{ROAD_NAMES[s.road].capitalize()}, {pump}: {s.claim}"
     source = s.source if at is WITHOUT_LIMIT else f"{s.source}, Table 1.4"
 
     @claim(s.id + suffix, text, published=s.published, source=source)
