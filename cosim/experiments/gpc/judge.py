@@ -131,13 +131,12 @@ class Tally:
 
     @property
     def text(self) -> str:
-        """The speeds in words, "holds at 5 of 7 comparable speeds (10, 20, ... km/h), of 8"."""
+        """The speeds in words, "as claimed at 2 of 7 speeds that can be compared, of 8 in all (50, 60 km/h)"."""
         if len(self.speeds) == 1:
-            return "" if self.compared else "cannot be compared: no weight matches the response in half of the seeds"
+            return "" if self.compared else "no weight matches the response in half of the seeds"
         named = f" ({', '.join(f'{v:g}' for v in self.on_side)} km/h)" * (0 < len(self.on_side) < len(self.speeds))
-        return f"as claimed at {len(self.on_side)} of {len(self.compared)} comparable speeds{named}, of" + (
-            f" {len(self.speeds)}"
-        )
+        few = "" if len(self.compared) == len(self.speeds) else f", of {len(self.speeds)} in all"
+        return f"as claimed at {len(self.on_side)} of {len(self.compared)} speeds that can be compared{few}{named}"
 
 
 @dataclass(frozen=True)
@@ -156,10 +155,17 @@ class Comparison:
     sized: bool
 
     @property
+    def what(self) -> str:
+        """The quantity in words."""
+        return " / ".join(_WORDS.get(q, q.replace("_", " ")) for q in self.quantity.split("/"))
+
+    @property
     def name(self) -> str:
-        """In words."""
-        what = self.quantity.removeprefix("rms_").replace("_", " ")
-        return f"{what} of {self.of}" if self.form == "value" else f"{what}, {self.of} / {self.to}"
+        """The comparison in words."""
+        if self.form == "value":
+            return f"{self.what} of {self.of}"
+        change = "" if self.form == "ratio" else f"{self.form} of "
+        return f"{change}{self.what}, {self.of} / {self.to}"
 
     def values(self, results: Results, road: str, v: float) -> Distribution | None:
         """Over the seeds that could be matched to explicit's response."""
@@ -182,19 +188,23 @@ class Comparison:
         return results.at_equal_response(road, v, rows, value)
 
     def text(self, medians: Sequence[float]) -> str:
-        """Medians of the seeds over the speeds in words, "force 0.34 to 1.02 times explicit's"."""
-        what = self.quantity.removeprefix("rms_").replace("_", " ")
+        """Medians of the seeds over the speeds in words, "force of preview 0.34 to 1.02 times explicit's"."""
         if not medians:
-            return f"{what} of {self.of} not comparable"
-        form = {"ratio": "{:.2f}", "value": "{:.3g}"}.get(self.form, "{:.0f}")
-        span = " to ".join(dict.fromkeys(form.format(x) for x in (min(medians), max(medians))))
-        if self.form == "ratio":
-            return f"{what} of {self.of} {span} times {self.to}'s"
-        if self.form == "value":
-            return f"{what} of {self.of} {span}{f' {self.unit}' if self.unit else ''}"
-        return f"{what} of {self.of} {'lower' if self.form == 'reduction' else 'higher'} by {span} %"
+            return f"{self.what} of {self.of} cannot be compared"
+        changes = sorted(-x if self.form == "reduction" else x for x in medians)
+        form = {"ratio": "{:.2f}", "value": "{:.3g}"}.get(self.form, "{:+.0f}")
+        span = " to ".join(dict.fromkeys(form.format(x) for x in (changes[0], changes[-1])))
+        unit = f" {self.unit}" if self.unit else ""
+        base = f" {self.to}'s" if self.form == "ratio" else "" if self.to in ("", "passive") else f" from {self.to}'s"
+        return f"{self.what} of {self.of} {span}{unit}{base}"
 
 
+_WORDS = {
+    "rms_az": "acceleration",
+    "rms_pitch": "pitch",
+    "rms_roll": "roll",
+    "peak_pitch": "peak of pitch",
+}
 _FORMS = ("ratio", "reduction", "rise", "value")
 _SIDES: dict[str, Callable[[Any], Side]] = {
     "above": lambda edge: lambda x: x > edge,
@@ -266,7 +276,7 @@ def compare(
     unit = next((c.unit for c in sized), "")
     value = None if band is None else min(values, key=partial(_inside, band), default=math.nan)
     return Finding(
-        "; ".join([*(c.text(medians(c, tally.speeds)) for c in parts), tally.text]),
+        "; ".join(filter(None, [*(c.text(medians(c, tally.speeds)) for c in parts), tally.text])),
         tally.holds,
         value=value,
         unit=unit,

@@ -67,7 +67,6 @@ def unsettled(study: Results) -> list[str]:
 
 def _state(s: Statement, suffix: str, at: Condition) -> None:
     """Make a statement a claim under a condition of the pump."""
-
     pump = "pump without limit" if at is WITHOUT_LIMIT else "the paper's pump at each actuator"
     text = f"{ROAD_NAMES[s.road].capitalize()}, {pump}: {s.claim}"
     source = s.source if at is WITHOUT_LIMIT else f"{s.source}, Table 1.4"
