@@ -42,6 +42,8 @@ class Condition:
     name: str
     result: str
     verdict: Verdict
+    value: float | None = None
+    unit: str = ""
     reason: str = ""
 
 
@@ -288,9 +290,13 @@ def verdict_of(
     return "calibrated" if calibrated else "reproduced"
 
 
-def verdict_under(conditions: Sequence[Verdict]) -> Verdict:
-    """Verdict on a claim from those under several conditions: open where one of them holds it and another does not."""
-    if len(set(conditions)) > 1 and {"open", "not reproduced"} & set(conditions):
+def verdict_under(conditions: Sequence[Verdict], together: bool = False) -> Verdict:
+    """Verdict on a claim from those on its parts.
+
+    If all have to hold `together` it is the worst. Under several conditions, of which none is the paper's, it is open
+    where the claim holds under one and not under another.
+    """
+    if not together and len(set(conditions)) > 1 and {"open", "not reproduced"} & set(conditions):
         return "open"
     return max(conditions, key=OUTCOMES.index)
 

@@ -82,7 +82,8 @@ class Finding:
     `reason`: why it does not, or not in that size. `value` [`unit`], or `over`, the distribution that it is the
     median of: our figure, which counts as the published one inside of `band`. `criterion`: the rule of `holds` in
     words. `fitted`: what was chosen with published figures in view. `undecided`: why the runs do not decide.
-    `conditions`: findings under several conditions instead, by name. `words`: numbers for the sentences of a file.
+    `conditions`: findings under several conditions instead, by name (`under_conditions`); `together`: parts of one
+    sentence, all of which have to hold (`all_of`). `words`: numbers for the sentences of a file.
     """
 
     result: str = ""
@@ -98,6 +99,7 @@ class Finding:
     evidence: Evidence = field(default_factory=Evidence)
     calibrated: bool = False
     conditions: Mapping[str, Finding] = field(default_factory=dict)
+    together: bool = False
     words: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -115,7 +117,7 @@ class Finding:
     def verdict(self) -> Verdict:
         """The verdict on a published statement that this leads to."""
         if self.conditions:
-            return verdict_under([part.verdict for part in self.conditions.values()])
+            return verdict_under([part.verdict for part in self.conditions.values()], self.together)
         return verdict_of(self.holds, self.value, self.band, self.over, self.undecided, self.calibrated)
 
     @property
@@ -135,7 +137,10 @@ class Finding:
         held: Verdict = "holds" if self.holds else "does not hold"
         verdict = held if statement.own else self.verdict
         number = rounded(self.figure)
-        parts = tuple(Condition(n, f.result, f.verdict, _missing(f.verdict, f)) for n, f in self.conditions.items())
+        parts = tuple(
+            Condition(n, f.result, f.verdict, rounded(f.figure), f.unit, _missing(f.verdict, f))
+            for n, f in self.conditions.items()
+        )
         return Claim(
             statement.id,
             statement.text,
@@ -156,6 +161,33 @@ class Finding:
 def _missing(verdict: Verdict, finding: Finding) -> str:
     """Why a verdict is not the best one; empty where it is."""
     return "" if verdict in ("reproduced", "calibrated", "holds") else finding.undecided or finding.reason
+
+
+def under_conditions(parts: Mapping[str, Finding]) -> Finding:
+    """A claim that was judged under several conditions, by name: one row with a part for each."""
+    held = sum(part.verdict in ("reproduced", "calibrated") for part in parts.values())
+    return replace(_joined(parts), result=f"holds in full under {held} of {len(parts)} conditions")
+
+
+def all_of(parts: Mapping[str, Finding]) -> Finding:
+    """A sentence about several subjects, such as controllers, by name: it holds if it holds for all of them."""
+    return replace(
+        _joined(parts), result="; ".join(f"{name} {part.result}" for name, part in parts.items()), together=True
+    )
+
+
+def _joined(parts: Mapping[str, Finding]) -> Finding:
+    rules, fitted = ({name: getattr(part, what) for name, part in parts.items()} for what in ("rule", "fitted"))
+    why = {name: _missing(part.verdict, part) for name, part in parts.items()}
+    holds = all(part.holds for part in parts.values())
+    return Finding("", holds, _each(why), criterion=_each(rules), fitted=_each(fitted), conditions=parts)
+
+
+def _each(texts: Mapping[str, str]) -> str:
+    """What is said of several, once where it is the same."""
+    if len(set(texts.values())) == 1:
+        return next(iter(texts.values()))
+    return "; ".join(f"{name}: {text}" for name, text in texts.items() if text)
 
 
 @dataclass(frozen=True)
@@ -234,15 +266,20 @@ class ClaimList:
         return self._add(id, text, expected, source, own=True)
 
     def _add(self, id: str, text: str, published: str, source: str, *, own: bool) -> Judging:
+        self._check_new(id)
+
         def keep(function: Callable[[Any], Finding]) -> Callable[[Any], Finding]:
             self._put(Statement(id, text, published, source, function, own))
             return function
 
         return keep
 
+    def _check_new(self, id: str) -> None:
+        if id in self.statements:
+            raise ValueError(f"there is a statement '{id}' already")
+
     def _put(self, statement: Statement) -> None:
-        if statement.id in self.statements:
-            raise ValueError(f"there is a statement '{statement.id}' already")
+        self._check_new(statement.id)
         self.statements[statement.id] = statement
 
     def judge(self, study: Any, samples: Sequence[Any] = (), of: str = "samples") -> Claims:
@@ -307,31 +344,23 @@ class _Sentences:
     def __call__(self, study: Any) -> Finding:
         """The judge's finding, in the words of the entry."""
         found = self.judge(study, **self.values)
-        return self._under_conditions(found) if found.conditions else self._worded(found)
-
-    def _under_conditions(self, found: Finding) -> Finding:
+        if not found.conditions:
+            return self._worded(found)
         parts = {name: self._worded(part) for name, part in found.conditions.items()}
-        first = next(iter(parts.values()))
-        fitted = "; ".join(dict.fromkeys(f"{name}: {part.fitted}" for name, part in parts.items() if part.fitted))
-        held = sum(part.verdict in ("reproduced", "calibrated") for part in parts.values())
-        return replace(
-            found,
-            conditions=parts,
-            result=f"holds in full under {held} of {len(parts)} conditions",
-            criterion=first.rule,
-            fitted=first.fitted if len({part.fitted for part in parts.values()}) == 1 else fitted,
-            reason="; ".join(f"{name}: {part.verdict}" for name, part in parts.items()),
-        )
+        return all_of(parts) if found.together else under_conditions(parts)
 
     def _worded(self, found: Finding) -> Finding:
         """The finding with band and sentences of the entry."""
         value = math.nan if found.figure is None and self.band is not None else found.value
         found = replace(found, value=value, unit=self.unit or found.unit, band=self.band, calibrated=self.calibrated)
         words = {**self.values, "value": found.figure, "unit": found.unit, **found.words}
-        fitted = [*(text.format_map(words) for text in self.fitted), found.fitted]
-        said = {"result": found.result, "criterion": found.criterion, "reason": found.reason} | {
-            k: text.format_map(words) for k, text in self.said.items()
-        }
+        try:
+            fitted = [*(text.format_map(words) for text in self.fitted), found.fitted]
+            said = {"result": found.result, "criterion": found.criterion, "reason": found.reason} | {
+                k: text.format_map(words) for k, text in self.said.items()
+            }
+        except KeyError as word:
+            raise ValueError(f"claim '{self.id}': its judge has no {word}; there are {', '.join(words)}") from word
         return replace(
             found,
             result=said["result"],

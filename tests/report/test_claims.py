@@ -5,15 +5,28 @@ import math
 
 import pytest
 
-from cosim.report import Band, Claim, Claims, Distribution, Evidence, write_report
-from cosim.report.claims import OUTCOMES
+from cosim.report import Band, Claim, Distribution, Evidence, write_report
+from cosim.report.claims import OUTCOMES, verdict_under
 from cosim.report.write import _LOOK, render
+from cosim.study import ClaimList, Finding
+from cosim.study import Evidence as Looked
+
+TREND = "trend reproduced, magnitude differs"
 
 
 def verdict(holds=True, **fields):
-    claims = Claims()
-    claims.judge("c", "it does", "15 %", "ours", holds, "because", "Figure 1", **fields)
-    return claims[0]
+    (found,) = judged([("c", Finding("ours", holds, "because", **fields))])
+    return found
+
+
+def judged(findings, own=()):
+    """Claims that lead to these findings, by id; `own`: additional checks."""
+    claims = ClaimList()
+    for id, finding in findings:
+        claims.claim(id, "it does", published="15 %", source="Figure 1")(lambda _, f=finding: f)
+    for id, finding in own:
+        claims.check(id, "it does", expected="all")(lambda _, f=finding: f)
+    return claims.judge(None)
 
 
 class TestVerdict:
@@ -31,6 +44,28 @@ class TestVerdict:
     def test_what_the_runs_do_not_decide_is_open_and_says_why(self):
         claim = verdict(undecided="148 m/s2 at half the step, 154 at the whole")
         assert (claim.verdict, claim.reason) == ("open", "148 m/s2 at half the step, 154 at the whole")
+
+    def test_what_a_parameter_was_fitted_to_is_calibrated_and_not_reproduced(self):
+        claim = verdict(value=15, band=Band(10, 20), calibrated=True)
+        assert (claim.verdict, claim.passed, claim.reproduced, claim.reason) == ("calibrated", True, False, "")
+        assert verdict(value=30, band=Band(10, 20), calibrated=True).verdict == "trend reproduced, magnitude differs"
+        assert verdict(False, calibrated=True).verdict == "not reproduced"
+
+    @pytest.mark.parametrize(
+        ("parts", "under", "together"),
+        [
+            (("reproduced", "reproduced"), "reproduced", "reproduced"),
+            (("reproduced", "calibrated"), "calibrated", "calibrated"),
+            (("reproduced", TREND), TREND, TREND),
+            (("reproduced", "not reproduced"), "open", "not reproduced"),
+            ((TREND, "not reproduced"), "open", "not reproduced"),
+            (("reproduced", "open"), "open", "open"),
+            (("not reproduced", "not reproduced"), "not reproduced", "not reproduced"),
+        ],
+    )
+    def test_a_claim_under_conditions_and_one_about_several(self, parts, under, together):
+        assert verdict_under(parts) == under
+        assert verdict_under(parts, together=True) == together
 
     def test_a_reason_is_kept_only_where_something_is_missing(self):
         assert verdict(value=15, band=Band(10, 20)).reason == ""
@@ -68,12 +103,11 @@ class TestDistributionAsValue:
 
 class TestEvidence:
     def test_what_was_looked_at_is_kept(self):
-        claims = Claims()
-        assert claims.is_significant("power", "ratio, 60 km/h", Distribution([2.0] * 7 + [0.123456]), lambda x: x > 1)
-        assert not claims.is_significant(
-            "power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W"
-        )
-        first, second = (e.row() for e in claims.evidence)
+        seen = Looked()
+        assert seen.is_significant("ratio, 60 km/h", Distribution([2.0] * 7 + [0.123456]), lambda x: x > 1)
+        assert not seen.is_significant("ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W")
+        assert not seen.is_significant("ratio, 80 km/h", None, lambda x: x > 1)
+        first, second = (e.row() for e in judged([("power", Finding("x", True, evidence=seen))]).evidence)
         assert dict(zip(Evidence.COLUMNS, first, strict=True)) == {
             "claim": "power",
             "quantity": "ratio, 60 km/h",
@@ -90,9 +124,8 @@ class TestEvidence:
 
     def test_quartiles_are_values_that_occurred(self):
         """The second and the sixth of eight."""
-        seen = Claims()
-        seen.is_significant("power", "power", Distribution([7, 3, 5, 1, 8, 2, 6, 4]), lambda x: x > 0, "W")
-        (row,) = (dict(zip(Evidence.COLUMNS, e.row(), strict=True)) for e in seen.evidence)
+        evidence = Evidence("power", "power", "W", Distribution([7, 3, 5, 1, 8, 2, 6, 4]), 8)
+        row = dict(zip(Evidence.COLUMNS, evidence.row(), strict=True))
         spread = [row[c] for c in ("lowest", "lower quartile", "median", "upper quartile", "highest")]
         assert spread == [1, 2, 4.5, 6, 8]
         assert Distribution([math.inf, 1, math.inf]).quantile(0.75) == math.inf
@@ -165,25 +198,26 @@ class TestDistribution:
 class TestCounts:
     @pytest.fixture
     def report(self, make_report):
-        claims = Claims()
-        for i, (holds, value) in enumerate([(True, 15), (True, 15), (True, 40), (False, 0)]):
-            claims.judge(f"c{i}", "it does", "15 %", "", holds, "because", "", value, "%", band=Band(10, 20))
-        claims.check("solver", "every step solved", "all", "all", True, "", "")
-        claims.check("kept", "it keeps 6", "6", "7", False, "no", "", fitted="the mass")
-        return make_report(claims=claims)
+        findings = [(True, 15, False), (True, 15, False), (True, 40, False), (False, 0, False), (True, 12, True)]
+        published = [
+            (f"c{i}", Finding("", holds, "because", value, "%", Band(10, 20), calibrated=calibrated))
+            for i, (holds, value, calibrated) in enumerate(findings)
+        ]
+        own = [("solver", Finding("all", True)), ("kept", Finding("7", False, "no", fitted="the mass"))]
+        return make_report(claims=judged(published, own))
 
     def test_checks_are_counted_apart(self, report):
         assert list(report.counts.verdicts) == list(OUTCOMES)
-        assert list(report.counts.verdicts.values()) == [2, 1, 0, 1]
-        assert (report.counts.published, report.counts.reproduced) == (4, 2)
+        assert list(report.counts.verdicts.values()) == [2, 1, 1, 0, 1]
+        assert (report.counts.published, report.counts.reproduced) == (5, 2)
         assert (report.counts.checks_held, report.counts.checks) == (1, 2)
 
     def test_summary_and_page_say_the_same(self, report, tmp_path):
         page = write_report(report, tmp_path).read_text(encoding="utf-8")
         data = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
-        assert data["verdicts"] == dict(zip(OUTCOMES, (2, 1, 0, 1), strict=True))
-        assert (data["claims_total"], data["checks_total"], data["checks_held"]) == (4, 2, 1)
-        assert [c["own"] for c in data["claims"]] == [False] * 4 + [True] * 2
+        assert data["verdicts"] == dict(zip(OUTCOMES, (2, 1, 1, 0, 1), strict=True))
+        assert (data["claims_total"], data["checks_total"], data["checks_held"]) == (5, 2, 1)
+        assert [c["own"] for c in data["claims"]] == [False] * 5 + [True] * 2
         assert page.count('<span class="chip order">') == 1
         assert "1 trend reproduced, magnitude differs</span>" in page
         assert "<dt>Fitted</dt><dd>the mass</dd>" in page

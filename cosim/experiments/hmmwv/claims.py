@@ -12,10 +12,18 @@ from cosim.experiments.hmmwv.published import CONDITIONS, PUMP, WITHOUT_LIMIT, C
 from cosim.experiments.hmmwv.pump import need
 from cosim.experiments.hmmwv.refinement import refinements
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import NAMES, PREVIEW_GAIN, ROAD_NAMES, STATEMENTS, Statement, gain
+from cosim.experiments.hmmwv.statements import (
+    NAMES,
+    PREVIEW_GAIN,
+    PUBLISHED_SENTENCES,
+    ROAD_NAMES,
+    Published,
+    Statement,
+    gain,
+)
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING_CLAIMS
 from cosim.study import ClaimList, Distribution, Finding, Results, RunFailed
-from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
+from cosim.study.claims import all_of, under_conditions
 
 ESTIMATES_COST = 10.0  # %, of the same with true states; our criterion
 REFINED = 1.0  # %, by which halving all steps may move a figure: a tenth of the band around a single published one
@@ -25,24 +33,11 @@ ASSUMED = "noise of the sensors and of the road in the filter assumed"
 CLAIMS = ClaimList()
 CLAIMS.include(TRACKING_CLAIMS)
 
-STEPPED: dict[str, Callable[[Averages], Finding]] = {}
-"""Claims that are judged with half the steps of exchange and solvers too, by id."""
+Judged = Callable[[Averages], Finding]
 
 
-def claim(id: str, text: str, *, published: str, source: str) -> Callable[[Callable[[Averages], Finding]], None]:
-    """Decorator of a function that judges a claim on the vehicle.
-
-    The claim is open if half the steps change its verdict.
-    """
-
-    def add(judge: Callable[[Averages], Finding]) -> None:
-        STEPPED[id] = judge
-        CLAIMS.claim(id, text, published=published, source=source)(lambda study: _at_both_steps(judge, study))
-
-    return add
-
-
-def _at_both_steps(judge: Callable[[Averages], Finding], study: Results) -> Finding:
+def _at_both_steps(judge: Judged, study: Results) -> Finding:
+    """The finding of a judge, undecided if half the steps change its verdict."""
     coarse, fine = (judge(Averages(study, refined=r)) for r in (False, True))
     if coarse.verdict == fine.verdict:
         return coarse
@@ -50,29 +45,10 @@ def _at_both_steps(judge: Callable[[Averages], Finding], study: Results) -> Find
     return replace(coarse, undecided=both)
 
 
-def unsettled(study: Results) -> list[str]:
-    """Ids of claims whose verdict changes with half the steps; one whose runs failed is open for that."""
-    found = []
-    for id, judge in STEPPED.items():
-        try:
-            if judge(Averages(study)).verdict != judge(Averages(study, refined=True)).verdict:
-                found.append(id)
-        except RunFailed:
-            continue
-    return found
+def judge_at(s: Statement, at: Condition) -> Judged:
+    """The judge of a statement under a condition of the pump."""
 
-
-# --------------------------------------------------------------------------------------------------------- statements
-
-
-def _state(s: Statement, suffix: str, at: Condition) -> None:
-    """Make a statement a claim under a condition of the pump."""
-    pump = "pump without limit" if at is WITHOUT_LIMIT else "the paper's pump at each actuator"
-    text = f"{ROAD_NAMES[s.road].capitalize()}, {pump}: {s.claim}"
-    source = s.source if at is WITHOUT_LIMIT else f"{s.source}, Table 1.4"
-
-    @claim(s.id + suffix, text, published=s.published, source=source)
-    def _judged(study: Averages) -> Finding:
+    def judged(study: Averages) -> Finding:
         found = s.figure(study, at)
         powers = {c: study.power(at(Case(s.road, c))) for c in dict.fromkeys(("passive", *s.controllers))}
         absorbed = f"absorbed power {', '.join(f'{NAMES[c]} {p:.2f}' for c, p in powers.items())} W"
@@ -94,36 +70,48 @@ def _state(s: Statement, suffix: str, at: Condition) -> None:
         result = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
         return Finding(result, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
 
-
-for _statement in STATEMENTS:
-    for _suffix, _at in CONDITIONS.items():
-        _state(_statement, _suffix, _at)
+    return judged
 
 
-def _unbearable(power: float) -> bool:
-    return power > ABSORBED_POWER_LIMIT
+def findings(published: Published, study: Results, at: Condition) -> dict[str, Finding]:
+    """What a study says of the parts of a published sentence under a condition of the pump, by their subjects."""
+    found = {}
+    for s in published.parts:
+        try:
+            found[s.subject] = _at_both_steps(judge_at(s, at), study)
+        except RunFailed as error:
+            found[s.subject] = Finding("a run failed", False, str(error), undecided=str(error))
+    return found
 
 
-@claim(
-    "off-road-passive",
-    f"Off road: at 20 mph the passive car is above the {ABSORBED_POWER_LIMIT:g} W that a driver bears",
-    published=f"above {ABSORBED_POWER_LIMIT:g} W",
-    source="Figure 1.10",
-)
-def _off_road_passive(study: Averages) -> Finding:
-    found = study.distribution("absorbed_power", Case("off-road", "passive"))
-    return Finding(
-        found.text("{:.1f}", "W", _unbearable),
-        found.everywhere(_unbearable),
-        "not above it on every stretch",
-        found.median,
-        "W",
-        criterion=f"above {ABSORBED_POWER_LIMIT:g} W on every stretch",
-        fitted=(
-            "the terrain is not in the paper, class E of ISO 8608 is assumed; so is the null opening of the unpowered"
-            " spool"
-        ),
-    )
+def unsettled(study: Results) -> list[str]:
+    """Statements whose verdict changes with half the steps, in words."""
+    return [
+        f"{p.id} ({', '.join(filter(None, (subject, at.words(Averages(study)))))})"
+        for p in PUBLISHED_SENTENCES
+        for at in CONDITIONS
+        for subject, finding in findings(p, study, at).items()
+        if finding.undecided.startswith("as run")
+    ]
+
+
+# --------------------------------------------------------------------------------------------------------- statements
+
+
+def _state(published: Published) -> None:
+    """Make a sentence a claim, judged under each condition of the pump."""
+    text = f"{ROAD_NAMES[published.road].capitalize()}: {published.claim}"
+
+    @CLAIMS.claim(published.id, text, published=published.published, source=f"{published.source}, Table 1.4")
+    def _judged(study: Results) -> Finding:
+        found = {at.words(Averages(study)): findings(published, study, at) for at in CONDITIONS}
+        return under_conditions(
+            {at: all_of(parts) if len(parts) > 1 else next(iter(parts.values())) for at, parts in found.items()}
+        )
+
+
+for _published in PUBLISHED_SENTENCES:
+    _state(_published)
 
 
 # ------------------------------------------------------------------------------------------------ additional checks

@@ -58,11 +58,11 @@ class Condition:
 
 
 WITHOUT_LIMIT, PUMP, SHARED = Condition(), Condition(limited=True), Condition(limited=True, shared=True)
-CONDITIONS = {"": WITHOUT_LIMIT, "-pump": PUMP}
+CONDITIONS = (WITHOUT_LIMIT, PUMP)
 """The paper's pump (Table 1.4) delivers 45 l/min, and the paper names no accumulator. So every statement on a
-controlled car is judged twice: with a pump that holds its pressure at any flow, and with no more than its flow to each
-actuator. The latter is the most generous reading of one pump for four actuators, which may take four times its flow
-together. By what is appended to a claim's id.
+controlled car is judged under two conditions: with a pump that holds its pressure at any flow, and with no more than
+its flow to each actuator. The latter is the most generous reading of one pump for four actuators, which may take four
+times its flow together (180 l/min), still without an accumulator. Neither is the paper's vehicle.
 """
 
 

@@ -37,13 +37,15 @@ ALIKE = (
 class Statement:
     """One published statement on the controlled car.
 
-    `figure` gives the figure over the places, `side` says of one value whether it is on the claimed side, `band`
+    `subject` is the controller that it is about, where a sentence is about several; `figure` gives the figure over the
+    places, `side` says of one value whether it is on the claimed side, `band`
     is for the median, a bound for every value. `controllers`: whose runs it needs (and the passive car's).
     `fitted`: what was chosen, from study and condition. `nothing`: what a figure of 0 over 0 means, where there may
     be one.
     """
 
     id: str
+    subject: str
     claim: str
     published: str
     source: str
@@ -70,6 +72,30 @@ class Statement:
         if band is not None and not (found.everywhere(band.__contains__) if band.open else found.median in band):
             return False
         return found.everywhere(self.side)
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published sentence: the statements whose whole it is, one for each of its subjects."""
+
+    id: str
+    claim: str
+    parts: tuple[Statement, ...]
+
+    @property
+    def road(self) -> str:
+        """Where it is about."""
+        return self.parts[0].road
+
+    @property
+    def published(self) -> str:
+        """Its figure or wording."""
+        return next(s.published for s in self.parts if s.published)
+
+    @property
+    def source(self) -> str:
+        """Where it is printed."""
+        return self.parts[0].source
 
 
 def times_better(road: str, controller: str) -> Callable[[Averages, Condition], Distribution]:
@@ -158,7 +184,8 @@ def _terrain(controller: str) -> Callable[[Averages, Condition], str]:
             else f"on no spectrum does MPC alone stay below {ABSORBED_POWER_LIMIT:g} W (power taken as proportional)"
         )
         chosen = f"the terrain is not in the paper: class E of ISO 8608 is assumed; {only}"
-        return "; ".join(t for t in (chosen, _reading(controller)) if t)
+        spool = "so is the null opening of the unpowered spool" if controller == "passive" else ""
+        return "; ".join(t for t in (chosen, spool, _reading(controller)) if t)
 
     return text
 
@@ -168,7 +195,8 @@ def _terrain(controller: str) -> Callable[[Averages, Condition], str]:
 
 def _twofold(controller: str) -> Statement:
     return Statement(
-        f"track-{controller}",
+        f"track-twofold-{controller}",
+        NAMES[controller],
         f"{NAMES[controller]} at least halves the absorbed power of the passive car",
         "better than twofold",
         "Figure 1.9, section 1.6",
@@ -189,9 +217,10 @@ def _driver(controller: str) -> Statement:
     below = controller == "mpc"
     side = "below" if below else "above"
     return Statement(
-        f"off-road-{controller}",
+        f"off-road-driver-{controller}",
+        NAMES[controller],
         f"at 20 mph {NAMES[controller]} is {side} the {ABSORBED_POWER_LIMIT:g} W that a driver bears",
-        f"{side} {ABSORBED_POWER_LIMIT:g} W",
+        f"only MPC below {ABSORBED_POWER_LIMIT:g} W" if below else "",
         "Figure 1.10, section 1.6",
         "off-road",
         (controller,),
@@ -206,109 +235,145 @@ def _driver(controller: str) -> Statement:
     )
 
 
-STATEMENTS = (
-    *(_twofold(c) for c in (*WITHOUT_PREVIEW, "mpc")),
-    Statement(
-        "track-alike",
-        "skyhook and LQR are comparable to MPC",
-        "comparable to the MPC performance",
-        "section 1.6",
-        "track",
-        ("skyhook", "lqr", "mpc"),
-        apart("track", ("skyhook", "lqr"), "mpc"),
-        lambda x: abs(x) <= ALIKE,
-        f'both within {ALIKE:g} % of MPC at every place of the bumps: no more than the paper\'s "slightly better"'
-        " permits",
-        "MPC goes further than the others",
-        fitted=lambda study, at: _reading("lqr"),
+def _alone(statement: Statement) -> Published:
+    return Published(statement.id, statement.claim, (statement,))
+
+
+PUBLISHED_SENTENCES = (
+    Published(
+        "track-twofold",
+        "every controller at least halves the absorbed power of the passive car",
+        tuple(map(_twofold, ("skyhook", "lqr", "mpc"))),
     ),
-    Statement(
-        "track-mpc-best",
-        "MPC is slightly better than the others without preview",
-        "slightly better",
-        "section 1.6",
-        "track",
-        (*WITHOUT_PREVIEW, "mpc"),
-        gain("track", "mpc", WITHOUT_PREVIEW),
-        lambda x: x > 0,
-        "below the best of skyhook, LQR and zero force at every place of the bumps; the median is judged for size",
-        "the difference has another size",
-        band=SLIGHTLY,
-        fitted=lambda study, at: _reading("mpc"),
+    _alone(
+        Statement(
+            "track-alike",
+            "",
+            "skyhook and LQR are comparable to MPC",
+            "comparable to the MPC performance",
+            "section 1.6",
+            "track",
+            ("skyhook", "lqr", "mpc"),
+            apart("track", ("skyhook", "lqr"), "mpc"),
+            lambda x: abs(x) <= ALIKE,
+            f'both within {ALIKE:g} % of MPC at every place of the bumps: no more than the paper\'s "slightly better"'
+            " permits",
+            "MPC goes further than the others",
+            fitted=lambda study, at: _reading("lqr"),
+        )
     ),
-    *(_driver(c) for c in ("skyhook", "lqr", "mpc")),
-    Statement(
-        "off-road-mpc-best",
-        "MPC beats the other controllers handily",
-        "handily",
-        "section 1.6",
-        "off-road",
-        (*WITHOUT_PREVIEW, "mpc"),
-        gain("off-road", "mpc", WITHOUT_PREVIEW),
-        lambda x: x > 0,
-        "below the best of skyhook, LQR and zero force on every stretch",
-        "the difference is smaller",
-        band=HANDILY,
-        fitted=lambda study, at: _reading("lqr"),
+    _alone(
+        Statement(
+            "track-mpc-best",
+            "",
+            "MPC is slightly better than the others without preview",
+            "slightly better",
+            "section 1.6",
+            "track",
+            (*WITHOUT_PREVIEW, "mpc"),
+            gain("track", "mpc", WITHOUT_PREVIEW),
+            lambda x: x > 0,
+            "below the best of skyhook, LQR and zero force at every place of the bumps; the median is judged for size",
+            "the difference has another size",
+            band=SLIGHTLY,
+            fitted=lambda study, at: _reading("mpc"),
+        )
     ),
-    Statement(
-        "off-road-travel",
-        "MPC moves the suspension less than skyhook and LQR",
-        "reduced suspension travel",
-        "Figure 1.10",
-        "off-road",
-        ("skyhook", "lqr", "mpc"),
-        gain("off-road", "mpc", ("skyhook", "lqr"), "travel_rms"),
-        lambda x: x > 0,
-        "rms travel below that under skyhook and under LQR on every stretch; the paper gives no size",
-        "not on every stretch, compared with both",
-        form="{:.1f}",
-        fitted=lambda study, at: _reading("lqr"),
+    Published(
+        "off-road-driver",
+        f"at 20 mph only MPC is below the {ABSORBED_POWER_LIMIT:g} W that a driver bears",
+        tuple(map(_driver, ("passive", "skyhook", "lqr", "mpc"))),
     ),
-    Statement(
-        "bump-preview",
-        "preview improves MPC",
-        "15 %",
-        "Figure 1.11",
-        "bump",
-        ("mpc", "mpc-preview"),
-        gain("bump", "mpc-preview", ("mpc",)),
-        lambda x: x > 0,
-        "less power than without preview at every place of the bump; the median is judged for size",
-        "the improvement has another size",
-        band=PREVIEW_GAIN,
-        fitted=lambda study, at: (
-            "the preview is exact; the paper's is synchronized to the road by sensors, with an error it does not give"
-        ),
+    _alone(
+        Statement(
+            "off-road-mpc-best",
+            "",
+            "MPC beats the other controllers handily",
+            "handily",
+            "section 1.6",
+            "off-road",
+            (*WITHOUT_PREVIEW, "mpc"),
+            gain("off-road", "mpc", WITHOUT_PREVIEW),
+            lambda x: x > 0,
+            "below the best of skyhook, LQR and zero force on every stretch",
+            "the difference is smaller",
+            band=HANDILY,
+            fitted=lambda study, at: _reading("lqr"),
+        )
     ),
-    Statement(
-        "bump-threefold",
-        "MPC with preview divides the absorbed power of the passive car by nearly three",
-        "near threefold",
-        "Figures 1.9, 1.11",
-        "bump",
-        ("mpc-preview",),
-        times_better("bump", "mpc-preview"),
-        lambda x: x > 1,
-        "less power than the passive car absorbs at every place of the bump; the median is judged for size",
-        "the improvement has another size",
-        "times",
-        "{:.2f}",
-        THREEFOLD,
-        _opening("bump", "mpc-preview", THREEFOLD),
+    _alone(
+        Statement(
+            "off-road-travel",
+            "",
+            "MPC moves the suspension less than skyhook and LQR",
+            "reduced suspension travel",
+            "Figure 1.10",
+            "off-road",
+            ("skyhook", "lqr", "mpc"),
+            gain("off-road", "mpc", ("skyhook", "lqr"), "travel_rms"),
+            lambda x: x > 0,
+            "rms travel below that under skyhook and under LQR on every stretch; the paper gives no size",
+            "not on every stretch, compared with both",
+            form="{:.1f}",
+            fitted=lambda study, at: _reading("lqr"),
+        )
     ),
-    Statement(
-        "bump-saturation",
-        "with preview the valves saturate less",
-        "reduced, in theory",
-        "section 1.6",
-        "bump",
-        ("mpc", "mpc-preview"),
-        gain("bump", "mpc-preview", ("mpc",), "saturation"),
-        lambda x: x > 0,
-        "less of the time in saturation than without preview at every place of the bump; the paper gives no size",
-        "not at every place of the bump",
-        nothing="neither with preview nor without does a valve saturate",
+    _alone(
+        Statement(
+            "bump-preview",
+            "",
+            "preview improves MPC",
+            "15 %",
+            "Figure 1.11",
+            "bump",
+            ("mpc", "mpc-preview"),
+            gain("bump", "mpc-preview", ("mpc",)),
+            lambda x: x > 0,
+            "less power than without preview at every place of the bump; the median is judged for size",
+            "the improvement has another size",
+            band=PREVIEW_GAIN,
+            fitted=lambda study, at: (
+                "the preview is exact; the paper's is synchronized to the road by sensors, with an error that it does"
+                " not give"
+            ),
+        )
+    ),
+    _alone(
+        Statement(
+            "bump-threefold",
+            "",
+            "MPC with preview divides the absorbed power of the passive car by nearly three",
+            "near threefold",
+            "Figures 1.9, 1.11",
+            "bump",
+            ("mpc-preview",),
+            times_better("bump", "mpc-preview"),
+            lambda x: x > 1,
+            "less power than the passive car absorbs at every place of the bump; the median is judged for size",
+            "the improvement has another size",
+            "times",
+            "{:.2f}",
+            THREEFOLD,
+            _opening("bump", "mpc-preview", THREEFOLD),
+        )
+    ),
+    _alone(
+        Statement(
+            "bump-saturation",
+            "",
+            "with preview the valves saturate less",
+            "reduced, in theory",
+            "section 1.6",
+            "bump",
+            ("mpc", "mpc-preview"),
+            gain("bump", "mpc-preview", ("mpc",), "saturation"),
+            lambda x: x > 0,
+            "less of the time in saturation than without preview at every place of the bump; the paper gives no size",
+            "not at every place of the bump",
+            nothing="neither with preview nor without does a valve saturate",
+        )
     ),
 )
-"""Statements on the controlled car, in the order of the paper."""
+"""What the paper says of the car, one entry for each sentence, in its order."""
+
+STATEMENTS = tuple(s for sentence in PUBLISHED_SENTENCES for s in sentence.parts)
