@@ -40,11 +40,13 @@ _CLAIM = (
     "fitted",
     "reason",
     "source",
+    "share",
+    "conditions",
 )
 
 FEATURED = {
-    "000": ("Brown et al.", "GPC of a HMMWV", "response cut, sine road", "gpc", "sine-explicit"),
-    "001": ("Donahue, Hedrick", "preview MPC", "off-road power, unlimited pump", "hmmwv", "off-road-mpc"),
+    "000": ("Brown et al.", "GPC of a HMMWV", "response cut, sine road", "gpc", "sine-gain"),
+    "001": ("Donahue, Hedrick", "preview MPC", "gain by preview, unlimited pump", "hmmwv", "bump-preview"),
     "002": ("Das, Vinodh Kumar", "MPC of a quarter car", "force", "bench", "force-limit"),
     "003": ("Kale", "6x6 over trenches", "passive crossings", "trench", "passive-verdicts"),
     "004": ("Marzbanrad et al.", "preview LQ", "comfort index", "preview-lq", "index-both-preview"),
@@ -116,7 +118,9 @@ def section(studies: list[Summary]) -> str:
         own = [s for s in studies if paper(s["experiment"]) == number]
         claims = [c for s in own for c in s["claims"] if not c["own"]]
         featured = [c for s in own for c in s["claims"] if [s["experiment"], c["id"]] == which]
+        calibrated = sum(c["verdict"] == "calibrated" for c in claims)
         reproduced = f"{sum(c['verdict'] == 'reproduced' for c in claims)} of {len(claims)}"
+        reproduced += f", {calibrated} calibrated" if calibrated else ""
         names = ", ".join(f"`{s['experiment']}`" for s in own)
         title = f"{number} {authors}"
         rows += [[title, subject, quantity, c["published"], _ours(c), reproduced, names] for c in featured]
@@ -129,9 +133,12 @@ def page(studies: list[Summary]) -> str:
     parts = [
         "# Results of the studies",
         _wrapped(
-            "This page lists every claim of the papers with its verdict. A claim is judged as the paper states it:"
-            " whether the statement holds and, if the paper gives a number, whether the number of this project is in a"
-            " tolerance band around it. Additional checks, which no paper states, are counted separately."
+            "This page lists every claim of the papers with its verdict. A claim is one published sentence. It is judged"
+            " as the paper states it: whether the statement holds and, if the paper gives a number, whether the number"
+            " of this project is in a tolerance band around it. A claim that holds because a parameter was chosen with"
+            " it in view is calibrated, not reproduced. A claim that was judged under several conditions, of which none"
+            " is the paper's, is open if it holds under one and not under another. Additional checks, which no paper"
+            " states, are counted separately."
             " `make studies` creates the reports with figures and tables."
         ),
         table(studies),
@@ -145,7 +152,7 @@ def page(studies: list[Summary]) -> str:
             claims = [c for c in s["claims"] if c["own"] == own]
             if claims:
                 head = [title, "expected" if own else "published", "this project", "verdict", "reason"]
-                rows = [[_judged(c), _source(c), c["result"], c["verdict"], c["reason"]] for c in claims]
+                rows = [[_judged(c), _source(c), _result(c), c["verdict"], _reason(c)] for c in claims]
                 parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
     return "\n\n".join(parts) + "\n"
 
@@ -169,7 +176,7 @@ def one_table(studies: list[Summary]) -> str:
             c["claim"],
             c["source"],
             c["published"],
-            c["result"],
+            _result(c),
             c["verdict"],
             f"[{s['experiment']}](results.md#{_anchor(_heading(s))})",
         ]
@@ -231,13 +238,26 @@ def _unit(unit: str) -> str:
 
 
 def _ours(c: dict[str, Any]) -> str:
-    """Our number for a claim; its words where it is not one number."""
+    """Our number for a claim, or under its first condition; its words where it is not one number."""
+    c = c["conditions"][0] if c["conditions"] else c
     return c["result"] if c["value"] is None else f"{c['value']:.3g}{_unit(c['unit'])}"
 
 
 def _judged(c: dict[str, Any]) -> str:
     fitted = f" *Fitted: {c['fitted']}.*" if c["fitted"] else ""
-    return f"{c['claim']}. *Criterion: {c['criterion']}.*{fitted}"
+    share = f" *The claim {c['share']}.*" if c["share"] else ""
+    return f"{c['claim']}. *Criterion: {c['criterion']}.*{fitted}{share}"
+
+
+def _result(c: dict[str, Any]) -> str:
+    """What came out; under several conditions, each with its verdict."""
+    parts = [f"<br>{p['name']}: {p['result']} ({p['verdict']})" for p in c["conditions"]]
+    return "".join([c["result"], *parts])
+
+
+def _reason(c: dict[str, Any]) -> str:
+    parts = [f"{p['name']}: {p['reason']}" for p in c["conditions"] if p["reason"]]
+    return "<br>".join(parts) if parts else c["reason"]
 
 
 def _source(c: dict[str, Any]) -> str:

@@ -138,6 +138,8 @@ class Band:
             return f"at least {self.low:.3g}{suffix}"
         if math.isinf(self.low):
             return f"at most {self.high:.3g}{suffix}"
+        if self.low == self.high:
+            return f"{self.low:.3g}{suffix}"
         return f"between {self.low:.3g} and {self.high:.3g}{suffix}"
 
 

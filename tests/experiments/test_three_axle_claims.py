@@ -120,7 +120,7 @@ def test_report(study: Results, fmus: FmuSet, tmp_path) -> None:
         "best-at-the-trench": "reproduced",
         "tenth-of-passive": "reproduced",
         "tenth-of-blind": "reproduced",
-        "lqr-near-mpc": "reproduced",
+        "lqr-near-mpc": "calibrated",
         "before-the-edge": "reproduced",
         "before-the-reference": "reproduced",
         "ramp-preview": "reproduced",

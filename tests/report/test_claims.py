@@ -152,6 +152,7 @@ class TestBand:
     def test_words(self):
         assert Band(2, 15).text("%") == "between 2 and 15 %"
         assert Band(2, math.inf).text() == "at least 2"
+        assert Band(7, 7).text("of 7") == "7 of 7"
         assert Band(-math.inf, 0.5).text("m") == "at most 0.5 m"
 
 

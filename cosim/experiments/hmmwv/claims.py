@@ -52,7 +52,7 @@ def judge_at(s: Statement, at: Condition) -> Judged:
         found = s.figure(study, at)
         powers = {c: study.power(at(Case(s.road, c))) for c in dict.fromkeys(("passive", *s.controllers))}
         absorbed = f"absorbed power {', '.join(f'{NAMES[c]} {p:.2f}' for c, p in powers.items())} W"
-        rule, fitted = s.criterion, s.fitted(study, at)
+        rule, fitted, calibrated = s.criterion, s.fitted(study, at), s.calibrated(study, at)
         needed = need(study, s) if at.limited else None
         holds = "" if needed is None else f"; holds with: {needed.words(study)}"
         nothing, some = s.incomparable(found), [v for v in found.values if not math.isnan(v)]
@@ -66,9 +66,11 @@ def judge_at(s: Statement, at: Condition) -> Judged:
         reason += holds
         if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
             result = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
-            return Finding(result, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
+            one = Finding(result, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
+            return replace(one, calibrated=calibrated)
         result = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
-        return Finding(result, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
+        many = Finding(result, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
+        return replace(many, calibrated=calibrated)
 
     return judged
 

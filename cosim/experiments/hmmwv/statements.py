@@ -40,8 +40,9 @@ class Statement:
     `subject` is the controller that it is about, where a sentence is about several; `figure` gives the figure over the
     places, `side` says of one value whether it is on the claimed side, `band`
     is for the median, a bound for every value. `controllers`: whose runs it needs (and the passive car's).
-    `fitted`: what was chosen, from study and condition. `nothing`: what a figure of 0 over 0 means, where there may
-    be one.
+    `fitted`: what was chosen, from study and condition. `calibrated`: whether the statement would not hold with another
+    plausible value of what was chosen with the published figure in view. `nothing`: what a figure of 0 over 0 means,
+    where there may be one.
     """
 
     id: str
@@ -59,6 +60,7 @@ class Statement:
     form: str = "{:.0f}"
     band: Band | None = None
     fitted: Callable[[Averages, Condition], str] = lambda study, at: ""
+    calibrated: Callable[[Averages, Condition], bool] = lambda study, at: False
     nothing: str = ""
 
     def incomparable(self, found: Distribution) -> str:
@@ -142,27 +144,33 @@ def _reading(controller: str) -> str:
     return "force rate of Table 1.3 read as per period of 30 ms, not per second" if controller.startswith("mpc") else ""
 
 
-def _opening(road: str, controller: str, band: Band) -> Callable[[Averages, Condition], str]:
+@dataclass(frozen=True)
+class _Opening:
     """What the opening of the passive car's spools does to a ratio to it."""
 
-    def text(study: Averages, at: Condition) -> str:
-        power = study.power(at(Case(road, controller)))
-        ratios = [study.power(Case(road, "passive", null_opening_mm=mm)) / power for mm in NULL_OPENINGS_MM]
-        least, most = min(ratios), max(ratios)
-        same = len({r in band for r in ratios}) == 1
-        span = f"{min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm"
-        return "; ".join(
-            t
-            for t in (
-                f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm,"
-                f" assumed with the passive figure in view; {span} are plausible and give {least:.2f} to {most:.2f}"
-                " times" + ("" if same else ", in and out of the band"),
-                _reading(controller),
-            )
-            if t
-        )
+    road: str
+    controller: str
+    band: Band
 
-    return text
+    def ratios(self, study: Averages, at: Condition) -> list[float]:
+        """With each plausible opening."""
+        power = study.power(at(Case(self.road, self.controller)))
+        return [study.power(Case(self.road, "passive", null_opening_mm=mm)) / power for mm in NULL_OPENINGS_MM]
+
+    def decides(self, study: Averages, at: Condition) -> bool:
+        """Whether the ratio is in the band with one opening and out of it with another."""
+        return len({r in self.band for r in self.ratios(study, at)}) > 1
+
+    def text(self, study: Averages, at: Condition) -> str:
+        """In words."""
+        ratios = self.ratios(study, at)
+        opening = (
+            f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm, assumed"
+            f" with the passive figure in view; {min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm are plausible"
+            f" and give {min(ratios):.2f} to {max(ratios):.2f} times"
+            + (", in and out of the band" if self.decides(study, at) else "")
+        )
+        return "; ".join(filter(None, (opening, _reading(self.controller))))
 
 
 def roughness_range(study: Averages, at: Condition = WITHOUT_LIMIT) -> tuple[float, float]:
@@ -194,6 +202,7 @@ def _terrain(controller: str) -> Callable[[Averages, Condition], str]:
 
 
 def _twofold(controller: str) -> Statement:
+    opening = _Opening("track", controller, TWOFOLD)
     return Statement(
         f"track-twofold-{controller}",
         NAMES[controller],
@@ -209,7 +218,8 @@ def _twofold(controller: str) -> Statement:
         "times",
         "{:.2f}",
         TWOFOLD,
-        _opening("track", controller, TWOFOLD),
+        opening.text,
+        opening.decides,
     )
 
 
@@ -233,6 +243,9 @@ def _driver(controller: str) -> Statement:
         None,
         _terrain(controller),
     )
+
+
+_THREEFOLD_OPENING = _Opening("bump", "mpc-preview", THREEFOLD)
 
 
 def _alone(statement: Statement) -> Published:
@@ -354,7 +367,8 @@ PUBLISHED_SENTENCES = (
             "times",
             "{:.2f}",
             THREEFOLD,
-            _opening("bump", "mpc-preview", THREEFOLD),
+            _THREEFOLD_OPENING.text,
+            _THREEFOLD_OPENING.decides,
         )
     ),
     _alone(

@@ -29,7 +29,6 @@ PRINTED_EIGENVALUES = (
     -3.51 + 4.52j,
 )
 """Table 2, ride comfort (upper half plane), 1/s."""
-LOW_PAIRS = (-5.31 + 6.14j, -4.00 + 5.07j)  # of these; the design as printed does not give them
 
 PRINTED = {
     ("both", "active"): (49.6, 47.5, 100, 111.0, 141.0, 111.0, 1370.0, 149.0, 245.0, 159.0, 245.0, 72.7),

@@ -126,6 +126,7 @@ def _passive_verdicts(study: Results) -> Finding:
         "of 36",
         Band(0.9 * len(GRID), len(GRID), "at least nine of ten"),
         fitted=FITTED_PASSIVE,
+        calibrated=True,
         criterion=(
             f"more agree than by chance (at least {CHANCE} of 36, sign test at 5 %), at a step whose halving changes no"
             " verdict"
@@ -149,6 +150,7 @@ def _passive_short(study: Results) -> Finding:
         _ASSUMED,
         criterion="all eight pass",
         fitted=FITTED_PASSIVE,
+        calibrated=True,
         undecided=_undecided(study, short, good, "passive", len(short)),
     )
 
@@ -163,6 +165,7 @@ def _passive_long(study: Results) -> Finding:
         _ASSUMED,
         criterion="all eight fail",
         fitted=FITTED_PASSIVE,
+        calibrated=True,
         undecided=_undecided(study, long, bad, "passive", len(long)),
     )
 
@@ -182,6 +185,7 @@ def _controlled_pass(study: Results) -> Finding:
         _SEE_TABLE,
         criterion="all 36, none with belly contact",
         fitted=FITTED_CONTROLLED,
+        calibrated=True,
         undecided=_undecided(study, GRID, good, "mpc", len(GRID)),
     )
 
@@ -201,6 +205,7 @@ def _controlled_faster(study: Results) -> Finding:
         _SEE_TABLE,
         criterion="all 27",
         fitted=FITTED_CONTROLLED,
+        calibrated=True,
         undecided=_undecided(study, faster, good, "mpc", len(faster)),
     )
 
