@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import road
 
@@ -82,6 +83,8 @@ class _Bumps:
         return (b - a) / self.contact * (1 - (a * a + a * b + b * b) / (3 * half * half))
 
 
+@component("RoadBumps{s}", "test track of speed bumps (paper 001)", of="ride_car_hmmwv", scanned=True)
+@component("RoadBumps{s}", "test track of speed bumps as these sensors see it", of="own_sensors", scanned=True)
 def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
     """Speed bumps across the road at up to ten places (paper 001, appendix 1.B).
 

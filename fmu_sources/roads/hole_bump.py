@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import road
 
@@ -82,6 +83,7 @@ class _HoleBump:
         return chosen
 
 
+@component("RoadHoleBump{s}", "hole, flat and bump of paper 004", of="sedan")
 def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
     """Hole, flat and bump (paper 004, Table 3 and Figures 4 to 7).
 

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.height_table import HeightTable, node_heights
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
@@ -73,11 +74,14 @@ def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: fl
     return HeightTable(0.0, STEP, left, right)
 
 
+@component("RoadOffroad{v}", "off-road terrain under the HMMWV (paper 001)", of="ride_car_hmmwv", scanned=True)
+@component("RoadOffroad{v}", "off-road terrain as these sensors see it", of="own_sensors", scanned=True)
 def road_offroad(layout: RoadLayout, name: str = "RoadOffroad") -> Component:
     """The off-road terrain of the HMMWV of paper 001 as read here: class E, smoothed by the tires' contact."""
     return road_iso8608(layout, name, roughness=OFFROAD_CLASS, contact=OFFROAD_CONTACT)
 
 
+@component("RoadIso8608{s}", "random road, ISO 8608 class A to H", of="sedan")
 def road_iso8608(
     layout: RoadLayout,
     name: str = "RoadIso8608",

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.iso8608 import CLASS_A, CLASSES, DECAY, HIGHEST, LOWEST, REFERENCE_WAVE_NUMBER, STEP
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
@@ -20,6 +21,7 @@ NODES = (4096, 32768)  # periods from 205 to 1638 m
 LENGTH, SHORTEST, LONGEST = 200.0, 1.0, 1600.0  # m
 
 
+@component("RoadRandom{s}", "random road, ISO 8608: class, seed and length are parameters", of="hmmwv_modified")
 def road_random(
     layout: RoadLayout,
     name: str = "RoadRandom",

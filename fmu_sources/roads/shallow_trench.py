@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import road
 
@@ -46,6 +47,7 @@ class _Trench:
         return ca.if_else(here, height, 0), ca.if_else(ca.logic_and(here, ca.logic_not(beyond)), slope, 0)
 
 
+@component("RoadShallowTrench{s}", "shallow trench under the 6x6 of paper 003", of="three_axle")
 def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> Component:
     """Shallow trench across the road: -depth/2 (tanh((x - start)/edge) - tanh((x - start - length)/edge))."""
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads import RoadLayout
 
 SAMPLE_TIME = 5e-3  # s
@@ -25,6 +26,7 @@ _CONTACT_POINTS = 11
 _TINY = 1e-9
 
 
+@component("PreviewBuffer{s}", "road ahead by distance, read under each wheel (paper 001)", of="ride_car_hmmwv")
 def preview_buffer(
     layout: RoadLayout,
     name: str = "PreviewBuffer",

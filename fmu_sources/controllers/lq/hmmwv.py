@@ -30,6 +30,7 @@ from fmu_sources.models.hmmwv_states import (
     relative_model,
     sines,
 )
+from fmu_sources.registration import component
 
 _WEIGHTED = {
     "acceleration": ("body.az",),
@@ -92,6 +93,7 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 
 
+@component("Lqr{v}", "LQR of paper 001, force weighted in N, as published", of="ride_car_hmmwv")
 def lqr_hmmwv(
     car: Component,
     weights: LqrWeights = TABLE_1_1,
@@ -125,6 +127,12 @@ def lqr_hmmwv(
     scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
     c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
     return c
+
+
+@component("Lqr{v}Kilonewton", "LQR of paper 001, force weighted in kN", of="ride_car_hmmwv")
+def lqr_hmmwv_kilonewton(car: Component, name: str = "LqrHmmwvKilonewton") -> Component:
+    """`lqr_hmmwv` with the weights `TABLE_1_1_KILONEWTON`."""
+    return lqr_hmmwv(car, TABLE_1_1_KILONEWTON, name)
 
 
 _NOTES = (

@@ -11,6 +11,7 @@ import numpy as np
 
 from build_fmus.component import Component
 from fmu_sources.controllers.lq.design import ContinuousLq, LinearPlant, continuous_lq, output_index
+from fmu_sources.registration import component
 
 SAMPLE_TIME = 1e-3  # s
 
@@ -56,6 +57,7 @@ def design(car: Component, weights: LqrThreeAxleWeights) -> ContinuousLq:
     return continuous_lq(plant, output_index(plant, [weights.of(s) for s in lin.states], [weights.force] * len(u)))
 
 
+@component("LqrThreeAxle{s}", "linear-quadratic regulator with pitch reference (paper 003)", of="three_axle")
 def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, name: str = "LqrThreeAxle") -> Component:
     """The controller FMU for a ride car: force = -gain (x - x_reference), the reference of all states but pitch 0.
 
