@@ -72,23 +72,9 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
         LqError: the index has no optimum on this car.
         ValueError: a weight, or a car without the outputs that are weighted.
     """
-    lin = car.linearize()
     names = [n for group in _WEIGHTED.values() for n in group]
     rho = [getattr(weights, kind) for kind, group in _WEIGHTED.items() for _ in group]
-    y = [lin.outputs.index(n) for n in names]
-    u, h = ([lin.inputs.index(n) for n in group] for group in (FORCES, ROAD_HEIGHTS))
-    plant = LinearPlant(
-        A=lin.A,
-        B=lin.B[:, u],
-        E=lin.B[:, h],
-        C=lin.C[y],
-        D=lin.D[np.ix_(y, u)],
-        F=lin.D[np.ix_(y, h)],
-        states=tuple(lin.states),
-        controls=FORCES,
-        disturbances=ROAD_HEIGHTS,
-        outputs=tuple(names),
-    )
+    plant = LinearPlant.of(car.linearize(), FORCES, ROAD_HEIGHTS, names)
     absolute = sampled_lq(plant, output_index(plant, rho, [weights.force] * len(FORCES)), period).K
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 

@@ -72,26 +72,12 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
         ValueError: the car's outputs depend on road rates (tire damping): the index would need the road's slope.
     """
     lin = car.linearize(p=parameters)
-    column = {n: i for i, n in enumerate(lin.inputs)}
-    row = {n: i for i, n in enumerate(lin.outputs)}
-    u, w, rates = (
-        [column[pattern.format(k)] for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
+    forces, heights, rates = (
+        [pattern.format(k) for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
     )
-    if np.abs(lin.B[:, rates]).max() > 0:
+    if np.abs(lin.B[:, [lin.inputs.index(n) for n in rates]]).max() > 0:
         raise ValueError(f"{car.name}: tire damping makes road rates a disturbance; preview LQ is for cars without it")
-    y = [row[n] for n in WEIGHTED]
-    return LinearPlant(
-        A=lin.A,
-        B=lin.B[:, u],
-        E=lin.B[:, w],
-        C=lin.C[y],
-        D=lin.D[np.ix_(y, u)],
-        F=lin.D[np.ix_(y, w)],
-        states=tuple(lin.states),
-        controls=tuple(f"force.{k}" for k in CORNERS),
-        disturbances=tuple(f"road.{k}.height" for k in CORNERS),
-        outputs=WEIGHTED,
-    )
+    return LinearPlant.of(lin, forces, heights, WEIGHTED)
 
 
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
