@@ -107,18 +107,7 @@ def preview_buffer(
         max=0.1,
         source="DESIGN of the exchange",
     )
-    places = {
-        w.corner: c.parameter(
-            f"wheel.{w.corner}.x",
-            w.x,
-            "m",
-            f"position of the {w.corner} wheel ahead of the CG",
-            min=-50.0,
-            max=50.0,
-            source="vehicle file",
-        )
-        for w in layout.wheels
-    }
+    places = layout.declare_wheels(c)
     x = c.input("x", "m", "distance of the CG along the road, as in sensed.*.x")
     speed = c.input("speed", "m/s", "forward speed; negative backwards", display_unit="km/h")
 
