@@ -87,26 +87,19 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
 
 def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
-    with safe_files.ignore_cache(options.ignore_cache_before):
-        _build_entry(user, name, options, versions)
-
-
-def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     from build_fmus.compile import ObjectCache, resolve_platforms
     from build_fmus.package import build_fmu
     from fmu_sources.catalog import PAPERS, Context
 
-    entry = load_catalog(user)[name]
-    component = entry.make(Context(options.out, options.cache))
-    component.bibliography = PAPERS
-    if options.qp is not None:
-        component.choose_backend(options.qp)
-    cache = ObjectCache(options.cache / "objects")
-    for fmi in versions:
-        data = build_fmu(
-            component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays, clocks=options.clocks
-        )
-        safe_files.write(options.target(name, fmi), data)
+    with safe_files.ignore_cache(options.ignore_cache_before):
+        component = load_catalog(user)[name].make(Context(options.out, options.cache))
+        component.bibliography = PAPERS
+        if options.qp is not None:
+            component.choose_backend(options.qp)
+        cache, platforms = ObjectCache(options.cache / "objects"), resolve_platforms(options.platform)
+        for fmi in versions:
+            data = build_fmu(component, fmi, platforms, cache, arrays=options.arrays, clocks=options.clocks)
+            safe_files.write(options.target(name, fmi), data)
 
 
 def build(

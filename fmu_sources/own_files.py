@@ -64,9 +64,7 @@ def catalog_suffix(path: Path) -> str:
     if not words:
         raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
     bad = NO_XML.search(path.name)
-    if (
-        bad and not "\udc80" <= bad[0] <= "\udcff"
-    ):  # bytes that the locale could not decode: refused with the remedy later
+    if bad and not "\udc80" <= bad[0] <= "\udcff":  # bytes that the locale could not decode are refused later
         raise ValueError(
             f"{path}: the file name becomes part of the FMU, and XML cannot contain its character {bad[0]!a}; rename"
             " the file"
@@ -109,9 +107,7 @@ def _names(kind: str, suffix: str) -> dict[str, str]:
 def _own_words(path: Path, kind: str, suffix: str, text: str) -> str:
     """A text about a published vehicle and its FMUs as one about the vehicle of a user's file."""
     for published, own in sorted(_names(kind, suffix).items(), key=lambda n: -len(n[0])):
-        if re.search(
-            r"(Hmmwv|Sedan|Bench|ThreeAxle|HmmwvPublic)", published
-        ):  # others, such as Skyhook, are words as well
+        if re.search("Hmmwv|Sedan|Bench|ThreeAxle", published):  # others, such as Skyhook, are words as well
             text = re.sub(rf"\b{published}\b", own, text)
     if kind == "sensors":
         text = text.replace("fmu_sources/vehicles/sensors_hmmwv.toml", path.name)
