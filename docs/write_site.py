@@ -43,6 +43,8 @@ MODULES = (
     "cosim.check",
     "build_fmus.component",
     "fmu_sources.catalog",
+    "fmu_sources.own_files",
+    "fmu_sources.registration",
     "fmu_sources.vehicles",
 )
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/reference/fmus.md": "fmus/index.md"}

@@ -48,16 +48,18 @@ class UserFiles:
 
 def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
     """The default catalog, or the one of a user's files."""
-    from fmu_sources import catalog
+    from fmu_sources.catalog import default_catalog
 
-    published = catalog.default_catalog()
+    published = default_catalog()
     user = user or UserFiles()
     if not user.paths:
         return published
+    from fmu_sources import own_files
+
     entries: dict[str, Any] = {}
     vehicle = user.vehicle if isinstance(user.vehicle, Path) else None
     if vehicle is not None:
-        entries = catalog.own_catalog(vehicle, catalog.catalog_suffix(vehicle))
+        entries = own_files.own_catalog(vehicle, own_files.catalog_suffix(vehicle))
         if taken := sorted(entries.keys() & published):
             raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
         needed = {n for e in entries.values() for n in e.needs}
@@ -70,13 +72,13 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
         entries[name] = make(name)
 
     if (road := user.road) is not None:
-        name = catalog.road_name(road, user.vehicle)
-        add(road, name, lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
+        name = own_files.road_name(road, user.vehicle)
+        add(road, name, lambda name: own_files.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
     if (weights := user.weights) is not None:
-        name = catalog.weights_name(weights, vehicle)
-        add(weights, name, lambda name: catalog.preview_lq_entry(weights, name, user.period, vehicle))
+        name = own_files.weights_name(weights, vehicle)
+        add(weights, name, lambda name: own_files.preview_lq_entry(weights, name, user.period, vehicle))
     if user.source is not None:
-        own = catalog.own_entry(user.source, user.maker)
+        own = own_files.own_entry(user.source, user.maker)
         if own.name in published:
             raise ValueError(f"{user.source} would replace the published {own.name}; give the component another name")
         entries[own.name] = own
@@ -85,26 +87,19 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
 
 def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
-    with safe_files.ignore_cache(options.ignore_cache_before):
-        _build_entry(user, name, options, versions)
-
-
-def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     from build_fmus.compile import ObjectCache, resolve_platforms
     from build_fmus.package import build_fmu
     from fmu_sources.catalog import PAPERS, Context
 
-    entry = load_catalog(user)[name]
-    component = entry.make(Context(options.out, options.cache))
-    component.bibliography = PAPERS
-    if options.qp is not None:
-        component.choose_backend(options.qp)
-    cache = ObjectCache(options.cache / "objects")
-    for fmi in versions:
-        data = build_fmu(
-            component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays, clocks=options.clocks
-        )
-        safe_files.write(options.target(name, fmi), data)
+    with safe_files.ignore_cache(options.ignore_cache_before):
+        component = load_catalog(user)[name].make(Context(options.out, options.cache))
+        component.bibliography = PAPERS
+        if options.qp is not None:
+            component.choose_backend(options.qp)
+        cache, platforms = ObjectCache(options.cache / "objects"), resolve_platforms(options.platform)
+        for fmi in versions:
+            data = build_fmu(component, fmi, platforms, cache, arrays=options.arrays, clocks=options.clocks)
+            safe_files.write(options.target(name, fmi), data)
 
 
 def build(
@@ -258,10 +253,10 @@ def _or(names: Iterable[str]) -> str:
 
 def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
     """A file, or beside a road the name of a published vehicle."""
-    from fmu_sources.vehicles import vehicle_names
-
     if given is None or Path(given).exists():
         return given if given is None else Path(given)
+    from fmu_sources.vehicles import vehicle_names
+
     if given not in vehicle_names():
         raise FileNotFoundError(f"{given}: no such file, nor a vehicle of this project ({', '.join(vehicle_names())})")
     if road is None:

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.vehicles import Actuator, declare
 
 SAMPLE_TIME = 1e-3  # s
@@ -53,6 +54,7 @@ def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
     return sampled[:4, :4], sampled[:4, 4]
 
 
+@component("ForceTracking{v}", "hydraulic force tracking (paper 001)", of="actuator_hmmwv actuator_hmmwv_physical")
 def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: float = SAMPLE_TIME) -> Component:
     """Force controller of one wheel's actuator; its parameters are the assumed properties of the actuator.
 

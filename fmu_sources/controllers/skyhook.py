@@ -9,10 +9,12 @@ from __future__ import annotations
 from build_fmus.component import Component
 from fmu_sources.models.corners import TWO_AXLES, Corners
 from fmu_sources.models.hmmwv_states import RELATIVE_STATES, SAMPLE_TIME, force_outputs, relative_inputs, sines
+from fmu_sources.registration import component
 
 SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
 
 
+@component("Skyhook{s}", "skyhook damping (paper 001)", of="ride_car_hmmwv")
 def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIME) -> Component:
     """The controller FMU for a ride car with four wheels."""
     c = Component(

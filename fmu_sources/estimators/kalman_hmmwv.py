@@ -26,6 +26,7 @@ from fmu_sources.models.hmmwv_states import (
     TIRE,
     relative_model,
 )
+from fmu_sources.registration import component
 from fmu_sources.vehicles import SensorSet
 
 SAMPLE_TIME = 5e-3  # s
@@ -107,6 +108,8 @@ def absolute_filter(car: Component, sensors: SensorSet, road: float, period: flo
     return kalman_filter(filters[0]), filters[1]
 
 
+@component("Kalman{v}", "Kalman filter of 15 relative states (paper 001)", of="ride_car_hmmwv")
+@component("Kalman{v}", "Kalman filter of the HMMWV's 15 relative states with these sensors", of="own_sensors")
 def kalman_hmmwv(
     car: Component, sensors: SensorSet, name: str = "KalmanHmmwv", *, period: float = SAMPLE_TIME
 ) -> Component:
@@ -228,6 +231,7 @@ def kalman_hmmwv(
     return c
 
 
+@component("Kalman{v}Printed", "Kalman filter of 14 absolute states, as printed (paper 001)", of="ride_car_hmmwv")
 def kalman_hmmwv_printed(
     car: Component, sensors: SensorSet, name: str = "KalmanHmmwvPrinted", *, period: float = SAMPLE_TIME
 ) -> Component:

@@ -28,11 +28,13 @@ from fmu_sources.plants.free_body import (
 )
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.seat import SEAT_NOTE
+from fmu_sources.registration import component
 from fmu_sources.vehicles import FullCar, declare
 
 EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
 
 
+@component("FullCar{v}", "nonlinear full car, vehicle file {file}", of="hmmwv hmmwv_modified")
 def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     """Full car of a vehicle file; the structure is that of paper 000, section III (vehicle model).
 

@@ -23,9 +23,13 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.vehicles import Actuator, declare
 
 
+@component(
+    "HydraulicActuator{v}", "electro-hydraulic actuator (paper 001)", of="actuator_hmmwv actuator_hmmwv_physical"
+)
 def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Component:
     """Actuator of one wheel. Force positive extends the strut; extension (`piston.velocity` > 0) lowers the force."""
     c = Component(

@@ -30,6 +30,7 @@ from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
 from fmu_sources.plants.ride_interface import bump_at_an_angle, ride_inputs, ride_outputs, ride_states
 from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.wishbone_car import wishbone_car
+from fmu_sources.registration import component
 from fmu_sources.vehicles import WishboneCar
 
 CORNERS = tuple(TWO_AXLES)
@@ -176,6 +177,7 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 }
 
 
+@component("RideCar{v}", "linear 7-DOF ride car of that car near rest, by its own derivatives", of="hmmwv_public")
 def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
     """Ride car with seven degrees of freedom, linearized near rest.
 

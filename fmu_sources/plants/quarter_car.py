@@ -6,9 +6,18 @@ from math import pi, sin
 
 from build_fmus.component import Component
 from fmu_sources.plants.friction import declare_friction, friction_force
+from fmu_sources.registration import component
 from fmu_sources.vehicles import QuarterCar, declare
 
 
+@component("QuarterCar{v}", "quarter car of the HMMWV (paper 001)", of="quarter_car_hmmwv")
+@component(
+    "QuarterCar{v}",
+    "quarter-car bench of paper 002",
+    of="quarter_car_bench",
+    source="002 equations (1), (2)",
+    masses=("002 equation (1)", "002 equation (2), with the spring of matrix (6)"),
+)
 def quarter_car(
     vehicle: QuarterCar,
     name: str = "QuarterCarHmmwv",

@@ -25,7 +25,8 @@ from fmu_sources.plants.friction import declare_friction, friction_loss
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.ride_interface import bump_at_an_angle, ride_inputs, ride_outputs, ride_states
 from fmu_sources.plants.seat import SEAT_NOTE
-from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
+from fmu_sources.registration import component
+from fmu_sources.vehicles import RideCar, ThreeAxleCar, ThreeAxleTrenchCar, declare
 
 _SOURCES = {
     RideCar: "004 equations (1) to (9), (12)",
@@ -55,13 +56,18 @@ def _numbers_003(corners: list[str]) -> list[str]:
 _EQUATIONS = {RideCar: _numbers_004, ThreeAxleCar: _numbers_003}
 
 
-def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Component:
+@component("RideCar{v}", "linear 7-DOF ride car, HMMWV (paper 001)", of="ride_car_hmmwv")
+@component("RideCar{v}", "linear 7-DOF ride car of paper 004", of="sedan")
+@component("ThreeAxleRide{s}", "linear 9-DOF ride model of the 6x6 of paper 003", of="three_axle")
+def ride_car(vehicle: RideCar | ThreeAxleCar | ThreeAxleTrenchCar, name: str = "RideCarSedan") -> Component:
     """Ride car with tire damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
 
     Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003
     has roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way
-    round.
+    round. Of a car for trenches it is the linear part.
     """
+    if isinstance(vehicle, ThreeAxleTrenchCar):
+        vehicle = vehicle.linear()
     corners = Corners(vehicle.wheel.axle_of)
     c = Component(
         name,

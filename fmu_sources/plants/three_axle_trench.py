@@ -24,6 +24,7 @@ from fmu_sources.models.corners import THREE_AXLES, Corner, Corners
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.obstacle import Outline, Touch
 from fmu_sources.plants.seat import SEAT_NOTE, seat_outputs
+from fmu_sources.registration import component
 from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
 
 SIDES = {"l": ("left", 1), "r": ("right", -1)}
@@ -72,6 +73,7 @@ class _Small:
         )
 
 
+@component("ThreeAxleTrench{s}", "6x6 of paper 003 over trenches and obstacles, with contact", of="three_axle_trench")
 def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench") -> Component:
     """The vehicle of a file of kind `three_axle_trench` in front of a trench or another obstacle."""
     c = Component(

@@ -50,6 +50,7 @@ from fmu_sources.plants.free_body import (
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.tables import check_increasing, linear_table
+from fmu_sources.registration import component
 from fmu_sources.vehicles import WishboneCar, declare
 
 _NEWTON = 5  # steps to the rest position from that of the vehicle file
@@ -64,6 +65,9 @@ _LEFT_OUT = (
 _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle file"
 
 
+@component(
+    "FullCar{v}", "full car on double wishbones by their hardpoints, tables, enveloping tires", of="hmmwv_public"
+)
 def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Component:
     """Car of a vehicle file with hardpoints.
 

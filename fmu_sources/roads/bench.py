@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 
 HEIGHT, DURATION = 0.02, 0.5  # m, 002 section V; s, one of the two durations of the experiment, assumed
 SEED = 1
@@ -16,6 +17,7 @@ LOWEST, HIGHEST = 0.2, 8.0  # Hz, of the random motion, assumed
 RMS = 0.004  # m, assumed: keeps the plate within its 20 mm
 
 
+@component("RoadBenchBump", "bump of the quarter-car bench over time")
 def road_bench_bump(name: str = "RoadBenchBump") -> Component:
     """A single bump, one period of (1 - cos)/2."""
     c = Component(
@@ -45,6 +47,7 @@ def road_bench_bump(name: str = "RoadBenchBump") -> Component:
     return c
 
 
+@component("RoadBenchRandom", "random motion of the bench's plate over time")
 def road_bench_random(name: str = "RoadBenchRandom", *, seed: int = SEED) -> Component:
     """Random motion: sines with phases from `seed` and the displacement spectrum f^-2 of a road passed at speed."""
     c = Component(

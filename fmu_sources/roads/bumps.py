@@ -8,8 +8,9 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
-from fmu_sources.roads.road import road
+from fmu_sources.roads.road import declare_side, is_on, road
 
 PLACES = 10
 SPACING = 1.0  # m, so that two places are 6 m apart and all of them fit into the 32 ft of the track
@@ -17,8 +18,6 @@ TRACK = {0: 0.057, 6: 0.038}  # m, height of the bump at places; the others are 
 BUMP_LENGTH, CONTACT_LENGTH = 0.305, 0.25  # m
 START = 10.0  # m
 TRAVEL = 0.06  # m
-
-BOTH, LEFT, RIGHT = range(3)
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class _Bumps:
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
         """Height [m] and slope dz/dx at a column of positions [m]."""
-        here = self.side != (RIGHT if side == "left" else LEFT)
+        here = is_on(side, self.side)
         beyond = x > self.end
         x = ca.fmin(x, self.end)
         height, slope = 0, 0
@@ -54,7 +53,7 @@ class _Bumps:
 
     def surface(self, x: Any, side: str) -> Any:
         """Height [m] of the bumps themselves, not averaged over a contact."""
-        here = self.side != (RIGHT if side == "left" else LEFT)
+        here = is_on(side, self.side)
         x = ca.fmin(x, self.end)
         bumps = (self.heights[i] * self._parabola(x - self._start(i) - self.length / 2) for i in range(PLACES))
         return ca.if_else(here, sum(bumps), 0)
@@ -82,6 +81,8 @@ class _Bumps:
         return (b - a) / self.contact * (1 - (a * a + a * b + b * b) / (3 * half * half))
 
 
+@component("RoadBumps{s}", "test track of speed bumps (paper 001)", of="ride_car_hmmwv", scanned=True)
+@component("RoadBumps{s}", "test track of speed bumps as these sensors see it", of="own_sensors", scanned=True)
 def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
     """Speed bumps across the road at up to ten places (paper 001, appendix 1.B).
 
@@ -112,15 +113,7 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
             contact=length(
                 "contact.length", CONTACT_LENGTH, "length over which the tire averages the road", "assumed", unit="mm"
             ),
-            side=c.parameter(
-                "side",
-                0,
-                None,
-                "where the bumps are: 0 both sides, 1 left, 2 right",
-                min=0,
-                max=RIGHT,
-                source="001: across the road",
-            ),
+            side=declare_side(c, "the bumps are", "001: across the road"),
             end=length("length", 200.0, "length of the road", "assumed", least=1.0),
         )
         travel = c.parameter(

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import road
 
@@ -41,6 +42,7 @@ class HalfRound:
         return ca.if_else(over, root, 0), ca.if_else(over, -s / root, 0)
 
 
+@component("RoadHalfRound{v}", "half-round under tires that envelop it", of="hmmwv_public")
 def road_half_round(layout: RoadLayout, name: str = "RoadHalfRound") -> Component:
     """A half-round under tires that envelop it; heights of 4 to 12 inches are usual."""
 

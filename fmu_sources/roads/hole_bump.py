@@ -9,8 +9,9 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
-from fmu_sources.roads.road import road
+from fmu_sources.roads.road import declare_side, is_on, road
 
 SPEED = 75 / 3.6  # m/s, of the runs of paper 004
 LEAD, DURATION = 0.12, 0.1  # s at that speed: to the front edge of the hole; each of hole, gap and bump
@@ -18,7 +19,6 @@ HEIGHT = 0.05  # m
 _EDGE = 1e-9  # a position this part of a length before an edge counts as on it
 
 HAVERSINE, SINE, TRIANGLE, STEP = range(4)
-BOTH, LEFT, RIGHT = range(3)
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _HoleBump:
         start = ca.if_else(in_bump, bump_start, self.hole_start)
         length = ca.if_else(in_bump, self.bump_length, self.hole_length)
         size = ca.if_else(in_bump, self.bump_height, -self.hole_depth)
-        here = self.side != (RIGHT if side == "left" else LEFT)
+        here = is_on(side, self.side)
 
         part = (x - start) / length
         inside = ca.logic_and(here, ca.logic_and(part >= -_EDGE, part < 1 - _EDGE))
@@ -82,6 +82,7 @@ class _HoleBump:
         return chosen
 
 
+@component("RoadHoleBump{s}", "hole, flat and bump of paper 004", of="sedan")
 def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
     """Hole, flat and bump (paper 004, Table 3 and Figures 4 to 7).
 
@@ -103,9 +104,8 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
                 name, HEIGHT, "m", text, min=-5.0, max=5.0, display_unit="mm", source="assumed; cancels in 004 Table 3"
             )
 
-        def choice(name: str, text: str, most: int) -> Any:
-            return c.parameter(name, 0, None, text, min=0, max=most, source="004: hole and bump, both sides")
-
+        shapes = "shape of hole and bump: 0 haversine, 1 half sine, 2 triangle, 3 step"
+        source = "004: hole and bump, both sides"
         lasting = f"{DURATION:g} s {at_speed}, which reproduces 004 Table 3"
         return _HoleBump(
             hole_start=length(
@@ -121,7 +121,7 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
             gap=length("gap", DURATION, "flat stretch between hole and bump", lasting, least=0.0),
             bump_length=length("bump.length", DURATION, "length of the bump", lasting),
             bump_height=size("bump.height", "height of the bump, 0 for none"),
-            shape=choice("shape", "shape of hole and bump: 0 haversine, 1 half sine, 2 triangle, 3 step", STEP),
+            shape=c.parameter("shape", 0, None, shapes, min=0, max=STEP, source=source),
             edge=c.parameter(
                 "step.edge",
                 0.1,
@@ -132,7 +132,7 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
                 display_unit="mm",
                 source="as of the curb road",
             ),
-            side=choice("side", "where hole and bump are: 0 both sides, 1 left, 2 right", RIGHT),
+            side=declare_side(c, "hole and bump are", source),
             end=c.parameter("length", 200.0, "m", "length of the road", min=1.0, max=1e6, source="assumed"),
         )
 

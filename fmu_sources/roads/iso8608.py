@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.height_table import HeightTable, node_heights
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
@@ -48,6 +49,12 @@ def sum_of_waves(waves: np.ndarray) -> np.ndarray:
     return np.asarray(np.fft.irfft(np.concatenate([[0], count / 2 * waves, [0]]), count))
 
 
+def declare_class(c: Component, roughness: int) -> Any:
+    """Declare the parameter that chooses the class, by default number `roughness`, 0 for A."""
+    text = "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H"
+    return c.parameter("class", roughness, None, text, min=0, max=len(CLASSES) - 1, source="ISO 8608")
+
+
 def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: float = 0.0) -> HeightTable:
     """Heights of both tracks of a class A road, periodic over its length, rounded to 1e-7 m.
 
@@ -73,11 +80,14 @@ def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: fl
     return HeightTable(0.0, STEP, left, right)
 
 
+@component("RoadOffroad{v}", "off-road terrain under the HMMWV (paper 001)", of="ride_car_hmmwv", scanned=True)
+@component("RoadOffroad{v}", "off-road terrain as these sensors see it", of="own_sensors", scanned=True)
 def road_offroad(layout: RoadLayout, name: str = "RoadOffroad") -> Component:
     """The off-road terrain of the HMMWV of paper 001 as read here: class E, smoothed by the tires' contact."""
     return road_iso8608(layout, name, roughness=OFFROAD_CLASS, contact=OFFROAD_CONTACT)
 
 
+@component("RoadIso8608{s}", "random road, ISO 8608 class A to H", of="sedan")
 def road_iso8608(
     layout: RoadLayout,
     name: str = "RoadIso8608",
@@ -91,22 +101,13 @@ def road_iso8608(
 
     `seed`, `decay` and the `contact` length [m] over which the tires average are build options.
     """
-    sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
-    track = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0
+    track = layout.track
     table = iso8608_table(track, seed, decay, contact)
     nodes = len(table.left) - 1
     smoothed = (f"Heights are means over {contact:g} m of contact (assumed), which removes waves {contact:g} m long.",)
 
     def profile(c: Component) -> Profile:
-        number = c.parameter(
-            "class",
-            roughness,
-            None,
-            "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H",
-            min=0,
-            max=len(CLASSES) - 1,
-            source="ISO 8608",
-        )
+        number = declare_class(c, roughness)
         flat = c.parameter("flat", 10.0, "m", "flat stretch at the start", min=0.0, max=LENGTH, source="assumed")
         ramp = c.parameter(
             "ramp",

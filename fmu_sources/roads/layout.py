@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from build_fmus.base.checks import number, whole_number
+from build_fmus.component import Component
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, SLOPE_BASE
 from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar, WishboneCar
 
@@ -130,3 +134,24 @@ class RoadLayout:
         half = body.track.value / 2
         wheels = (("fl", front, half), ("fr", front, -half), ("rl", rear, half), ("rr", rear, -half))
         return cls(tuple(WheelPosition(*w) for w in wheels), preview_count, preview_step, scan)
+
+    def declare_wheels(self, c: Component) -> dict[str, Any]:
+        """Declare the positions of the wheels as parameters of `c`; their symbols by corner."""
+        return {
+            w.corner: c.parameter(
+                f"wheel.{w.corner}.x",
+                w.x,
+                "m",
+                f"position of the {w.corner} wheel ahead of the CG",
+                min=-50.0,
+                max=50.0,
+                source="vehicle file",
+            )
+            for w in self.wheels
+        }
+
+    @property
+    def track(self) -> float:
+        """Distance of the wheels on the left from those on the right, on average [m]; 0 if one side has none."""
+        left, right = ([w.y for w in self.wheels if w.side == side] for side in ("left", "right"))
+        return float(np.mean(left) - np.mean(right)) if left and right else 0.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.height_table import HeightTable, road_from_table
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import NODE_STEP
@@ -43,6 +44,7 @@ def perryman3_table() -> HeightTable:
     return HeightTable(0.0, NODE_STEP, left, right)
 
 
+@component("RoadPerryman3{s}", "synthetic stand-in for the Perryman 3 test course", of="hmmwv_modified")
 def road_perryman3(layout: RoadLayout, name: str = "RoadPerryman3") -> Component:
     """Rough cross-country road, 220 m, synthetic."""
     return road_from_table(

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.half_cylinder import HalfRound
 from fmu_sources.roads.half_round import RolledHalfRound
 from fmu_sources.roads.layout import RoadLayout
@@ -40,6 +41,13 @@ class _Chosen:
         return height, slope
 
 
+@component("RoadProvingGround{v}", "synthetic RMS courses and a half-round under the HMMWV", of="ride_car_hmmwv")
+@component("RoadProvingGround5ms{s}", "synthetic RMS courses and a half-round under the sedan", of="sedan")
+@component("RoadProvingGroundThreeAxle{s}", "synthetic RMS courses and a half-round under the 6x6", of="three_axle")
+@component(
+    "RoadProvingGround{v}", "synthetic RMS courses and a half-round under tires that envelop them", of="hmmwv_public"
+)
+@component("RoadProvingGround{s}", "synthetic RMS courses and a half-round under the full car", of="hmmwv_modified")
 def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, radius: float) -> Component:
     """The synthetic RMS courses and a half-round, under wheels of `radius` [m].
 

@@ -9,10 +9,18 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from build_fmus.component import Component
-from fmu_sources.roads.iso8608 import CLASS_A, CLASSES, DECAY, HIGHEST, LOWEST, REFERENCE_WAVE_NUMBER, STEP
+from fmu_sources.registration import component
+from fmu_sources.roads.iso8608 import (
+    CLASS_A,
+    DECAY,
+    HIGHEST,
+    LOWEST,
+    REFERENCE_WAVE_NUMBER,
+    STEP,
+    declare_class,
+)
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
 
@@ -20,6 +28,7 @@ NODES = (4096, 32768)  # periods from 205 to 1638 m
 LENGTH, SHORTEST, LONGEST = 200.0, 1.0, 1600.0  # m
 
 
+@component("RoadRandom{s}", "random road, ISO 8608: class, seed and length are parameters", of="hmmwv_modified")
 def road_random(
     layout: RoadLayout,
     name: str = "RoadRandom",
@@ -34,20 +43,10 @@ def road_random(
     the larger number, and with it the length. `decay`: start value of how fast what both tracks share falls with wave
     number.
     """
-    sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
-    width = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0
     longest = min(LONGEST, (nodes[1] - 1) * STEP)
 
     def profile(c: Component) -> Profile:
-        number = c.parameter(
-            "class",
-            roughness,
-            None,
-            "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H",
-            min=0,
-            max=len(CLASSES) - 1,
-            source="ISO 8608",
-        )
+        number = declare_class(c, roughness)
         seed = c.parameter("seed", 1, None, "which road", min=0, max=2**31 - 1, source="option")
 
         def stretch(name: str, start: float, text: str, *, least: float = 0.0) -> Any:
@@ -66,7 +65,7 @@ def road_random(
             source="assumed",
         )
         track = c.parameter(
-            "track", width, "m", "distance between left and right", min=0.0, max=50.0, source="vehicle file"
+            "track", layout.track, "m", "distance between left and right", min=0.0, max=50.0, source="vehicle file"
         )
         contact = c.parameter(
             "contact",
@@ -121,8 +120,9 @@ def road_random(
                 " saved state has the parameters, not the profile, which follows from them."
             ),
             (
-                f"Left and right: cross spectrum / Gd = exp(-decay track n), here with a track of {width:g} m; long"
-                " waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is assumed."
+                f"Left and right: cross spectrum / Gd = exp(-decay track n), here with a track of {layout.track:g} m;"
+                " long waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is"
+                " assumed."
                 " contact takes means over that length."
             ),
             "The road is flat for the first flat meters, then grows over ramp meters, so that a run starts at rest.",

@@ -82,6 +82,16 @@ class Profile:
         return (1 - part) * here + part * next_, ca.if_else(inside, (next_ - here) / self.step, 0)
 
 
+def declare_side(c: Component, what: str, source: str) -> Any:
+    """Declare the parameter that says on which side the road has something: 0 both, 1 left, 2 right."""
+    return c.parameter("side", 0, None, f"where {what}: 0 both sides, 1 left, 2 right", min=0, max=2, source=source)
+
+
+def is_on(side: str, declared: Any) -> Any:
+    """Whether the side of a track is the declared one."""
+    return declared != (2 if side == "left" else 1)
+
+
 def road(
     name: str,
     layout: RoadLayout,
@@ -99,18 +109,7 @@ def road(
     if isinstance(shape, Profile):
         shape = shape.declared(c)
     c.notes = (*notes, shape.note, *_NOTES)
-    position = {
-        w.corner: c.parameter(
-            f"wheel.{w.corner}.x",
-            w.x,
-            "m",
-            f"position of the {w.corner} wheel ahead of the CG",
-            min=-50.0,
-            max=50.0,
-            source="vehicle file",
-        )
-        for w in layout.wheels
-    }
+    position = layout.declare_wheels(c)
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
 

@@ -11,12 +11,11 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
-from fmu_sources.roads.road import road
+from fmu_sources.roads.road import declare_side, is_on, road
 
 START, LENGTH, DEPTH, EDGE = 5.0, 2.0, 0.15, 0.2  # m
-
-BOTH, LEFT, RIGHT = range(3)
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class _Trench:
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
         """Height [m] and slope dz/dx at a column of positions [m]."""
-        here = self.side != (RIGHT if side == "left" else LEFT)
+        here = is_on(side, self.side)
         beyond = x > self.end
         x = ca.fmin(x, self.end)
         down, up = (ca.tanh((x - edge) / self.edge) for edge in (self.start, self.start + self.length))
@@ -46,6 +45,7 @@ class _Trench:
         return ca.if_else(here, height, 0), ca.if_else(ca.logic_and(here, ca.logic_not(beyond)), slope, 0)
 
 
+@component("RoadShallowTrench{s}", "shallow trench under the 6x6 of paper 003", of="three_axle")
 def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> Component:
     """Shallow trench across the road: -depth/2 (tanh((x - start)/edge) - tanh((x - start - length)/edge))."""
 
@@ -67,15 +67,7 @@ def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> 
                 source="003 Table 5.1",
             ),
             edge=length("trench.edge", EDGE, "length over which an edge is rounded: the scale of its tanh", "assumed"),
-            side=c.parameter(
-                "side",
-                0,
-                None,
-                "where the trench is: 0 both sides, 1 left, 2 right",
-                min=0,
-                max=RIGHT,
-                source="003: across the road",
-            ),
+            side=declare_side(c, "the trench is", "003: across the road"),
             end=length("length", 200.0, "length of the road", "assumed", least=1.0),
         )
 

@@ -6,8 +6,10 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.plants.free_body import MAX_SPEED
+from fmu_sources.registration import component
 
 
+@component("SpeedCommand", "speed that follows a command, with traveled distance")
 def speed_command(name: str = "SpeedCommand") -> Component:
     """A driver's foot: the speed goes to the target as fast as the limits let it.
 

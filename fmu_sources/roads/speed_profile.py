@@ -6,8 +6,10 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.plants.free_body import MAX_SPEED
+from fmu_sources.registration import component
 
 
+@component("SpeedProfile", "constant speed or ramp, with traveled distance")
 def speed_profile(name: str = "SpeedProfile") -> Component:
     """Speed and its exact integral, both closed forms of time: no state, no drift."""
     c = Component(

@@ -8,10 +8,12 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import NODE_STEP, Profile, road
 
 
+@component("RoadSine{s}", "sine road of paper 000", of="hmmwv_modified")
 def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
     """Sine road: flat, then a sine wave (paper 000, figure 3)."""
 
@@ -39,6 +41,7 @@ def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
     )
 
 
+@component("RoadCurb{s}", "curb road of paper 000", of="hmmwv_modified")
 def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
     """Curb: flat, a step up, level, a step down (paper 000, figure 4); a step takes one node interval."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 
 SAMPLE_TIME = 1e-3  # s
 RESOLUTION = 1e-5  # m per count, assumed
@@ -17,6 +18,7 @@ UNITS = ("m", "m/s")  # of the states of the differentiating filter
 CUT_OFF, DAMPING = 50.0, 0.9  # Hz, of the differentiating filter; assumed
 
 
+@component("BenchEncoders", "encoders of the bench, velocities estimated")
 def bench_encoders(name: str = "BenchEncoders") -> Component:
     """States of the bench as its controllers would measure them.
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 from fmu_sources.roads import RoadLayout
 
 SAMPLE_TIME = 5e-3  # s
@@ -25,6 +26,7 @@ _CONTACT_POINTS = 11
 _TINY = 1e-9
 
 
+@component("PreviewBuffer{s}", "road ahead by distance, read under each wheel (paper 001)", of="ride_car_hmmwv")
 def preview_buffer(
     layout: RoadLayout,
     name: str = "PreviewBuffer",
@@ -105,18 +107,7 @@ def preview_buffer(
         max=0.1,
         source="DESIGN of the exchange",
     )
-    places = {
-        w.corner: c.parameter(
-            f"wheel.{w.corner}.x",
-            w.x,
-            "m",
-            f"position of the {w.corner} wheel ahead of the CG",
-            min=-50.0,
-            max=50.0,
-            source="vehicle file",
-        )
-        for w in layout.wheels
-    }
+    places = layout.declare_wheels(c)
     x = c.input("x", "m", "distance of the CG along the road, as in sensed.*.x")
     speed = c.input("speed", "m/s", "forward speed; negative backwards", display_unit="km/h")
 

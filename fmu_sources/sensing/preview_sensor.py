@@ -12,6 +12,7 @@ import scipy.linalg
 
 from build_fmus.component import Component
 from fmu_sources.models.corners import CORNERS, Corners
+from fmu_sources.registration import component
 from fmu_sources.vehicles import RideCar, SensorSet, declare
 
 SAMPLE_TIME = 5e-3  # s
@@ -20,6 +21,8 @@ POSE = ("m", "rad", "rad")  # units of heave, roll and pitch
 NONE, QUARTER_CAR = 0, 1
 
 
+@component("PreviewSensor{s}", "road ahead from range sensors, equation (1.18) (paper 001)", of="ride_car_hmmwv")
+@component("PreviewSensor{s}", "road ahead from these range sensors, equation (1.18)", of="own_sensors")
 def preview_sensor(
     sensors: SensorSet, vehicle: RideCar, name: str = "PreviewSensor", *, period: float = SAMPLE_TIME
 ) -> Component:

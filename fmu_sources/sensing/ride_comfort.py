@@ -20,12 +20,14 @@ from fmu_sources.models.comfort import (
     Section,
     digital_sections,
 )
+from fmu_sources.registration import component
 
 SAMPLE_TIME = 1e-3  # s
 WINDOW = 1.0  # s, paper 001: peaks over single bumps
 LONGEST_WINDOW = 3.0  # s, what the FMU has memory for
 
 
+@component("RideComfort", "absorbed power and ISO 2631-1 (paper 001)")
 def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> Component:
     """Comfort figures of a vertical acceleration.
 

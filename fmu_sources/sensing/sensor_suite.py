@@ -10,6 +10,7 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.models.corners import CORNERS
+from fmu_sources.registration import component
 from fmu_sources.roads import RoadScan
 from fmu_sources.sensing.random_numbers import white_noise
 from fmu_sources.vehicles import SensorSet, declare
@@ -21,6 +22,7 @@ _DELAYS = 8  # samples of range kept for the response time
 _SMALL = 1e-12
 
 
+@component("SensorSuite{s}", "sensors of the HMMWV (paper 001, Tables 1.5 and 1.6)", of="sensors_hmmwv")
 def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") -> Component:
     """Sensors of a ride car, with white noise, resolution, range and response time.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Any, cast, get_args
+from typing import Any, TypeVar, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -30,6 +30,7 @@ from fmu_sources.vehicles.schema import (
 )
 
 _HERE = Path(__file__).parent
+V = TypeVar("V", bound=Vehicle)
 
 
 class VehicleError(ValueError):
@@ -75,44 +76,20 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
         raise VehicleError("\n".join(f"{path}: {_sentence(model, e)}" for e in error.errors())) from None
 
 
-def load_quarter_car(name_or_path: str | Path) -> QuarterCar:
-    """Load a vehicle of kind `quarter_car`; see `load_vehicle`."""
-    return cast(QuarterCar, load_vehicle(name_or_path, "quarter_car"))
+def _loader(model: type[V]) -> Callable[[str | Path], V]:
+    """`load_vehicle` for files of one kind."""
+    kind = next(k for k, of_kind in KINDS.items() if of_kind is model)
+    return lambda name_or_path: cast(V, load_vehicle(name_or_path, kind))
 
 
-def load_ride_car(name_or_path: str | Path) -> RideCar:
-    """Load a vehicle of kind `ride_car`; see `load_vehicle`."""
-    return cast(RideCar, load_vehicle(name_or_path, "ride_car"))
-
-
-def load_three_axle(name_or_path: str | Path) -> ThreeAxleCar:
-    """Load a vehicle of kind `three_axle`; see `load_vehicle`."""
-    return cast(ThreeAxleCar, load_vehicle(name_or_path, "three_axle"))
-
-
-def load_three_axle_trench(name_or_path: str | Path) -> ThreeAxleTrenchCar:
-    """Load a vehicle of kind `three_axle_trench`; see `load_vehicle`."""
-    return cast(ThreeAxleTrenchCar, load_vehicle(name_or_path, "three_axle_trench"))
-
-
-def load_full_car(name_or_path: str | Path) -> FullCar:
-    """Load a vehicle of kind `full_car`; see `load_vehicle`."""
-    return cast(FullCar, load_vehicle(name_or_path, "full_car"))
-
-
-def load_wishbone_car(name_or_path: str | Path) -> WishboneCar:
-    """Load a vehicle of kind `wishbone_car`; see `load_vehicle`."""
-    return cast(WishboneCar, load_vehicle(name_or_path, "wishbone_car"))
-
-
-def load_actuator(name_or_path: str | Path) -> Actuator:
-    """Load a file of kind `actuator`; see `load_vehicle`."""
-    return cast(Actuator, load_vehicle(name_or_path, "actuator"))
-
-
-def load_sensors(name_or_path: str | Path) -> SensorSet:
-    """Load a file of kind `sensors`; see `load_vehicle`."""
-    return cast(SensorSet, load_vehicle(name_or_path, "sensors"))
+load_quarter_car = _loader(QuarterCar)
+load_ride_car = _loader(RideCar)
+load_three_axle = _loader(ThreeAxleCar)
+load_three_axle_trench = _loader(ThreeAxleTrenchCar)
+load_full_car = _loader(FullCar)
+load_wishbone_car = _loader(WishboneCar)
+load_actuator = _loader(Actuator)
+load_sensors = _loader(SensorSet)
 
 
 def declare(c: Component, section: Section, prefix: str = "", leave_out: Collection[str] = ()) -> Any:

@@ -16,7 +16,7 @@ from build_fmus import builder
 from build_fmus.base import safe_files
 from build_fmus.base.safe_files import DamagedWarning
 from build_fmus.builder import Options, Stamps, levels, source_hash, with_needs
-from fmu_sources import cli
+from fmu_sources import cli, registration
 from fmu_sources.catalog import default_catalog
 
 
@@ -209,6 +209,19 @@ def test_messages_of_the_command_line(
     assert end.value.code == 1
     assert message in said
     assert "Traceback" not in said
+
+
+def test_modules_with_declarations_are_known() -> None:
+    package = Path(registration.__file__).parent
+    files = {p for p in package.rglob("*.py") if "\n@component(" in p.read_text()}
+    assert files == {package / f"{m.replace('.', '/')}.py" for m in registration.MODULES}
+
+
+def test_a_declaration_takes_literals(tmp_path: Path) -> None:
+    path = tmp_path / "own.py"
+    path.write_text('NAME = "Own"\n\n\n@component(NAME, "text")\ndef own(name): ...\n')
+    with pytest.raises(ValueError, match=r"own\.py:4: a declaration of the catalog takes literals only"):
+        registration.read(path, "own")
 
 
 def test_list_names_the_whole_catalog(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:

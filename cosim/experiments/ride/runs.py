@@ -22,7 +22,7 @@ from cosim.study.case import Case as BaseCase
 from cosim.study.case import CaseError, check_choice, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.catalog import CROSSING_PREVIEW, GPC_PREVIEW, LQ_PREVIEW, MPC_PREVIEW, WHEEL_RADIUS
+from fmu_sources.catalog import PUBLISHED, wheel_radius
 from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series, weighted_acceleration
 from fmu_sources.roads import RoadLayout
 from fmu_sources.roads.proving_ground import HALF_ROUND, POSITION
@@ -49,8 +49,6 @@ class Car:
         plant: name of the car's FMU.
         road: name of its courses.
         instead: name of the road that they stand in for.
-        preview: heights ahead that its controllers read, and the time between them [s].
-        radius: of its wheels as they roll over a course [m]; 0: its tires envelop, and get the course as it is.
         case: the other experiment's case.
         wire: its wiring.
         configure: sets what of such a case concerns car and controller.
@@ -63,12 +61,15 @@ class Car:
     plant: str
     road: str
     instead: str
-    preview: tuple[int, float]
-    radius: float
     case: Callable[..., Any]
     wire: Callable[[FmuSet, Any], System]
     configure: Callable[[System, Any], None]
     driver: bool = False
+
+    @property
+    def radius(self) -> float:
+        """Radius of its wheels as they roll over a course [m]; 0: its tires envelop, and get the course as it is."""
+        return wheel_radius(self.vehicle, self.vehicle)
 
     @property
     def size(self) -> tuple[float, float]:
@@ -106,8 +107,6 @@ CARS = {
         "RideCarHmmwv",
         "RoadProvingGroundHmmwv",
         hmmwv.ROADS["bump"],
-        MPC_PREVIEW,
-        WHEEL_RADIUS["hmmwv"],
         lambda **fields: hmmwv.Case("bump", **fields),
         _without_comfort,
         hmmwv.configure_vehicle,
@@ -119,8 +118,6 @@ CARS = {
         preview_lq.CAR,
         "RoadProvingGround5ms",
         preview_lq.ROAD,
-        LQ_PREVIEW,
-        WHEEL_RADIUS["sedan"],
         preview_lq.Case,
         preview_lq.wire,
         preview_lq.configure_controller,
@@ -132,8 +129,6 @@ CARS = {
         "ThreeAxleRide",
         "RoadProvingGroundThreeAxle",
         "RoadShallowTrench",
-        CROSSING_PREVIEW,
-        WHEEL_RADIUS["6x6"],
         three_axle.Case,
         three_axle.wire,
         three_axle.configure_controller,
@@ -145,8 +140,6 @@ CARS = {
         gpc.PLANT,
         "RoadProvingGround",
         gpc.ROADS["sine"],
-        GPC_PREVIEW,
-        WHEEL_RADIUS["full-car"],
         lambda **fields: gpc.Case("sine", **fields),
         gpc.wire,
         _as_it_is,
@@ -159,8 +152,6 @@ CARS = {
         "FullCarHmmwvPublic",
         "RoadProvingGroundHmmwvPublic",
         gpc.ROADS["sine"],
-        GPC_PREVIEW,
-        0.0,
         lambda **fields: gpc.Case("sine", **fields),
         _enveloping,
         _as_it_is,
@@ -292,7 +283,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     name, build = fmus.own.get(car.road, (car.road, ""))
     if case.course in NUMBER:
         return car.wire(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
-    file = course_under(fmus, case.course, car.plant, car.preview, car.radius)
+    file = course_under(fmus, case.course, car.plant, PUBLISHED[car.vehicle].preview, car.radius)
     place = str(fmus.directory / f"fmi{fmus.fmi}" / f"{file.fmu.name}")
     made = replace(fmus, own={**fmus.own, car.instead: (file.fmu.stem, "")}, at={**fmus.at, place: str(file.fmu)})
     system = car.wire(made, case.other)

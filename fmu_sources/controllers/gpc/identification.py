@@ -20,12 +20,21 @@ import numpy as np
 from build_fmus.base import safe_files
 from build_fmus.base.checks import number, whole_number
 from build_fmus.base.sources import code_hash
+from build_fmus.component import Component
 from cosim import PythonComponent, Record, System
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
-from fmu_sources.controllers.gpc.component import RESPONSE_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE
+from fmu_sources.controllers.gpc.component import (
+    RESPONSE_TICK,
+    RESPONSES,
+    SAMPLE_TIME,
+    TICK,
+    TICKS_PER_SAMPLE,
+    gpc_controller,
+)
 from fmu_sources.controllers.gpc.control_law import GpcLaw, Variant, gpc_law
 from fmu_sources.controllers.gpc.prediction import multi_step_predictor
 from fmu_sources.models.corners import CORNERS
+from fmu_sources.registration import component, needs
 
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
@@ -184,3 +193,13 @@ def published_laws(
     if path is not None:
         safe_files.keep_json(path, {k: v.to_dict() for k, v in laws.items()})
     return laws
+
+
+@component("GpcImplicit{s}", "GPC with implicit disturbances (paper 000)", of="hmmwv_modified", variant="implicit")
+@component("GpcExplicit{s}", "GPC with explicit disturbances (paper 000)", of="hmmwv_modified", variant="explicit")
+@component("GpcPreview{s}", "GPC with preview (paper 000)", of="hmmwv_modified", variant="preview")
+@needs("FullCar{v}", "RoadPerryman3{s}", "SpeedProfile")
+def gpc_published(fmus: Sequence[Path], cache: Path, name: str, *, variant: Variant) -> Component:
+    """Controller of a variant, from the FMUs of plant, road and speed. The identification is kept in `cache`."""
+    plant, road, speed = fmus
+    return gpc_controller(published_laws(plant=plant, road=road, speed=speed, cache=cache)[variant], name=name)

@@ -11,6 +11,7 @@ from scipy import linalg
 
 from build_fmus.component import Component
 from fmu_sources.models.bench_states import STATES, bench_model, reference_inputs
+from fmu_sources.registration import component
 
 WEIGHTS = (
     450.0,
@@ -30,6 +31,7 @@ def lqr_gain(car: Component) -> np.ndarray:
     return (B.T @ P / FORCE_WEIGHT).ravel()
 
 
+@component("Lqr{v}", "LQR of the quarter-car bench (paper 002)", of="quarter_car_bench")
 def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
     """State feedback of paper 002, section III A, every 2 ms."""
     c = Component(

@@ -30,6 +30,7 @@ from fmu_sources.models.hmmwv_states import (
     relative_model,
     sines,
 )
+from fmu_sources.registration import component
 
 _WEIGHTED = {
     "acceleration": ("body.az",),
@@ -71,27 +72,14 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
         LqError: the index has no optimum on this car.
         ValueError: a weight, or a car without the outputs that are weighted.
     """
-    lin = car.linearize()
     names = [n for group in _WEIGHTED.values() for n in group]
     rho = [getattr(weights, kind) for kind, group in _WEIGHTED.items() for _ in group]
-    y = [lin.outputs.index(n) for n in names]
-    u, h = ([lin.inputs.index(n) for n in group] for group in (FORCES, ROAD_HEIGHTS))
-    plant = LinearPlant(
-        A=lin.A,
-        B=lin.B[:, u],
-        E=lin.B[:, h],
-        C=lin.C[y],
-        D=lin.D[np.ix_(y, u)],
-        F=lin.D[np.ix_(y, h)],
-        states=tuple(lin.states),
-        controls=FORCES,
-        disturbances=ROAD_HEIGHTS,
-        outputs=tuple(names),
-    )
+    plant = LinearPlant.of(car.linearize(), FORCES, ROAD_HEIGHTS, names)
     absolute = sampled_lq(plant, output_index(plant, rho, [weights.force] * len(FORCES)), period).K
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 
 
+@component("Lqr{v}", "LQR of paper 001, force weighted in N, as published", of="ride_car_hmmwv")
 def lqr_hmmwv(
     car: Component,
     weights: LqrWeights = TABLE_1_1,
@@ -125,6 +113,12 @@ def lqr_hmmwv(
     scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
     c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
     return c
+
+
+@component("Lqr{v}Kilonewton", "LQR of paper 001, force weighted in kN", of="ride_car_hmmwv")
+def lqr_hmmwv_kilonewton(car: Component, name: str = "LqrHmmwvKilonewton") -> Component:
+    """`lqr_hmmwv` with the weights `TABLE_1_1_KILONEWTON`."""
+    return lqr_hmmwv(car, TABLE_1_1_KILONEWTON, name)
 
 
 _NOTES = (

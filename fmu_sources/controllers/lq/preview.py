@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -26,8 +27,9 @@ from fmu_sources.controllers.lq.design import (
 )
 from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT
 from fmu_sources.controllers.lq.design.tunable import tunable_taps
-from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, control_weights, output_weights
+from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, control_weights, load_weights, output_weights
 from fmu_sources.models.corners import CORNERS
+from fmu_sources.registration import component
 
 SIDES = {"l": ("fl", "rl"), "r": ("fr", "rr")}
 MODES = {"active": 0, "delay": 1, "preview": 2}
@@ -70,26 +72,12 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
         ValueError: the car's outputs depend on road rates (tire damping): the index would need the road's slope.
     """
     lin = car.linearize(p=parameters)
-    column = {n: i for i, n in enumerate(lin.inputs)}
-    row = {n: i for i, n in enumerate(lin.outputs)}
-    u, w, rates = (
-        [column[pattern.format(k)] for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
+    forces, heights, rates = (
+        [pattern.format(k) for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
     )
-    if np.abs(lin.B[:, rates]).max() > 0:
+    if np.abs(lin.B[:, [lin.inputs.index(n) for n in rates]]).max() > 0:
         raise ValueError(f"{car.name}: tire damping makes road rates a disturbance; preview LQ is for cars without it")
-    y = [row[n] for n in WEIGHTED]
-    return LinearPlant(
-        A=lin.A,
-        B=lin.B[:, u],
-        E=lin.B[:, w],
-        C=lin.C[y],
-        D=lin.D[np.ix_(y, u)],
-        F=lin.D[np.ix_(y, w)],
-        states=tuple(lin.states),
-        controls=tuple(f"force.{k}" for k in CORNERS),
-        disturbances=tuple(f"road.{k}.height" for k in CORNERS),
-        outputs=WEIGHTED,
-    )
+    return LinearPlant.of(lin, forces, heights, WEIGHTED)
 
 
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
@@ -113,9 +101,27 @@ def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, co
     return Taps(sampled.K, interior, end, tail, shift)
 
 
+@component("PreviewLqComfort{s}", "preview LQ controller of paper 004, ride comfort", of="sedan", weights="comfort")
+@component(
+    "PreviewLqComfort5ms{s}",
+    "preview LQ controller of paper 004, ride comfort, sampled at 5 ms",
+    of="sedan",
+    weights="comfort",
+    period=5e-3,
+)
+@component(
+    "PreviewLqRoadHolding{s}", "preview LQ controller of paper 004, road holding", of="sedan", weights="road_holding"
+)
+@component(
+    "PreviewLqTunable{s}",
+    "preview LQ controller of paper 004, its weights parameters",
+    of="sedan",
+    weights="comfort",
+    tunable=True,
+)
 def preview_lq(
     car: Component,
-    weights: PreviewLqWeights,
+    weights: PreviewLqWeights | str | Path,
     *,
     name: str,
     period: float = CONTINUOUS_PERIOD,
@@ -128,7 +134,7 @@ def preview_lq(
 
     Args:
         car: the ride car.
-        weights: of the index; with `tunable` those at first.
+        weights: of the index, or the name or path of their file; with `tunable` those at first.
         name: of the FMU.
         period: sample time [s].
         preview_count: number of points of the preview inputs.
@@ -141,6 +147,8 @@ def preview_lq(
             `CONTINUOUS_PERIOD`, or is for a car whose sides differ.
         LqError: the design has no stabilizing solution.
     """
+    if not isinstance(weights, PreviewLqWeights):
+        weights = load_weights(weights)
     every = round(preview_step / period)
     if every < 1 or not math.isclose(every * period, preview_step):
         raise ValueError(f"{name}: preview step {preview_step:g} s is not a multiple of the period {period:g} s")

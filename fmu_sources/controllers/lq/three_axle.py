@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
 from build_fmus.component import Component
 from fmu_sources.controllers.lq.design import ContinuousLq, LinearPlant, continuous_lq, output_index
+from fmu_sources.registration import component
 
 SAMPLE_TIME = 1e-3  # s
 
@@ -38,24 +38,12 @@ def design(car: Component, weights: LqrThreeAxleWeights) -> ContinuousLq:
         LqError: the weights have no stabilizing solution on this car.
     """
     lin = car.linearize()
-    u = [j for j, n in enumerate(lin.inputs) if n.startswith("force.")]
-    w = [j for j, n in enumerate(lin.inputs) if n.startswith("road.")]
-    n = len(lin.states)
-    plant = LinearPlant(
-        A=lin.A,
-        B=lin.B[:, u],
-        E=lin.B[:, w],
-        C=np.eye(n),
-        D=np.zeros((n, len(u))),
-        F=np.zeros((n, len(w))),
-        states=tuple(lin.states),
-        controls=tuple(lin.inputs[j] for j in u),
-        disturbances=tuple(lin.inputs[j] for j in w),
-        outputs=tuple(lin.states),
-    )
-    return continuous_lq(plant, output_index(plant, [weights.of(s) for s in lin.states], [weights.force] * len(u)))
+    forces, roads = ([n for n in lin.inputs if n.startswith(kind)] for kind in ("force.", "road."))
+    plant = LinearPlant.of(lin, forces, roads, lin.states)
+    return continuous_lq(plant, output_index(plant, [weights.of(s) for s in lin.states], [weights.force] * len(forces)))
 
 
+@component("LqrThreeAxle{s}", "linear-quadratic regulator with pitch reference (paper 003)", of="three_axle")
 def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, name: str = "LqrThreeAxle") -> Component:
     """The controller FMU for a ride car: force = -gain (x - x_reference), the reference of all states but pitch 0.
 

@@ -12,6 +12,7 @@ from fmu_sources.controllers.mpc.component import mpc_component
 from fmu_sources.controllers.mpc.model import MpcModel
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
 from fmu_sources.models.bench_states import STATES, bench_model, reference_inputs
+from fmu_sources.registration import component
 
 FORCE_LIMIT = 8.0  # N, 002 section V
 MPC_PERIOD = 10e-3  # s, assumed
@@ -36,6 +37,8 @@ def bench_mpc(car: Component, cost: Literal["force", "moves"] = "force", horizon
     )
 
 
+@component("Mpc{v}", "MPC of the quarter-car bench (paper 002)", of="quarter_car_bench")
+@component("Mpc{v}Moves", "MPC of the bench, weight on the moves (paper 002)", of="quarter_car_bench", cost="moves")
 def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "moves"] = "force") -> Component:
     """MPC of paper 002, section III B, every 10 ms, |force| <= 8 N.
 
@@ -61,8 +64,3 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
     )
     c.reference_input(reference_inputs())
     return c
-
-
-def mpc_bench_moves(car: Component, name: str = "MpcBenchMoves") -> Component:
-    """`mpc_bench` with the weight on the moves, as paper 002 writes its index (16)."""
-    return mpc_bench(car, name, cost="moves")

@@ -40,6 +40,7 @@ from fmu_sources.models.hmmwv_states import (
     relative_inputs,
     relative_model,
 )
+from fmu_sources.registration import component
 
 STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1
@@ -128,6 +129,7 @@ def hmmwv_mpc(car: Component, weights: MpcHmmwvWeights | None = None, steps: int
     )
 
 
+@component("Mpc{v}", "MPC of the HMMWV with or without preview (paper 001)", of="ride_car_hmmwv")
 def mpc_hmmwv(
     car: Component,
     weights: MpcHmmwvWeights | None = None,

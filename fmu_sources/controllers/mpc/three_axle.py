@@ -31,6 +31,7 @@ from fmu_sources.controllers.mpc.model import Disturbance, MpcModel
 from fmu_sources.controllers.mpc.observer import Observer
 from fmu_sources.controllers.mpc.settings import Case, Horizon, Input, Mpc, Output
 from fmu_sources.models.corners import SIX_CORNERS
+from fmu_sources.registration import component
 
 SAMPLE_TIME, PREDICTION, CONTROL = 5e-3, 50, 3  # s, steps, moves: Table 4.4
 FORCES = tuple(f"force.{k}" for k in SIX_CORNERS)
@@ -187,6 +188,7 @@ def combined_gains(model: MpcModel) -> tuple[MpcModel, dict[str, np.ndarray]]:
     return both, gains
 
 
+@component("MpcThreeAxle{s}", "MPC with preview of road and pitch for the 6x6 (paper 003)", of="three_axle")
 def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     """The controller FMU for the 6x6, designed on its linear ride model."""
     model, gains = combined_gains(ride_model(car))

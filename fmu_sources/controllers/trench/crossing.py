@@ -21,6 +21,7 @@ import casadi as ca
 from build_fmus.component import Component, Model
 from build_fmus.reference import Evaluator
 from fmu_sources.models.corners import SIX_CORNERS, THREE_AXLES, Corners
+from fmu_sources.registration import component
 
 AXLES = tuple(dict.fromkeys(THREE_AXLES.values()))
 COUNT, STEP = 50, 5e-3  # samples of preview and reference, and their distance [s]
@@ -63,6 +64,14 @@ class CrossingGeometry:
             lidar_above=above,
             cg_height=cg,
         )
+
+
+@component(
+    "TrenchCrossing{s}", "cases, pitch reference and effective road for trenches (paper 003)", of="three_axle_trench"
+)
+def trench_crossing_of(car: Component, name: str = "TrenchCrossing") -> Component:
+    """The algorithm for a car."""
+    return trench_crossing(CrossingGeometry.of(car.model()), name)
 
 
 def trench_crossing(

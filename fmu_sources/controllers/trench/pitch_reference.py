@@ -7,10 +7,12 @@ from math import radians
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.registration import component
 
 COUNT, STEP = 50, 5e-3  # samples of the preview, and their distance [s]
 
 
+@component("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)")
 def pitch_reference(name: str = "PitchReference", *, count: int = COUNT, step: float = STEP) -> Component:
     """Ramp up, hold, ramp down: a closed form of time, evaluated `count` times, `step` seconds apart."""
     c = Component(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.component import Linearization
 from fmu_sources.controllers.design_checks import Array
 from fmu_sources.controllers.lq.design.matrices import (
     even,
@@ -42,6 +43,16 @@ class LinearPlant:
     controls: tuple[str, ...]
     disturbances: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, lin: Linearization, controls: Sequence[str], disturbances: Sequence[str], outputs: Sequence[str]
+    ) -> LinearPlant:
+        """The linear model of a component, by the names of its inputs and of the outputs that are weighted."""
+        u, w = ([lin.inputs.index(n) for n in names] for names in (controls, disturbances))
+        y = [lin.outputs.index(n) for n in outputs]
+        B, E, C, D, F = lin.B[:, u], lin.B[:, w], lin.C[y], lin.D[np.ix_(y, u)], lin.D[np.ix_(y, w)]
+        return cls(lin.A, B, E, C, D, F, tuple(lin.states), tuple(controls), tuple(disturbances), tuple(outputs))
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
