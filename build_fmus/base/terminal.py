@@ -127,15 +127,15 @@ class Command(click.Command):
         super().__init__(name, params=[*grouped, *(params or ()), *_VERBOSITY], **named)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments; the message on a wrong number says what is wanted."""
+        """Parse the arguments; the message on a text that is not a number says so in plain words."""
         try:
             return super().parse_args(ctx, args)
         except click.BadParameter as error:
             found = re.fullmatch(r"('.*') is not a valid (float|integer)( range)?\.", error.message, re.DOTALL)
             if found is None:
                 raise
-            wanted = "a number" if found[2] == "float" else "a whole number"
-            raise click.BadParameter(f"{found[1]}; give {wanted}", error.ctx, error.param, error.param_hint) from None
+            kind = "a number" if found[2] == "float" else "a whole number"
+            raise click.BadParameter(f"{found[1]}; give {kind}", error.ctx, error.param, error.param_hint) from None
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; Ctrl-C raises UserAbort, and messages name the options of the command."""

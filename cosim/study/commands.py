@@ -207,7 +207,7 @@ def export_command(experiment: Experiment) -> Command:
         with Runner(experiment, fmu_set(experiment, given)) as runner:
             system = runner.system(case)
             if given["ssp"] is not None:
-                _export_ssp(system, given, text, _end(experiment, system, case))
+                _export_ssp(system, given, text, experiment.run.end(system, case))
                 return
             path = system.export_fmu(
                 given["fmu"],
@@ -271,17 +271,13 @@ def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: 
     console.print(f"{path}, SSP {given['ssp_version']}; cosim wiring {path} draws it, cosim run {path} runs it")
 
 
-def _end(experiment: Experiment, system: System, case: Any) -> float:
-    """How long a case runs at most [s]."""
-    end = experiment.stop_time
-    return end(system, case) if callable(end) else end
-
-
 def study_command(experiment: Experiment) -> Command:
     """The command that runs a study and writes its report."""
-    own_plan = experiment.plan is not None
+    own_plan = experiment.study.plan is not None
     options = (
-        getattr(experiment.plan, "__click_params__", []) if own_plan else case_options(experiment, repeatable=True)
+        getattr(experiment.study.plan, "__click_params__", [])
+        if own_plan
+        else case_options(experiment, repeatable=True)
     )
 
     def study(**given: Any) -> None:
@@ -351,26 +347,27 @@ def run_case(
     name = file_name(case)
     path = output or folder / f"{name}.csv"
     format_of(path)  # refused before FMUs are loaded
-    baseline = experiment.beside(case, fmus)
+    baseline = experiment.baseline.beside(case, fmus)
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
         runner.execution.prepare(runner.system(case))
         with kept_recording(path):
             record = Record(display_units=display_units)
             run = runner.run(case, output=path, record=record, progress=True, real_time=real_time)
-        name_of = experiment.name_of
+        name_of = experiment.baseline.name_of
         runs, measured = {name_of(case): run}, {name_of(case): experiment.measured(run)}
-        remarks = experiment.remarks(run) if experiment.remarks else ()
+        remarks = experiment.measures.remarks(run) if experiment.measures.remarks else ()
         if baseline is not None and baseline != case:
             beside = runner.run(baseline)
             runs = {name_of(baseline): beside, **runs}
             own, other = measured[name_of(case)], experiment.measured(beside)
-            more = experiment.compared(own, other) if experiment.compared else {}
+            more = experiment.baseline.compared(own, other) if experiment.baseline.compared else {}
             measured = {name_of(baseline): other, name_of(case): {**own, **more}}
-        show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        metrics = experiment.measures.metrics or _plain(measured)
+        show(metric_table(measured, metrics, relative=experiment.baseline.relative))
         if len(measured) > 1:
-            console.print(experiment.about_baseline(baseline, case), markup=False)
+            console.print(experiment.baseline.sentence(baseline, case), markup=False)
         if bars:
-            show_bars(measured, experiment.metrics or _plain(measured))
+            show_bars(measured, metrics)
         show_curves(run.recording, curves)
         for remark in remarks:
             console.print(f"note: {remark}")
@@ -425,7 +422,7 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
 
     folder = make_folder(fmus.results(out, experiment.name))
     for part in experiment.every:
-        fmus.paths(part.fmus)
+        fmus.paths(part.wiring.fmus)
     with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
         results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
     failures = results.failures

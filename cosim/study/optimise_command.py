@@ -183,7 +183,7 @@ def _search(
 
 def _unit(experiment: Experiment, metric: str) -> str:
     """As the experiment declares it; empty where it does not."""
-    declared = (experiment.metrics or {}).get(metric)
+    declared = experiment.measures.metrics.get(metric)
     return declared.unit if declared is not None and declared.unit and declared.factor == 1 else ""
 
 

@@ -97,12 +97,12 @@ def case_of(experiment: Experiment, given: Mapping[str, Any]) -> Any:
 
 def fmu_options(experiment: Experiment) -> list[click.Option]:
     """Options of the FMUs, with files of the user's where the experiment takes such."""
-    return [*([VEHICLE] if experiment.own_fmus is not None else []), *FMU_FILES]
+    return [*([VEHICLE] if experiment.wiring.own_fmus is not None else []), *FMU_FILES]
 
 
 def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
     """The FMUs of an experiment, with those of a user's files."""
-    make = resolved(experiment.own_fmus)
+    make = resolved(experiment.wiring.own_fmus)
     if make is None:
         return FmuSet(given["fmus"], given["fmi"])
     case = case_of(experiment, given) if all(f.attribute in given for f in fields(experiment.case)) else None

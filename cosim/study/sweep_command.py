@@ -19,7 +19,7 @@ from build_fmus.base.terminal import PATH, Command, Names, console
 from cosim.study.case import fields
 from cosim.study.commands import make_folder, on, refuse_none, run_case
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment
 from cosim.study.options import EXECUTION, MANY_RUNS, OUT, RETRY, case_options, command, execution, fmu_options, fmu_set
 from cosim.study.sweep import HISTORIES, RunningStats, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
@@ -247,5 +247,5 @@ def _one(sweep: Sweep, number: int, fmus: Any, given: Mapping[str, Any]) -> None
     made = swept(sweep.experiment, sweep.parameters)
     kind = type("Run", (made.case,), {"label": f"run-{number}"})  # which names its files
     case = kind(**{**sweep.base, **dict(zip(sweep.attributes, sweep.point(number), strict=True))})
-    alone = dataclasses.replace(made, baseline=None)
+    alone = dataclasses.replace(made, baseline=Baseline())
     run_case(alone, case, fmus, given["out"], execution(given), folder=fmus.results(given["out"], made.name) / "sweep")
