@@ -21,8 +21,9 @@ from build_fmus.base.checks import unknown
 from build_fmus.base.terminal import PATH, SETTINGS, Command, Commands, Names, show, version_option
 from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
-from cosim.study.commands import export_command, run_command, study_command, wiring_command
+from cosim.study.commands import run_command, study_command
 from cosim.study.experiment import Experiment, resolved
+from cosim.study.export_command import export_command, wiring_command
 from cosim.study.loading import load
 from cosim.study.optimise_command import optimise_command
 from cosim.study.sweep_command import sweep_command

@@ -19,9 +19,8 @@ from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base import safe_files
-from build_fmus.base.terminal import PATH, Command, Names, console, show
-from build_fmus.compile import PLATFORMS
-from cosim import Execution, Record, System
+from build_fmus.base.terminal import PATH, Command, console, show
+from cosim import Execution, Record
 from cosim.core.errors import ComponentError, CosimError, Interrupted
 from cosim.recording.formats import FORMATS, format_of
 from cosim.recording.recording import Recording
@@ -47,59 +46,6 @@ from cosim.study.options import (
 from cosim.study.pages import report_of
 from cosim.study.runner import Runner
 
-EXPORT = (
-    click.Option(["--fmu"], type=PATH, metavar="FILE", help="write the system as this FMU, NAME.fmu"),
-    click.Option(
-        ["--web"], type=PATH, metavar="FILE", help="write a web page, NAME.html, in which the system runs live"
-    ),
-    click.Option(
-        ["--beside"],
-        multiple=True,
-        metavar="OPTION=VALUE,...",
-        help="show another system on the page: the same case with these options changed (repeatable)",
-    ),
-    click.Option(
-        ["--ssp"],
-        type=PATH,
-        metavar="FILE",
-        help="write the FMUs and their connections as this SSP, NAME.ssp",
-    ),
-    click.Option(
-        ["--ssp-version"],
-        type=Names(("1.0", "2.0")),
-        default="1.0",
-        help="choose the SSP version; 1.0 contains FMI 2.0 FMUs, 2.0 FMI 3.0 FMUs",
-    ),
-    click.Option(
-        ["--input", "inputs"],
-        multiple=True,
-        metavar="NAME",
-        help="make this variable, COMPONENT.VARIABLE or a pattern, an input of the exported system (default: FMU: all"
-        " unconnected inputs, SSP: none) (repeatable)",
-    ),
-    click.Option(
-        ["--output", "outputs"],
-        multiple=True,
-        metavar="NAME",
-        help="make this variable an output (default: all outputs) (repeatable)",
-    ),
-    click.Option(
-        ["--without"],
-        multiple=True,
-        metavar="COMPONENT",
-        help="leave this component out; the inputs that it drove become inputs of the system (repeatable)",
-    ),
-    click.Option(
-        ["--platform"],
-        type=Names(("host", "all", *PLATFORMS)),
-        default="host",
-        help="build binaries for these platforms, separated by commas",
-    ),
-)
-PICTURE = (
-    click.Option(["--svg"], type=PATH, metavar="FILE", help="write the picture to this file (default: NAME.svg)"),
-    click.Option(["--title"], help="set the heading of the picture; '' for none"),
-)
 REAL_TIME = click.Option(
     ["--real-time"],
     type=float,
@@ -109,6 +55,42 @@ REAL_TIME = click.Option(
     help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
 )
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
+
+
+# -------------------------------------------------------------------------------------------------------------- one run
+
+
+def run_command(experiment: Experiment) -> Command:
+    """The command that runs one case beside its baseline."""
+
+    def run(**given: Any) -> None:
+        run_case(
+            experiment,
+            case_of(experiment, given),
+            fmu_set(experiment, given),
+            given["out"],
+            execution(given),
+            inputs=given["signals_"],
+            hold_inputs=given["hold_input"],
+            output=given["recording_"],
+            display_units=given["display_units"],
+            real_time=given["real_time"],
+            curves=given["curves"],
+            bars=given["bars_"],
+        )
+
+    case = case_options(experiment)
+    return command(
+        experiment,
+        run,
+        "Run one case: print its metrics and write its time histories to a file.",
+        {
+            "Case": case,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, REAL_TIME],
+            "Inputs and results": _results(case),
+        },
+    )
 
 
 def _results(case: Sequence[click.Option]) -> list[click.Option]:
@@ -153,168 +135,6 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
             help="draw the metrics as bars in the terminal, next to those of the baseline",
         ),
     ]
-
-
-# ------------------------------------------------------------------------------------------------------ the commands
-
-
-def run_command(experiment: Experiment) -> Command:
-    """The command that runs one case beside its baseline."""
-
-    def run(**given: Any) -> None:
-        run_case(
-            experiment,
-            case_of(experiment, given),
-            fmu_set(experiment, given),
-            given["out"],
-            execution(given),
-            inputs=given["signals_"],
-            hold_inputs=given["hold_input"],
-            output=given["recording_"],
-            display_units=given["display_units"],
-            real_time=given["real_time"],
-            curves=given["curves"],
-            bars=given["bars_"],
-        )
-
-    case = case_options(experiment)
-    return command(
-        experiment,
-        run,
-        "Run one case: print its metrics and write its time histories to a file.",
-        {
-            "Case": case,
-            "FMUs": fmu_options(experiment),
-            "How it runs": [*EXECUTION, REAL_TIME],
-            "Inputs and results": _results(case),
-        },
-    )
-
-
-def export_command(experiment: Experiment) -> Command:
-    """The command that writes the system of one case as an FMU or as an SSP."""
-
-    def export(**given: Any) -> None:
-        case = case_of(experiment, given)
-        text = f"{experiment.title}: {case.label}" if experiment.title else ""
-        if sum(given[target] is not None for target in ("fmu", "ssp", "web")) != 1:
-            raise CosimError("give one target: --fmu NAME.fmu, --ssp NAME.ssp or --web NAME.html")
-        if given["web"] is not None:
-            _export_web(experiment, case, given)
-            return
-        if given["beside"]:
-            raise CosimError("--beside needs a page: add --web NAME.html")
-        with Runner(experiment, fmu_set(experiment, given)) as runner:
-            system = runner.system(case)
-            if given["ssp"] is not None:
-                _export_ssp(system, given, text, experiment.run.end(system, case))
-                return
-            path = system.export_fmu(
-                given["fmu"],
-                inputs=given["inputs"] or None,
-                outputs=given["outputs"] or None,
-                without=given["without"],
-                fmi=given["fmi"],
-                platforms=given["platform"],
-                text=text,
-            )
-        console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows its contents")
-
-    return command(
-        experiment,
-        export,
-        "Export the system of one case: as one FMU that contains all components, as an SSP (the FMUs and their"
-        " connections), or as a web page in which it runs.",
-        {"Case": case_options(experiment, beside=EXPORT), "Export": EXPORT, "FMUs": fmu_options(experiment)},
-    )
-
-
-def wiring_command(experiment: Experiment) -> Command:
-    """The command that draws the system of one case."""
-
-    def wiring(**given: Any) -> None:
-        case = case_of(experiment, given)
-        path = given["svg"] or Path(f"{experiment.name}.svg")
-        with Runner(experiment, fmu_set(experiment, given)) as runner:
-            system = runner.system(case)
-            safe_files.write(path, system.draw(experiment.title if given["title"] is None else given["title"]))
-            show(Text(str(system.schedule())))
-        console.print(f"{path}")
-
-    return command(
-        experiment,
-        wiring,
-        "Draw the system of one case: its components with their rates, and a line for each bundle of signals.",
-        {"Case": case_options(experiment), "Picture": PICTURE, "FMUs": fmu_options(experiment)},
-    )
-
-
-def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> None:
-    from cosim.study.web import write_web
-
-    for option, name in (("inputs", "--input"), ("outputs", "--output"), ("without", "--without")):
-        if given[option]:
-            raise CosimError(f"{name} applies to --fmu only: a page has all inputs and outputs")
-    if given["fmi"] != 3:
-        raise CosimError("--web is for FMI 3.0 only: leave --fmi out")
-    path = write_web(experiment, fmu_set(experiment, given), given["web"], case, given["beside"])
-    console.print(f"{path}, {path.stat().st_size / 1e6:.1f} MB: open it in a browser; it needs no server")
-
-
-def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: float) -> None:
-    for option, name in (("outputs", "--output"), ("without", "--without")):
-        if given[option]:
-            raise CosimError(f"{name} applies to --fmu only: in an SSP every component has all its outputs")
-    path = system.export_ssp(
-        given["ssp"], version=given["ssp_version"], inputs=given["inputs"], stop_time=stop_time, text=text
-    )
-    console.print(f"{path}, SSP {given['ssp_version']}; cosim wiring {path} draws it, cosim run {path} runs it")
-
-
-def study_command(experiment: Experiment) -> Command:
-    """The command that runs a study and writes its report."""
-    own_plan = experiment.study.plan is not None
-    options = (
-        getattr(experiment.study.plan, "__click_params__", [])
-        if own_plan
-        else case_options(experiment, repeatable=True)
-    )
-
-    def study(**given: Any) -> None:
-        chosen = {option.name: given[option.name] for option in options}
-        write_study(
-            experiment,
-            fmu_set(experiment, given),
-            given["out"],
-            tasks=None if own_plan else _grid(experiment, chosen),
-            options=chosen if own_plan else {},
-            processes=given["processes"],
-            cluster=given["dask"],
-            retry_failed=given["retry_failed"],
-            force=given["force"],
-            execution=execution(given),
-        )
-
-    what = "The whole study" if own_plan else "All combinations of the values given for each option"
-    return command(
-        experiment,
-        study,
-        f"{what}; writes results/{experiment.name}/report.html.",
-        {
-            "Study" if own_plan else "Case": options,
-            "FMUs": fmu_options(experiment),
-            "How it runs": [*EXECUTION, *MANY_RUNS, RETRY],
-            "Inputs and results": [OUT],
-        },
-    )
-
-
-def _grid(experiment: Experiment, given: Mapping[str, Sequence[Any]]) -> list[Any]:
-    axes = {name: values for name, values in given.items() if values}
-    if not axes:
-        first = fields(experiment.case)[0].name if fields(experiment.case) else "OPTION"
-        raise CaseError(f"{experiment.name} has no plan: give the values to run over, such as --{first} A --{first} B")
-    return grid(experiment.case, **axes)
 
 
 def run_case(
@@ -380,6 +200,27 @@ def run_case(
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
 
 
+def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
+    return {k: undeclared(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
+
+
+def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:
+    """Metrics of several runs side by side; one that a run does not have is a dash.
+
+    `relative`: the last run's also as per cent of the first one's; a dash where that is nothing but rounding.
+    """
+    first, last = next(iter(measured)), next(reversed(measured))
+    relative = relative and first != last
+    table = Table("metric", *measured, *[f"{last}, per cent of {first}"] * relative, box=None)
+    for key, metric in metrics.items():
+        cells = [metric.shown(row.get(key)) for row in measured.values()]
+        if relative:
+            base, value = (measured[n].get(key) for n in (first, last))
+            cells.append("-" if value is None or not base or abs(base) <= NOTHING else f"{100 * value / base:.1f}")
+        table.add_row(Text(metric.heading), *cells)
+    return table
+
+
 def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
     """Metrics of the last run as bars on the screen, as shares of those of the first one."""
     first, last = next(iter(measured)), next(reversed(measured))
@@ -398,16 +239,81 @@ def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
         show(Text(f"\n{last}, per cent of {first}:\n{lines}"), as_is=True)
 
 
-def _plain_terminal() -> bool:
-    return not (sys.stdout.encoding or "").lower().startswith("utf")
-
-
 def show_curves(recording: Recording, names: Sequence[str]) -> None:
     """Curves of a recording on the screen; ValueError for names that are not in it."""
     for name in recording.select(*names) if names else ():
         unit = recording.units.get(name, "")
         title = f"\n{name} [{unit}]" if unit else f"\n{name}"
         show(Text(drawn(title, recording.time, recording[name], Console().width, plain=_plain_terminal())), as_is=True)
+
+
+def _plain_terminal() -> bool:
+    return not (sys.stdout.encoding or "").lower().startswith("utf")
+
+
+@contextmanager
+def kept_recording(path: Path) -> Iterator[None]:
+    """Around a run that writes a file: when it fails or is interrupted, say what the file holds."""
+    try:
+        yield
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None and len(error.recording):
+            console.print(f"{path} contains the run up to t = {error.time:g} s")
+        raise
+
+
+def write_summary(path: Path, measured: Mapping[str, Row]) -> None:
+    """Metrics of runs by name as a JSON file."""
+    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
+
+
+# ------------------------------------------------------------------------------------------------------------ many runs
+
+
+def study_command(experiment: Experiment) -> Command:
+    """The command that runs a study and writes its report."""
+    own_plan = experiment.study.plan is not None
+    options = (
+        getattr(experiment.study.plan, "__click_params__", [])
+        if own_plan
+        else case_options(experiment, repeatable=True)
+    )
+
+    def study(**given: Any) -> None:
+        chosen = {option.name: given[option.name] for option in options}
+        write_study(
+            experiment,
+            fmu_set(experiment, given),
+            given["out"],
+            tasks=None if own_plan else _grid(experiment, chosen),
+            options=chosen if own_plan else {},
+            processes=given["processes"],
+            cluster=given["dask"],
+            retry_failed=given["retry_failed"],
+            force=given["force"],
+            execution=execution(given),
+        )
+
+    what = "The whole study" if own_plan else "All combinations of the values given for each option"
+    return command(
+        experiment,
+        study,
+        f"{what}; writes results/{experiment.name}/report.html.",
+        {
+            "Study" if own_plan else "Case": options,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, *MANY_RUNS, RETRY],
+            "Inputs and results": [OUT],
+        },
+    )
+
+
+def _grid(experiment: Experiment, given: Mapping[str, Sequence[Any]]) -> list[Any]:
+    axes = {name: values for name, values in given.items() if values}
+    if not axes:
+        first = fields(experiment.case)[0].name if fields(experiment.case) else "OPTION"
+        raise CaseError(f"{experiment.name} has no plan: give the values to run over, such as --{first} A --{first} B")
+    return grid(experiment.case, **axes)
 
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
@@ -446,9 +352,6 @@ def refuse_none(done: int, failures: Collection[str]) -> None:
         raise CosimError(f"all {len(failures)} runs failed; the first: {next(iter(failures))}")
 
 
-# ------------------------------------------------------------------------------------------------------- their parts
-
-
 @contextmanager
 def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
     """The executor of a Dask cluster, or None for processes of this machine."""
@@ -457,27 +360,6 @@ def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
     else:
         with dask(cluster, processes) as executor:
             yield executor
-
-
-def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
-    return {k: undeclared(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
-
-
-def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:
-    """Metrics of several runs side by side; one that a run does not have is a dash.
-
-    `relative`: the last run's also as per cent of the first one's; a dash where that is nothing but rounding.
-    """
-    first, last = next(iter(measured)), next(reversed(measured))
-    relative = relative and first != last
-    table = Table("metric", *measured, *[f"{last}, per cent of {first}"] * relative, box=None)
-    for key, metric in metrics.items():
-        cells = [metric.shown(row.get(key)) for row in measured.values()]
-        if relative:
-            base, value = (measured[n].get(key) for n in (first, last))
-            cells.append("-" if value is None or not base or abs(base) <= NOTHING else f"{100 * value / base:.1f}")
-        table.add_row(Text(metric.heading), *cells)
-    return table
 
 
 @contextmanager
@@ -500,20 +382,7 @@ def progress_bar(title: str) -> Iterator[Progressed]:
             ) from None
 
 
-@contextmanager
-def kept_recording(path: Path) -> Iterator[None]:
-    """Around a run that writes a file: when it fails or is interrupted, say what the file holds."""
-    try:
-        yield
-    except (ComponentError, Interrupted) as error:
-        if error.recording is not None and len(error.recording):
-            console.print(f"{path} contains the run up to t = {error.time:g} s")
-        raise
-
-
-def write_summary(path: Path, measured: Mapping[str, Row]) -> None:
-    """Metrics of runs by name as a JSON file."""
-    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
+# ----------------------------------------------------------------------------------------------------------------- both
 
 
 def make_folder(path: Path) -> Path:
