@@ -131,7 +131,7 @@ class Command(click.Command):
         try:
             return super().parse_args(ctx, args)
         except click.BadParameter as error:
-            found = re.fullmatch(r"('.*') is not a valid (float|integer)( range)?\.", error.message, re.DOTALL)
+            found = re.fullmatch(r"(.+) is not a valid (float|integer)( range)?\.", error.message, re.DOTALL)
             if found is None:
                 raise
             kind = "a number" if found[2] == "float" else "a whole number"
