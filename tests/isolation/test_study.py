@@ -42,11 +42,7 @@ def measure(run: Run) -> dict[str, float]:
 
 
 EXPERIMENT = Experiment(
-    "hostile",
-    Number,
-    wiring=Wiring(wire, file_of),
-    measures=Measures(measure),
-    run=RunOptions(0.02, record=["plant.y"]),
+    "hostile", Number, Wiring(wire, file_of), Measures(measure), RunOptions(0.02, record=["plant.y"])
 )
 
 

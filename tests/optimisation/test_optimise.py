@@ -143,12 +143,7 @@ def wire(_: FmuSet, case: Drop) -> System:
     return System()
 
 
-EXPERIMENT = Experiment(
-    "drop",
-    Drop,
-    wiring=Wiring(wire),
-    measures=Measures(lambda run: {}),
-)
+EXPERIMENT = Experiment("drop", Drop, Wiring(wire), Measures(lambda run: {}))
 
 
 def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Path, raises) -> None:

@@ -92,21 +92,12 @@ def measure_half(run: Run) -> Row:
     return {"half": run.recording["road.y"][-1] / 2}
 
 
+RECORD = RunOptions(1.0, record=["road.y"])
 CORNER = Experiment(
-    "corner",
-    Corner,
-    wiring=Wiring(wire),
-    measures=Measures(measure_half),
-    run=RunOptions(1.0, record=["road.y"]),
-    study=Study([Corner(1.0), Corner(2.0)]),
+    "corner", Corner, Wiring(wire), Measures(measure_half), RECORD, study=Study([Corner(1.0), Corner(2.0)])
 )
 RIDE = Experiment(
-    "ride",
-    Ride,
-    wiring=Wiring(wire),
-    measures=Measures(measure),
-    run=RunOptions(1.0, record=["road.y"]),
-    study=Study([Ride(1.0), Ride(3.0)], parts=[CORNER]),
+    "ride", Ride, Wiring(wire), Measures(measure), RECORD, study=Study([Ride(1.0), Ride(3.0)], parts=[CORNER])
 )
 
 

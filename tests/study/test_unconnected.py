@@ -34,13 +34,7 @@ def measure(run: Run) -> dict[str, float]:
     return {"last": float(run.recording["mass.z"][-1])}
 
 
-FREE = Experiment(
-    "free",
-    Case,
-    wiring=Wiring(wire),
-    measures=Measures(measure),
-    run=RunOptions(0.1, record=["mass.z"]),
-)
+FREE = Experiment("free", Case, Wiring(wire), Measures(measure), RunOptions(0.1, record=["mass.z"]))
 
 
 def test_they_are_named_unless_the_system_allows_them(tmp_path) -> None:
