@@ -5,104 +5,75 @@ It runs experiments and studies, identifies control laws, inspects FMUs and buil
 
 from __future__ import annotations
 
+import functools
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
 
-import typer
+import click
+from click.shell_completion import CompletionItem, get_completion_class
 from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base import extras, terminal
 from build_fmus.base.checks import unknown
-from build_fmus.base.completion import SCRIPTS, fitting
-from build_fmus.base.terminal import Command, Commands, PackageVersion, show
+from build_fmus.base.terminal import PATH, SETTINGS, Command, Commands, Names, show, version_option
 from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
-from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command, wiring_command
-from cosim.study.experiment import resolved
+from cosim.study.commands import run_command, study_command
+from cosim.study.experiment import Experiment, resolved
+from cosim.study.export_command import export_command, wiring_command
 from cosim.study.loading import load
 from cosim.study.optimise_command import optimise_command
 from cosim.study.sweep_command import sweep_command
 
-GROUP: dict[str, Any] = {**terminal.APP, "no_args_is_help": True}
-_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}  # which another command reads
-
 NAMES = sorted(EXPERIMENTS)
 """Names of our experiments."""
+PROGRAMS = ("cosim", "suspension-fmus")
+SHELLS = ("bash", "zsh", "fish")
 
 
 class Experiments(Commands):
     """A group with one command per experiment, created when called: our experiments by name, a user's by its file."""
 
-    make: Any
     what = "experiment"
     beside = "; or a file of yours, as my_experiment.py or Any.ssp"
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+    def __init__(self, name: str, make: Callable[[Experiment], Command], help: str, *, hidden: bool = False) -> None:
+        called = f"NAME is a built-in experiment or your own file: cosim {name} my_experiment.py, cosim {name} Any.ssp"
+        super().__init__(name, help=f"{help} {called}", hidden=hidden)
+        self.make = make
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return [] if extras.missing("studies") else NAMES
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         if cmd_name in NAMES:
             extras.require("studies", f"the experiment {cmd_name}")
         if cmd_name in EXPERIMENTS or cmd_name.endswith((".py", ".ssp")):
-            return type(self).make(load(EXPERIMENTS.get(cmd_name, cmd_name)))
+            return self.make(load(EXPERIMENTS.get(cmd_name, cmd_name)))
         return None
 
-    def refusal(self, ctx: Any, name: str) -> str:  # noqa: ARG002
+    def refusal(self, ctx: click.Context, name: str) -> str:  # noqa: ARG002
         needed = f", which need {extras.named('studies')}" if extras.missing("studies") else ""
         return unknown(self.what, name, NAMES) + needed
 
-
-class Runs(Experiments):
-    """Commands that run a case of an experiment."""
-
-    make = staticmethod(run_command)
-
-
-class Studies(Experiments):
-    """Commands that run the study of an experiment."""
-
-    make = staticmethod(study_command)
-
-
-class Sweeps(Experiments):
-    """Commands that run a sweep over an experiment."""
-
-    make = staticmethod(sweep_command)
-
-
-class Searches(Experiments):
-    """Commands that optimize an experiment."""
-
-    make = staticmethod(optimise_command)
-
-
-class Exports(Experiments):
-    """Commands that export the system of an experiment."""
-
-    make = staticmethod(export_command)
-
-
-class Drawings(Experiments):
-    """Commands that show the wiring of an experiment."""
-
-    make = staticmethod(wiring_command)
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Names, without loading the experiments, or files."""
+        if incomplete.startswith("-"):
+            return super().shell_complete(ctx, incomplete)
+        return terminal.completions(self.list_commands(ctx), incomplete, files=True)
 
 
 class Controllers(Commands):
     """One command per experiment whose controllers are identified."""
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return list(IDENTIFY)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
-        if cmd_name not in IDENTIFY:
-            return None
-        made = typer.Typer(**terminal.APP)
-        made.command(cmd_name, cls=Command)(resolved(IDENTIFY[cmd_name]))
-        return typer.main.get_command(made)
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        return resolved(IDENTIFY.get(cmd_name))  # type: ignore[no-any-return]
 
 
 EXAMPLES = """\b
@@ -130,50 +101,13 @@ def first_steps() -> str:
     return BASE_EXAMPLES if extras.missing("studies") else EXAMPLES
 
 
-app = typer.Typer(cls=Commands, epilog=first_steps(), **GROUP)
-FILE = "NAME is a built-in experiment or your own file: cosim {0} my_experiment.py, cosim {0} Any.ssp"
-
-
-@app.callback()
-def cosim(_version: PackageVersion = False) -> None:
+@click.group(cls=Commands, epilog=first_steps(), context_settings=SETTINGS)
+@version_option
+def app() -> None:
     """Co-simulate FMUs: reproduce published experiments, run your own, and inspect FMUs of any tool."""
 
 
-app.add_typer(typer.Typer(cls=Runs, help="Run one case of an experiment. " + FILE.format("run"), **GROUP), name="run")
-app.add_typer(
-    typer.Typer(cls=Studies, help="Run a whole study and write its report. " + FILE.format("study"), **GROUP),
-    name="study",
-)
-app.add_typer(
-    typer.Typer(cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP),
-    name="sweep",
-)
-searches = typer.Typer(
-    cls=Searches,
-    help="Search for parameters of an experiment that minimize or maximize metrics. " + FILE.format("optimise"),
-    **GROUP,
-)
-app.add_typer(searches, name="optimise")
-app.add_typer(searches, name="optimize", hidden=True)
-app.add_typer(
-    typer.Typer(
-        cls=Exports,
-        help="Write the system of one case as one FMU, for any tool, or as an SSP. " + FILE.format("export"),
-        **GROUP,
-    ),
-    name="export",
-)
-app.add_typer(
-    typer.Typer(cls=Drawings, help="Draw the system of one case as SVG. " + FILE.format("wiring"), **GROUP),
-    name="wiring",
-)
-app.add_typer(
-    typer.Typer(cls=Controllers, help="Identify the controllers of an experiment again from its plant FMU.", **GROUP),
-    name="identify",
-)
-
-
-@app.command("list", cls=Command)
+@app.command("list")
 def list_experiments() -> None:
     """List the experiments with the options of their runs."""
     if extras.missing("studies"):
@@ -187,31 +121,28 @@ def list_experiments() -> None:
     show(table)
 
 
-def _options(command: Any) -> str:
-    """The options of a command in a line: `--road sine|curb  --speed KM/H  --hold`."""
-    terminal.list_choices(command)
+def _options(command: Command) -> str:
+    """The options of the cases of a command in a line: `--road sine|curb  --speed KM/H  --hold`."""
     shown = []
-    for option in command.params:
-        if option.opts[0] not in EVERYWHERE:
-            unit = re.search(r"\[([^\]]+)\]", option.help or "")
-            value = option.metavar or (unit[1].upper() if unit else "N")
-            shown.append(option.opts[0] if option.is_flag else f"{option.opts[0]} {value}")
+    for option in command.groups["Case"]:
+        assert isinstance(option, click.Option)
+        unit = re.search(r"\[([^\]]+)\]", option.help or "")
+        value = unit[1].upper() if unit else "N"
+        if isinstance(option.type, Names):
+            value = option.make_metavar(click.Context(command))
+        shown.append(option.opts[0] if option.is_flag else f"{option.opts[0]} {value}")
     return "  ".join(shown)
 
 
-@app.command(cls=Command)
-def fmu(
-    file: Annotated[Path, typer.Argument(help=".fmu file of any tool, or the name of an FMU of the catalog")],
-    strict: Annotated[bool, typer.Option("--strict", help="reject an FMU that deviates from the FMI standard")] = False,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"),
-    ] = None,
-    copy: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="copy the FMU into this folder, and show nothing else")
-    ] = None,
-    fmi: Annotated[int, typer.Option(min=2, max=3, help="the FMI version that is copied, of a name")] = 3,
-) -> None:
+@app.command()
+@click.argument("file", type=PATH, help=".fmu file of any tool, or the name of an FMU of the catalog")
+@click.option("--strict", is_flag=True, help="reject an FMU that deviates from the FMI standard")
+@click.option(
+    "--limit", multiple=True, metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"
+)
+@click.option("--copy", type=PATH, metavar="FOLDER", help="copy the FMU into this folder, and show nothing else")
+@click.option("--fmi", type=click.IntRange(2, 3), default=3, help="the FMI version that is copied, of a name")
+def fmu(file: Path, strict: bool, limit: tuple[str, ...], copy: Path | None, fmi: int) -> None:
     """Show what is in an FMU, ready to wire, and where it deviates from the FMI standard."""
     from cosim.fmu.describe import describe, wiring
     from cosim.fmu.file import FmuFile
@@ -223,7 +154,7 @@ def fmu(
         copy.mkdir(parents=True, exist_ok=True)
         show(Text(str(shutil.copy(found, copy / found.name))))
         return
-    opened = FmuFile(file, limits=Limits.of(limit or []), quiet=True)
+    opened = FmuFile(file, limits=Limits.of(limit), quiet=True)
     show(describe(opened))
     if strict:
         opened.require_standard()
@@ -231,29 +162,24 @@ def fmu(
     show(Text(wiring(opened), style="green"), as_is=True)
 
 
-app.command("check", cls=Command)(check_command)
+app.add_command(check_command)
 
 
-@app.command(cls=Command)
-def completion(shell: Annotated[str, typer.Argument(metavar="|".join(SCRIPTS), help="the shell")]) -> None:
+@app.command()
+@click.argument("shell", metavar="|".join(SHELLS), help="the shell")
+def completion(shell: str) -> None:
     """Print the script that completes commands, options and names in a shell: eval "$(cosim completion bash)"."""
-    if shell not in SCRIPTS:
-        raise ValueError(unknown("shell", shell, SCRIPTS))
-    print(SCRIPTS[shell], end="")
+    made = get_completion_class(shell)
+    if made is None:
+        raise ValueError(unknown("shell", shell, SHELLS))
+    for program in PROGRAMS:
+        print(made(app, {}, program, f"_{program.replace('-', '_')}_COMPLETE".upper()).source())
 
 
-@app.command(cls=Command, hidden=True)
-def complete(words: Annotated[list[str] | None, typer.Argument()] = None) -> None:
-    """Print what the last word may become: what completion scripts call."""
-    for word in fitting(typer.main.get_command(app), words or [""]):
-        print(word)
-
-
-@app.command(cls=Command)
-def recover(
-    file: Annotated[Path, typer.Argument(help="NAME.csv.part, or the NAME.csv next to it", metavar="FILE")],
-    to: Annotated[Path | None, typer.Option(help="write the CSV to this file", metavar="FILE")] = None,
-) -> None:
+@app.command()
+@click.argument("file", type=PATH, metavar="FILE", help="NAME.csv.part, or the NAME.csv next to it")
+@click.option("--to", type=PATH, metavar="FILE", help="write the CSV to this file")
+def recover(file: Path, to: Path | None) -> None:
     """Recover the results of a crashed run as a CSV file."""
     from cosim.recording.spool import recover
 
@@ -262,12 +188,29 @@ def recover(
     show(Text(f"{path}: {len(recording)} samples of {len(recording.names)} variables{end}"))
 
 
-@app.command("build", cls=Command, add_help_option=False, context_settings=_ANYTHING)
-def build(context: typer.Context) -> None:
+@app.command(
+    add_help_option=False, context_settings={"allow_extra_args": True, "ignore_unknown_options": True}
+)  # which the other command reads
+@click.pass_context
+def build(context: click.Context) -> None:
     """Build FMUs from the component declarations."""
     from fmu_sources import cli
 
     cli.main(context.command_path, context.args)
+
+
+SEARCH = "Search for parameters of an experiment that minimize or maximize metrics."
+for group in (
+    Experiments("run", run_command, "Run one case of an experiment."),
+    Experiments("study", study_command, "Run a whole study and write its report."),
+    Experiments("sweep", sweep_command, "Run an experiment over a design of its parameters."),
+    Experiments("optimise", optimise_command, SEARCH),
+    Experiments("optimize", optimise_command, SEARCH, hidden=True),
+    Experiments("export", export_command, "Write the system of one case as one FMU, for any tool, or as an SSP."),
+    Experiments("wiring", wiring_command, "Draw the system of one case as SVG."),
+    Controllers("identify", help="Identify the controllers of an experiment again from its plant FMU."),
+):
+    app.add_command(group)
 
 
 def main(program: str = "cosim") -> None:
@@ -275,4 +218,4 @@ def main(program: str = "cosim") -> None:
     from cosim.core.errors import CosimError
 
     failures = (CosimError, ValueError, LookupError, OSError, RuntimeError)
-    terminal.run(program, app, failures, "interrupted")
+    terminal.run(program, functools.partial(app, prog_name=program), failures, "interrupted")

@@ -13,10 +13,8 @@ from collections.abc import Container, Iterable
 from pathlib import Path
 from typing import Any
 
-import typer
-from typer.core import TyperCommand, TyperGroup
+import click
 
-from build_fmus.base import terminal
 from cosim.cli import app
 from fmu_sources import cli
 
@@ -46,24 +44,21 @@ Record = tuple[str, str]
 
 def commands() -> dict[str, Any]:
     """The commands that are not hidden, by name, as they are called: `cosim run`, `build-fmus`."""
-    group = typer.main.get_command(app)
-    assert isinstance(group, TyperGroup)
-    found = {f"cosim {name}": command for name, command in group.commands.items() if not command.hidden}
+    found = {f"cosim {name}": command for name, command in app.commands.items() if not command.hidden}
     del found["cosim build"]  # which passes its options on
-    return {"build-fmus": typer.main.get_command(cli.app), **found}
+    return {"build-fmus": cli.app, **found}
 
 
-def records(command: TyperCommand) -> list[Record]:
+def records(command: click.Command) -> list[Record]:
     """Arguments and options of a command."""
-    terminal.list_choices(command)
-    context = typer.Context(command)
+    context = click.Context(command, show_default=True)
     parameters = [p for p in command.params if not set(p.opts) & set(EVERYWHERE)]
     return [record for p in parameters if (record := p.get_help_record(context)) is not None]
 
 
 def of_experiments(group: Any) -> dict[str, list[Record]]:
     """The options of a command for each experiment."""
-    context = typer.Context(group)
+    context = click.Context(group)
     return {name: records(group.get_command(context, name)) for name in group.list_commands(context)}
 
 
@@ -86,7 +81,7 @@ def shared(options: dict[str, list[Record]]) -> dict[Record, list[str]]:
 def page() -> str:
     """The whole page."""
     found = commands()
-    groups = {name: of_experiments(c) for name, c in found.items() if isinstance(c, TyperGroup)}
+    groups = {name: of_experiments(c) for name, c in found.items() if isinstance(c, click.Group)}
     options = {name: common(inside) for name, inside in groups.items()}
     several = shared(options)
     summary = [f"| [`{name}`](#{_anchor(name, groups)}) | {_start(c.help)} |" for name, c in found.items()]
@@ -104,7 +99,7 @@ def page() -> str:
     parts += ["## Experiments", "These options choose the case of an experiment."]
     for name, having in groups["cosim run"].items():
         everywhere = {_meaning(r) for r in options["cosim run"]}
-        about = found["cosim run"].get_command(typer.Context(found["cosim run"]), name).help
+        about = found["cosim run"].get_command(click.Context(found["cosim run"]), name).help
         parts += [f"### {name}", f"{about.partition('. ')[0]}."]
         parts.append(_list(r for r in having if _meaning(r) not in everywhere))
     return "\n\n".join(filter(None, parts)) + "\n"

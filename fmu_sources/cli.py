@@ -6,24 +6,23 @@ import functools
 import re
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+import click
 from rich.table import Table
 
 from build_fmus import builder
 from build_fmus.base import safe_files, terminal
 from build_fmus.base.layout import FMUS
 from build_fmus.base.sources import code_hash
-from build_fmus.base.terminal import Command, PackageVersion, console, one_of, show
+from build_fmus.base.terminal import PATH, SETTINGS, Command, Names, console, show, version_option
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
 
-app = typer.Typer(**terminal.APP)
 FMI = {"2": (2,), "3": (3,), "both": (2, 3)}
 
 
@@ -103,7 +102,7 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
 
 
 def build(
-    names: list[str] | None,
+    names: Sequence[str],
     options: Options,
     *,
     user: UserFiles | None = None,
@@ -115,7 +114,7 @@ def build(
 
     user = user or UserFiles()
     catalog = load_catalog(user)
-    for name in names or ():
+    for name in names:
         find(catalog, name)
     try:
         options.cache.mkdir(parents=True, exist_ok=True)
@@ -147,62 +146,62 @@ def code_of_makers() -> Callable[[builder.Buildable], str]:
     return code
 
 
-@app.command(cls=Command)
-def command(
-    names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (default: all)")] = None,
-    fmi: Annotated[str, typer.Option(metavar=one_of(FMI), help="FMI version")] = "both",
-    platform: Annotated[
-        str,
-        typer.Option(
-            metavar=one_of(("host", "all", *PLATFORMS)), help="build binaries for these platforms, separated by commas"
-        ),
-    ] = "host",
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "build plant, roads and control laws of this vehicle file (TOML); with --road also the name of a"
-                " published vehicle"
-            )
-        ),
-    ] = None,
-    preview: Annotated[
-        str | None,
-        typer.Option(help="preview of the road of --road: heights x milliseconds between them, such as 16x30"),
-    ] = None,
-    road: Annotated[Path | None, typer.Option(help="build a road FMU from this road file (CSV or OpenCRG)")] = None,
-    from_: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            help=(
-                "build your own component from this Python file, FILE.py or FILE.py:FUNCTION (default function: make)"
-            ),
-        ),
-    ] = None,
-    weights: Annotated[
-        Path | None,
-        typer.Option(
-            help="build a preview LQ controller with a weights file (TOML), for the sedan or the car of --vehicle"
-        ),
-    ] = None,
-    period: Annotated[float, typer.Option(help="sample time of the controller of --weights [s]")] = 1e-3,
-    name: Annotated[str | None, typer.Option(help="name of the FMU built by --road or --weights")] = None,
-    out: Annotated[Path, typer.Option(help="write fmi2/ and fmi3/ to this directory")] = FMUS,
-    fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
-    clocks: Annotated[
-        bool,
-        typer.Option("--clocks", help="give discrete FMI 3.0 FMUs a clock and event mode, for importers that use them"),
-    ] = False,
-    qp: Annotated[
-        str | None,
-        typer.Option(metavar=one_of(SOLVERS), help="solver of quadratic programs (default: each component's own)"),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option(help="build everything from scratch, without caches, even if up to date")
-    ] = False,
-    list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
-    _version: PackageVersion = False,
+@click.command(cls=Command, context_settings=SETTINGS)
+@click.argument("names", nargs=-1, help="FMUs to build (default: all)")
+@click.option("--fmi", type=Names(FMI), default="both", help="FMI version")
+@click.option(
+    "--platform",
+    type=Names(("host", "all", *PLATFORMS)),
+    default="host",
+    help="build binaries for these platforms, separated by commas",
+)
+@click.option(
+    "--vehicle",
+    help="build plant, roads and control laws of this vehicle file (TOML); with --road also the name of a published"
+    " vehicle",
+)
+@click.option("--preview", help="preview of the road of --road: heights x milliseconds between them, such as 16x30")
+@click.option("--road", type=PATH, help="build a road FMU from this road file (CSV or OpenCRG)")
+@click.option(
+    "--from",
+    "from_",
+    help="build your own component from this Python file, FILE.py or FILE.py:FUNCTION (default function: make)",
+)
+@click.option(
+    "--weights",
+    type=PATH,
+    help="build a preview LQ controller with a weights file (TOML), for the sedan or the car of --vehicle",
+)
+@click.option("--period", type=float, default=1e-3, help="sample time of the controller of --weights [s]")
+@click.option("--name", help="name of the FMU built by --road or --weights")
+@click.option("--out", type=PATH, default=FMUS, help="write fmi2/ and fmi3/ to this directory")
+@click.option("--fmi3-arrays/--no-fmi3-arrays", default=False, help="declare vectors and matrices as FMI 3.0 arrays")
+@click.option(
+    "--clocks", is_flag=True, help="give discrete FMI 3.0 FMUs a clock and event mode, for importers that use them"
+)
+@click.option("--qp", type=Names(SOLVERS), help="solver of quadratic programs (default: each component's own)")
+@click.option(
+    "--force/--no-force", default=False, help="build everything from scratch, without caches, even if up to date"
+)
+@click.option("--list", "list_", is_flag=True, help="list the catalog and stop")
+@version_option
+def app(
+    names: tuple[str, ...],
+    fmi: str,
+    platform: str,
+    vehicle: str | None,
+    preview: str | None,
+    road: Path | None,
+    from_: str | None,
+    weights: Path | None,
+    period: float,
+    name: str | None,
+    out: Path,
+    fmi3_arrays: bool,
+    clocks: bool,
+    qp: str | None,
+    force: bool,
+    list_: bool,
 ) -> None:
     """Build FMUs from the component declarations."""
     versions = FMI.get(fmi)

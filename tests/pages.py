@@ -67,7 +67,7 @@ def same(shown: str, printed: str) -> bool:
 @cache
 def help_of(*command: str) -> str:
     """What `cosim COMMAND --help` prints; of a command that needs the name of an experiment, with one."""
-    from typer.testing import CliRunner
+    from click.testing import CliRunner
 
     from cosim.cli import app
     from cosim.experiments import EXPERIMENTS, IDENTIFY

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import errno
-import importlib
 import io
 import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
-from importlib import metadata
-from typing import Annotated, Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-import typer
+import click
+from click.shell_completion import CompletionItem
 from rich.console import Console, RenderableType
 from rich.text import Text
-from typer.core import TyperCommand, TyperGroup
 
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.checks import unknown
 
 PACKAGE = "suspension-fmus"
-APP: dict[str, Any] = {
-    "add_completion": False,
-    "pretty_exceptions_enable": False,
-    "rich_markup_mode": None,  # which would take units in help texts, [km/h], for markup
-    "context_settings": {"max_content_width": 110},  # of help; terminals are wider than 80 columns
-}
-"""Arguments of every `typer.Typer`."""
+SETTINGS = {"max_content_width": 110, "show_default": True}  # of help; terminals are wider than 80 columns
+"""Context settings of a program's first command; those below it have them too."""
+PATH = click.Path(path_type=Path)
 
 AS_TEXT: dict[str, Any] = {"markup": False, "emoji": False}
 """Arguments of every console: names, units and messages of others hold brackets and colons, which are never markup.
@@ -38,33 +33,42 @@ console = Console(stderr=True, highlight=False, soft_wrap=True, **AS_TEXT)
 
 
 class UserAbort(Exception):  # noqa: N818
-    """Ctrl-C, on its way through typer, which would end the program without a word."""
+    """Ctrl-C, on its way through click, which would end the program without a word."""
 
 
-class OneOf(str):
-    """What stands behind an option in its help: the names that it takes, read from tables only when help is requested.
+class Names(click.ParamType):
+    """A value whose names help lists and shells complete; the command checks it, with a message that says more.
 
-    `table` is `module:NAME` (importing an experiment takes seconds); `more` stands for what else is taken.
+    Args:
+        names: it is one of these.
+        more: stands for what else is taken, `FILE.crg`.
+        kind: type of the value.
     """
 
-    table: str
-    more: str
+    name = "text"
 
-    def __new__(cls, table: str, more: str = "") -> OneOf:
-        """Text with the value `table`; the table itself is read later."""
-        self = super().__new__(cls, table)
-        self.table, self.more = table, more
-        return self
+    def __init__(self, names: Collection[Any], more: str = "", kind: type = str) -> None:
+        self.names = [str(n) for n in names]
+        self.more = more
+        self.kind = click.types.convert_type(kind)
 
-    def listed(self) -> str:
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:  # noqa: ARG002
         """`a|b|c`."""
-        module, _, name = self.table.partition(":")
-        return one_of(getattr(importlib.import_module(module), name), self.more)
+        return "|".join(filter(None, [*self.names, self.more]))
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value as its type has it."""
+        return self.kind.convert(value, param, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """The names that begin so, or files."""
+        return completions(self.names, incomplete, files=bool(self.more))
 
 
-def one_of(names: Iterable[str], more: str = "") -> str:
-    """Names as help shows a choice."""
-    return "|".join([*names, *([more] if more else [])])
+def completions(names: Collection[str], incomplete: str, *, files: bool) -> list[CompletionItem]:
+    """The names that begin with a word; where none does and there may be files, those."""
+    found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return found or [CompletionItem(incomplete, type="file")] * files
 
 
 class _ToScreen(logging.Handler):
@@ -74,67 +78,66 @@ class _ToScreen(logging.Handler):
         console.print(self.format(record))
 
 
-def _tell_more(count: int) -> None:
+def _tell_more(_context: click.Context, _option: click.Parameter, count: int) -> None:
     if count:
         logger = logging.getLogger("cosim")
         logger.handlers = [h for h in logger.handlers if not isinstance(h, _ToScreen)] + [_ToScreen()]
         logger.setLevel(logging.DEBUG if count > 1 else logging.INFO)
 
 
-def _tell_less(quiet: bool) -> None:
+def _tell_less(_context: click.Context, _option: click.Parameter, quiet: bool) -> None:
     console.quiet = quiet
 
 
-_More = Annotated[
-    int,
-    typer.Option(
-        "--verbose",
-        "-v",
+_VERBOSITY = (
+    click.Option(
+        ["--verbose", "-v"],
         count=True,
         expose_value=False,
         callback=_tell_more,
         help="print the warnings of the FMUs as they run; -vv: everything that they log",
     ),
-]
-_Less = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", expose_value=False, callback=_tell_less, help="print only results and errors"),
-]
+    click.Option(
+        ["--quiet", "-q"],
+        is_flag=True,
+        expose_value=False,
+        callback=_tell_less,
+        help="print only results and errors",
+    ),
+)
+"""Options of every command."""
 
 
-def _verbosity_options() -> list[Any]:
-    """Options of every command."""
-    app = typer.Typer(**APP)
+class Command(click.Command):
+    """A command that Ctrl-C ends with a message, with `-v` and `-q`.
 
-    @app.command()
-    def _nothing(verbose: _More = 0, quiet: _Less = False) -> None: ...
-
-    return typer.main.get_command(app).params
-
-
-class Command(TyperCommand):
-    """A command that Ctrl-C ends with a message, and whose help lists choices.
-
-    It has `-v` and `-q`, unless it declares its own. `headings`: of groups of options in its help -> the names of
-    their parameters; options in no group come last.
+    `groups`: its options by their heading in the help; `params`: those without one, which come last.
     """
 
-    headings: Mapping[str, Collection[str]] = {}
+    def __init__(
+        self,
+        name: str | None,
+        *,
+        groups: Mapping[str, Sequence[click.Parameter]] | None = None,
+        params: Sequence[click.Parameter] | None = None,
+        **named: Any,
+    ) -> None:
+        self.groups = groups or {}
+        grouped = [option for options in self.groups.values() for option in options]
+        super().__init__(name, params=[*grouped, *(params or ()), *_VERBOSITY], **named)
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
-        taken = {name for parameter in self.params for name in parameter.opts}
-        self.params += [option for option in _verbosity_options() if not taken & set(option.opts)]
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments; the message on a wrong value shows the value."""
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; the message on a text that is not a number says so in plain words."""
         try:
             return super().parse_args(ctx, args)
-        except typer.BadParameter as error:
-            error.message = _with_value(error)
-            raise
+        except click.BadParameter as error:
+            found = re.fullmatch(r"(.+) is not a valid (float|integer)( range)?\.", error.message, re.DOTALL)
+            if found is None:
+                raise
+            kind = "a number" if found[2] == "float" else "a whole number"
+            raise click.BadParameter(f"{found[1]}; give {kind}", error.ctx, error.param, error.param_hint) from None
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: click.Context) -> Any:
         """Run the command; Ctrl-C raises UserAbort, and messages name the options of the command."""
         options = {name for parameter in self.params for name in (*parameter.opts, *parameter.secondary_opts)}
         try:
@@ -143,30 +146,17 @@ class Command(TyperCommand):
         except KeyboardInterrupt as error:
             raise UserAbort(str(error)) from error
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help, in which options list their choices."""
-        list_choices(self)
-        super().format_help(ctx, formatter)
-
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options by the groups of `headings`, the others last."""
-        left = {p.name: record for p in self.get_params(ctx) if (record := p.get_help_record(ctx)) is not None}
-        for heading, names in self.headings.items():
-            if rows := [left.pop(name) for name in list(left) if name in names]:
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options by their groups, the others last."""
+        grouped = {option for options in self.groups.values() for option in options}
+        others = [p for p in self.get_params(ctx) if p not in grouped and not isinstance(p, click.Argument)]
+        for heading, options in {**self.groups, "Other options" if grouped else "Options": others}.items():
+            if rows := [row for option in options if (row := option.get_help_record(ctx)) is not None]:
                 with formatter.section(heading):
                     formatter.write_dl(rows)
-        with formatter.section("Other options" if self.headings else "Options"):
-            formatter.write_dl(list(left.values()))
 
 
-def _with_value(error: typer.BadParameter) -> str:
-    """The message about a value of the wrong type, which names the value; the cause is pydantic's, in newer typers."""
-    details: list[Any] = getattr(error.__cause__, "errors", list)()
-    wanted = {"float_parsing": "a number", "int_parsing": "a whole number"}.get(details[0]["type"]) if details else None
-    return error.message if wanted is None else f"{details[0]['input']!r}; give {wanted}"
-
-
-class Commands(TyperGroup):
+class Commands(click.Group):
     """Commands that Ctrl-C ends with a message, and whose help has the first sentence of each, uncut.
 
     `what`: they are; `beside`: what may stand in their place.
@@ -174,33 +164,36 @@ class Commands(TyperGroup):
 
     what = "command"
     beside = ""
+    command_class = Command
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Names of the commands, in the order of their declaration."""
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the named command; an unknown name ends with a message that hints at the nearest one."""
-        name, *rest = args
-        if name.startswith("-"):
-            return super().resolve_command(ctx, args)
-        command = self.get_command(ctx, name)
-        if command is None:
-            ctx.fail(self.refusal(ctx, name) + self.beside)
-        return name, command, rest
+        if self.get_command(ctx, args[0]) is None and not args[0].startswith("-") and not ctx.resilient_parsing:
+            ctx.fail(self.refusal(ctx, args[0]) + self.beside)
+        return super().resolve_command(ctx, args)
 
-    def refusal(self, ctx: Any, name: str) -> str:
+    def refusal(self, ctx: click.Context, name: str) -> str:
         """The sentence about a name that no command has."""
         return unknown(self.what, name, self._shown(ctx))
 
-    def _shown(self, ctx: Any) -> dict[str, Any]:
+    def _shown(self, ctx: click.Context) -> dict[str, click.Command]:
         found = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
         return {name: command for name, command in found if command is not None and not command.hidden}
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands, each with the first sentence of its help."""
         rows = [(name, re.split(r"\.(?:\s|$)", command.help or "")[0]) for name, command in self._shown(ctx).items()]
         if rows:
             with formatter.section("Commands"):
                 formatter.write_dl(rows)
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command; Ctrl-C raises UserAbort."""
         try:
             return super().invoke(ctx)
@@ -208,22 +201,9 @@ class Commands(TyperGroup):
             raise UserAbort(str(error)) from error
 
 
-def list_choices(command: Any) -> None:
-    """Put the names that options take into a command's help."""
-    for parameter in command.params:
-        if isinstance(parameter.metavar, OneOf):
-            parameter.metavar = parameter.metavar.listed()
-
-
-def _print_version(asked: bool) -> None:
-    if asked:
-        print(f"{PACKAGE} {metadata.version(PACKAGE)}")
-        raise typer.Exit
-
-
-PackageVersion = Annotated[
-    bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show the version and stop")
-]
+version_option = click.version_option(
+    package_name=PACKAGE, message="%(package)s %(version)s", help="show the version and stop"
+)
 
 
 def show(*items: RenderableType, as_is: bool = False) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import typer
+import click
 from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base import extras, safe_files
-from build_fmus.base.terminal import console, show
+from build_fmus.base.terminal import PATH, Command, Names, console, show
 from cosim.check.report import UNCHECKED, Report, section, to_json, to_junit
 from cosim.check.rules import SEVERITIES
 from cosim.check.runner import Options, Unchecked, Workers, check, ordered
@@ -29,38 +29,34 @@ _COLORS = {
 }
 
 
-def check_command(
-    files: Annotated[list[Path] | None, typer.Argument(help="FMU files to check", metavar="FILE.fmu ...")] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CHECK", help="run only this check, group or pattern, such as 'runs.*' (repeatable)"),
-    ] = None,
-    skip: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CHECK", help="skip this check, group or pattern (repeatable)"),
-    ] = None,
-    interface: Annotated[
-        str | None, typer.Option(metavar="cs|me", help="check only Co-Simulation or Model Exchange")
-    ] = None,
-    fmi: Annotated[str | None, typer.Option(metavar="2|3", help="require this FMI version")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="treat warnings as errors")] = False,
-    every: Annotated[
-        bool, typer.Option("--all", help="show every check, including those that passed or do not apply")
-    ] = False,
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="write JUnit XML, for CI")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE", help="write an HTML page")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="write all results as JSON")] = None,
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="limit the time of one check [s]")] = 20.0,
-    memory_limit: Annotated[
-        float | None,
-        typer.Option(metavar="MB", help="limit the memory of one check [MB] (default: half of the machine's)"),
-    ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"),
-    ] = None,
-    list_: Annotated[bool, typer.Option("--list", help="list the checks and stop")] = False,
-) -> None:
+@click.command("check", cls=Command)
+@click.argument("files", nargs=-1, type=PATH, metavar="FILE.fmu ...", help="FMU files to check")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="CHECK",
+    help="run only this check, group or pattern, such as 'runs.*' (repeatable)",
+)
+@click.option("--skip", multiple=True, metavar="CHECK", help="skip this check, group or pattern (repeatable)")
+@click.option("--interface", type=Names(("cs", "me")), help="check only Co-Simulation or Model Exchange")
+@click.option("--fmi", type=Names(("2", "3")), help="require this FMI version")
+@click.option("--strict", is_flag=True, help="treat warnings as errors")
+@click.option("--all", "every", is_flag=True, help="show every check, including those that passed or do not apply")
+@click.option("--junit", type=PATH, metavar="FILE", help="write JUnit XML, for CI")
+@click.option("--html", type=PATH, metavar="FILE", help="write an HTML page")
+@click.option("--json", type=PATH, metavar="FILE", help="write all results as JSON")
+@click.option("--timeout", type=float, default=20.0, metavar="SECONDS", help="limit the time of one check [s]")
+@click.option(
+    "--memory-limit",
+    type=float,
+    metavar="MB",
+    help="limit the memory of one check [MB] (default: half of the machine's)",
+)
+@click.option(
+    "--limit", multiple=True, metavar="NAME=NUMBER", help="raise a limit, such as variables=1000000 (repeatable)"
+)
+@click.option("--list", "list_", is_flag=True, help="list the checks and stop")
+def check_command(list_: bool, **given: Any) -> None:
     """Check whether an FMU conforms to the FMI standard: its description and its behavior.
 
     The exit code is 0 without errors, 1 with errors, 2 when the FMU could not be checked.
@@ -72,13 +68,11 @@ def check_command(
         show(table)
         return
     try:
-        code = _checked(
-            files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit
-        )
+        code = _checked(**given)
     except CosimError as error:
         console.print(Text(f"cosim check: {error}", style="red"))
         code = UNCHECKED
-    raise typer.Exit(code)
+    sys.exit(code)
 
 
 def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit) -> int:  # type: ignore[no-untyped-def]
@@ -94,13 +88,13 @@ def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json
     if html:
         extras.require("reports", extras.WRITING)
     options = Options(
-        only=tuple(only or ()),
-        skip=tuple(skip or ()),
+        only=only,
+        skip=skip,
         kinds=(interface,) if interface else ("cs", "me"),
         fmi=fmi,
         seconds=timeout,
         memory=None if memory_limit is None else int(memory_limit * 1e6),
-        limits=Limits.of(limit or []),
+        limits=Limits.of(limit),
     )
     options.chosen()
     reports: list[Report] = []

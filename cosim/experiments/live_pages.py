@@ -31,7 +31,7 @@ def write_pages(fmus: FmuSet, folder: Path, names: Collection[str] | None = None
         CompileError: no ziglang.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    chosen = {name: e for name, e in shown().items() if names is None or set(e.fmus) <= set(names)}
+    chosen = {name: e for name, e in shown().items() if names is None or set(e.wiring.fmus) <= set(names)}
     return [write_web(e, fmus, folder / f"{name}.html", e.case()) for name, e in chosen.items()]
 
 

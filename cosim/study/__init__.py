@@ -14,7 +14,20 @@ if TYPE_CHECKING:
     from cosim.study.claims import ClaimList, Evidence, Finding
     from cosim.study.driver import run_study
     from cosim.study.executors import dask
-    from cosim.study.experiment import Experiment, MeasureError, Metric, Row, Run, Search, Task
+    from cosim.study.experiment import (
+        Baseline,
+        Experiment,
+        MeasureError,
+        Measures,
+        Metric,
+        Row,
+        Run,
+        RunOptions,
+        Search,
+        Study,
+        Task,
+        Wiring,
+    )
     from cosim.study.fmus import FmuSet
     from cosim.study.loading import ExperimentError, load
     from cosim.study.pages import default_report, make_lead, parameters, provenance, sections
@@ -22,50 +35,29 @@ if TYPE_CHECKING:
     from cosim.study.runner import Runner
 
 _PLACES = {
-    "cosim.report.claims": (
-        "Band",
-        "Distribution",
-    ),
-    "cosim.study.case": (
-        "Case",
-        "CaseError",
-        "check_choice",
-        "fields",
-        "grid",
-        "option",
-    ),
-    "cosim.study.claims": (
-        "ClaimList",
-        "Evidence",
-        "Finding",
-    ),
+    "cosim.report.claims": ("Band", "Distribution"),
+    "cosim.study.case": ("Case", "CaseError", "check_choice", "fields", "grid", "option"),
+    "cosim.study.claims": ("ClaimList", "Evidence", "Finding"),
     "cosim.study.driver": ("run_study",),
     "cosim.study.executors": ("dask",),
     "cosim.study.experiment": (
+        "Baseline",
         "Experiment",
         "MeasureError",
+        "Measures",
         "Metric",
         "Row",
         "Run",
+        "RunOptions",
         "Search",
+        "Study",
         "Task",
+        "Wiring",
     ),
     "cosim.study.fmus": ("FmuSet",),
-    "cosim.study.loading": (
-        "ExperimentError",
-        "load",
-    ),
-    "cosim.study.pages": (
-        "default_report",
-        "make_lead",
-        "parameters",
-        "provenance",
-        "sections",
-    ),
-    "cosim.study.results": (
-        "Results",
-        "RunFailed",
-    ),
+    "cosim.study.loading": ("ExperimentError", "load"),
+    "cosim.study.pages": ("default_report", "make_lead", "parameters", "provenance", "sections"),
+    "cosim.study.results": ("Results", "RunFailed"),
     "cosim.study.runner": ("Runner",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
@@ -79,6 +71,7 @@ def __getattr__(name: str) -> Any:
 
 __all__ = [
     "Band",
+    "Baseline",
     "Case",
     "CaseError",
     "ClaimList",
@@ -89,14 +82,18 @@ __all__ = [
     "Finding",
     "FmuSet",
     "MeasureError",
+    "Measures",
     "Metric",
     "Results",
     "Row",
     "Run",
     "RunFailed",
+    "RunOptions",
     "Runner",
     "Search",
+    "Study",
     "Task",
+    "Wiring",
     "check_choice",
     "dask",
     "default_report",

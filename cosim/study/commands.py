@@ -2,414 +2,139 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base import safe_files
-from build_fmus.base.layout import FMUS
-from build_fmus.base.terminal import APP, Command, console, one_of, show
-from build_fmus.compile import PLATFORMS
-from cosim import Execution, Record, System
+from build_fmus.base.terminal import PATH, Command, console, show
+from cosim import Execution, Record
 from cosim.core.errors import ComponentError, CosimError, Interrupted
 from cosim.recording.formats import FORMATS, format_of
 from cosim.recording.recording import Recording
-from cosim.study.case import Case, CaseError, Field, fields, file_name, grid
+from cosim.study.case import CaseError, fields, file_name, grid
 from cosim.study.curve import bars as drawn_bars
 from cosim.study.curve import drawn
 from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved, undeclared
 from cosim.study.fmus import FmuSet
+from cosim.study.options import (
+    EXECUTION,
+    MANY_RUNS,
+    OUT,
+    RETRY,
+    case_of,
+    case_options,
+    command,
+    execution,
+    fmu_options,
+    fmu_set,
+)
 from cosim.study.pages import report_of
 from cosim.study.runner import Runner
 
-Fmus = Annotated[Path, typer.Option("--fmus", help="directory that contains the FMUs (see build-fmus)")]
-Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs", min=2, max=3)]
-Vehicles = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--vehicle",
-        metavar="FILE",
-        help="use the FMUs that `build-fmus --vehicle` built from this vehicle, actuator or sensors file (repeatable)",
-    ),
-]
-Processes = Annotated[
-    int | None, typer.Option("--processes", help="number of worker processes (default: all cores)", min=1)
-]
-Dask = Annotated[
-    str | None,
-    typer.Option(
-        "--dask",
-        metavar="ADDRESS|local",
-        help=(
-            "run on the Dask cluster whose scheduler has this address, such as tcp://HOST:8786; local: start a cluster"
-            " on this machine"
-        ),
-    ),
-]
-Force = Annotated[bool, typer.Option("--force", help="discard stored runs and run everything again")]
-Retry = Annotated[bool, typer.Option("--retry-failed", help="run failed runs again")]
-Out = Annotated[Path, typer.Option("--out", help="write results to this directory")]
-
-Isolate = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--isolate",
-        metavar="COMPONENT",
-        help="run the FMU of this component, or of all that fit a pattern such as '*', in its own process (repeatable)",
-    ),
-]
-Timeout = Annotated[
-    float | None,
-    typer.Option("--step-timeout", metavar="S", help="limit the wall time of one call of an isolated FMU [s]"),
-]
-Memory = Annotated[
-    float | None, typer.Option("--memory-limit", metavar="MB", help="limit the memory of an isolated FMU [MB]")
-]
-
-_FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, FMUS), "fmi": (Version, 3)}
-_OUT: dict[str, tuple[Any, Any]] = {"out": (Out, Path("results"))}
-_EXECUTION: dict[str, tuple[Any, Any]] = {
-    "isolate": (Isolate, None),
-    "step_timeout": (Timeout, None),
-    "memory_limit": (Memory, None),
-}
-_MANY: dict[str, tuple[Any, Any]] = {
-    "processes": (Processes, None),
-    "dask": (Dask, None),
-    "force": (Force, False),
-    "retry_failed": (Retry, False),
-}
-_EVERYWHERE = {**_FMUS, **_OUT, **_EXECUTION}
-EVERYWHERE_OF_STUDIES = {**_EVERYWHERE, **_MANY}
-"""Options of the commands that make many runs."""
-Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="write the system as this FMU, NAME.fmu")]
-Package = Annotated[
-    Path | None,
-    typer.Option("--ssp", metavar="FILE", help="write the FMUs and their connections as this SSP, NAME.ssp"),
-]
-Structure = Annotated[
-    str,
-    typer.Option(
-        "--ssp-version", metavar="1.0|2.0", help="choose the SSP version; 1.0 contains FMI 2.0 FMUs, 2.0 FMI 3.0 FMUs"
-    ),
-]
-Patterns = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--input",
-        metavar="NAME",
-        help=(
-            "make this variable, COMPONENT.VARIABLE or a pattern, an input of the exported system (default: FMU: all"
-            " unconnected inputs, SSP: none) (repeatable)"
-        ),
-    ),
-]
-Outputs = Annotated[
-    list[str] | None,
-    typer.Option("--output", metavar="NAME", help="make this variable an output (default: all outputs) (repeatable)"),
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--without",
-        metavar="COMPONENT",
-        help="leave this component out; the inputs that it drove become inputs of the system (repeatable)",
-    ),
-]
-Where = Annotated[
-    str,
-    typer.Option(
-        "--platform",
-        metavar=one_of(("host", "all", *PLATFORMS)),
-        help="build binaries for these platforms, separated by commas",
-    ),
-]
-Web = Annotated[
-    Path | None,
-    typer.Option("--web", metavar="FILE", help="write a web page, NAME.html, in which the system runs live"),
-]
-Beside = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--beside",
-        metavar="OPTION=VALUE,...",
-        help="show another system on the page: the same case with these options changed (repeatable)",
-    ),
-]
-_EXPORT: dict[str, tuple[Any, Any]] = {
-    "fmu": (Target, None),
-    "web": (Web, None),
-    "beside": (Beside, None),
-    "ssp": (Package, None),
-    "ssp_version": (Structure, "1.0"),
-    "inputs": (Patterns, None),
-    "outputs": (Outputs, None),
-    "without": (Without, None),
-    "platform": (Where, "host"),
-}
-Drawing = Annotated[
-    Path | None, typer.Option("--svg", metavar="FILE", help="write the picture to this file (default: NAME.svg)")
-]
-Title = Annotated[str | None, typer.Option("--title", help="set the heading of the picture; '' for none")]
-_PICTURE: dict[str, tuple[Any, Any]] = {"svg": (Drawing, None), "title": (Title, None)}
-RealTime = Annotated[
-    float | None,
-    typer.Option(
-        "--real-time",
-        metavar="[FACTOR]",
-        help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
-    ),
-]
-DisplayUnits = Annotated[
-    bool,
-    typer.Option(
-        "--display-units", help="write time histories in the display units of the FMUs (deg, km/h) instead of SI units"
-    ),
-]
-Curves = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--plot",
-        metavar="NAME",
-        help="plot this recorded variable, such as car.body.az, or a pattern, in the terminal (repeatable)",
-    ),
-]
-Bars = Annotated[
-    bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, next to those of the baseline")
-]
-HoldInput = Annotated[
-    bool, typer.Option("--hold-input", help="hold the last values of a signal file that is shorter than the run")
-]
-
-
-def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    """Options of one run, beside those of its case. Names that the case has for its own options are the case's."""
-    own = {f"--{n}" for f in fields(experiment.case) for n in (f.name, *f.option.aliases)}
-    signals = typer.Option(
-        *(n for n in ("--signals", "--input") if n not in own),
-        metavar="FILE",
-        help=(
-            "drive inputs by the columns of a CSV or Parquet file, 'time [s]' and 'COMPONENT.INPUT [unit]' (repeatable)"
-        ),
-    )
-    recording = typer.Option(
-        *(n for n in ("--recording", "--output") if n not in own),
-        metavar="FILE",
-        help=(
-            f"write time histories to this file, whose suffix sets the format: {', '.join(FORMATS)} (default: a CSV in"
-            " --out)"
-        ),
-    )
-    return {
-        "signals_": (Annotated[list[Path] | None, signals], None),
-        "hold_input": (HoldInput, False),
-        "recording_": (Annotated[Path | None, recording], None),
-        "display_units": (DisplayUnits, False),
-        "curves": (Curves, None),
-        "bars_": (Bars, False),
-    }
-
-
-_PACE: dict[str, tuple[Any, Any]] = {"real_time": (RealTime, None)}
-_VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
-NOTHING = 1e-20  # of a metric: below it there is nothing to compare
-EVERYWHERE = (
-    "--fmus",
-    "--fmi",
-    "--vehicle",
-    "--out",
-    "--isolate",
-    "--step-timeout",
-    "--memory-limit",
-    "--signals",
-    "--hold-input",
-    "--recording",
-    "--display-units",
-    "--real-time",
-    "--plot",
-    "--bars",
-    "--help",
-    "--verbose",
-    "--quiet",
+REAL_TIME = click.Option(
+    ["--real-time"],
+    type=float,
+    is_flag=False,
+    flag_value=1.0,
+    metavar="[FACTOR]",
+    help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
 )
-"""Options of every experiment, which say nothing about one of them."""
+NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 
 
-# ------------------------------------------------------------------------------------------------------ the commands
+# -------------------------------------------------------------------------------------------------------------- one run
 
 
-def run_command(experiment: Experiment) -> Any:
+def run_command(experiment: Experiment) -> Command:
     """The command that runs one case beside its baseline."""
 
     def run(**given: Any) -> None:
         run_case(
             experiment,
-            _case(experiment, given),
+            case_of(experiment, given),
             fmu_set(experiment, given),
             given["out"],
             execution(given),
-            inputs=given["signals_"] or (),
+            inputs=given["signals_"],
             hold_inputs=given["hold_input"],
             output=given["recording_"],
             display_units=given["display_units"],
             real_time=given["real_time"],
-            curves=given["curves"] or (),
+            curves=given["curves"],
             bars=given["bars_"],
         )
 
-    options = field_options(experiment)
-    results = _one_run(experiment)
-    more = {**own_files(experiment), **_EVERYWHERE, **_PACE, **results}
-    text = "Run one case: print its metrics and write its time histories to a file."
-    return command(run, experiment, {**options, **more}, text, _Paced, results=results)
-
-
-def export_command(experiment: Experiment) -> Any:
-    """The command that writes the system of one case as an FMU or as an SSP."""
-
-    def export(**given: Any) -> None:
-        case = _case(experiment, given)
-        text = f"{experiment.title}: {case.label}" if experiment.title else ""
-        if sum(given[target] is not None for target in ("fmu", "ssp", "web")) != 1:
-            raise CosimError("give one target: --fmu NAME.fmu, --ssp NAME.ssp or --web NAME.html")
-        if given["web"] is not None:
-            _export_web(experiment, case, given)
-            return
-        if given["beside"]:
-            raise CosimError("--beside needs a page: add --web NAME.html")
-        with Runner(experiment, fmu_set(experiment, given)) as runner:
-            system = runner.system(case)
-            if given["ssp"] is not None:
-                _export_ssp(system, given, text, _end(experiment, system, case))
-                return
-            path = system.export_fmu(
-                given["fmu"],
-                inputs=given["inputs"],
-                outputs=given["outputs"],
-                without=given["without"] or (),
-                fmi=given["fmi"],
-                platforms=given["platform"],
-                text=text,
-            )
-        console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows its contents")
-
-    options = field_options(experiment)
+    case = case_options(experiment)
     return command(
-        export,
         experiment,
-        {**options, **_EXPORT, **own_files(experiment), **_FMUS},
-        "Export the system of one case: as one FMU that contains all components, as an SSP (the FMUs and their"
-        " connections), or as a web page in which it runs.",
-        own={"Export": _EXPORT},
+        run,
+        "Run one case: print its metrics and write its time histories to a file.",
+        {
+            "Case": case,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, REAL_TIME],
+            "Inputs and results": _results(case),
+        },
     )
 
 
-def wiring_command(experiment: Experiment) -> Any:
-    """The command that draws the system of one case."""
-
-    def wiring(**given: Any) -> None:
-        case = _case(experiment, given)
-        path = given["svg"] or Path(f"{experiment.name}.svg")
-        with Runner(experiment, fmu_set(experiment, given)) as runner:
-            system = runner.system(case)
-            safe_files.write(path, system.draw(experiment.title if given["title"] is None else given["title"]))
-            show(Text(str(system.schedule())))
-        console.print(f"{path}")
-
-    options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
-    return command(
-        wiring,
-        experiment,
-        {**_PICTURE, **options, **own_files(experiment), **_FMUS},
-        "Draw the system of one case: its components with their rates, and a line for each bundle of signals.",
-        own={"Picture": _PICTURE},
-    )
-
-
-def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> None:
-    from cosim.study.web import write_web
-
-    for option, name in (("inputs", "--input"), ("outputs", "--output"), ("without", "--without")):
-        if given[option]:
-            raise CosimError(f"{name} applies to --fmu only: a page has all inputs and outputs")
-    if given["fmi"] != 3:
-        raise CosimError("--web is for FMI 3.0 only: leave --fmi out")
-    path = write_web(experiment, fmu_set(experiment, given), given["web"], case, given["beside"] or ())
-    console.print(f"{path}, {path.stat().st_size / 1e6:.1f} MB: open it in a browser; it needs no server")
-
-
-def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: float) -> None:
-    for option, name in (("outputs", "--output"), ("without", "--without")):
-        if given[option]:
-            raise CosimError(f"{name} applies to --fmu only: in an SSP every component has all its outputs")
-    path = system.export_ssp(
-        given["ssp"], version=given["ssp_version"], inputs=given["inputs"] or (), stop_time=stop_time, text=text
-    )
-    console.print(f"{path}, SSP {given['ssp_version']}; cosim wiring {path} draws it, cosim run {path} runs it")
-
-
-def _end(experiment: Experiment, system: System, case: Any) -> float:
-    """How long a case runs at most [s]."""
-    end = experiment.stop_time
-    return end(system, case) if callable(end) else end
-
-
-def study_command(experiment: Experiment) -> Any:
-    """The command that runs a study and writes its report."""
-    own_plan = experiment.plan is not None
-    plan_options = _plan_options(experiment)
-
-    def study(**given: Any) -> None:
-        chosen = {k: given[k] for k in plan_options}
-        tasks = None if own_plan else _grid(experiment, chosen)
-        write_study(
-            experiment,
-            fmu_set(experiment, given),
-            given["out"],
-            tasks=tasks,
-            options=chosen if own_plan else {},
-            processes=given["processes"],
-            cluster=given["dask"],
-            retry_failed=given["retry_failed"],
-            force=given["force"],
-            execution=execution(given),
-        )
-
-    options = {**plan_options, **own_files(experiment), **EVERYWHERE_OF_STUDIES}
-    what = "The whole study" if own_plan else "All combinations of the values given for each option"
-    return command(
-        study,
-        experiment,
-        options,
-        f"{what}; writes results/{experiment.name}/report.html.",
-        own={"Study": plan_options},
-    )
-
-
-class _Paced(Command):
-    """A command whose `--real-time` may stand without its factor."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        given: list[str] = []
-        for text, following in zip_longest(args, args[1:], fillvalue="-"):
-            given += [text, "1"] if text == "--real-time" and following.startswith("-") else [text]
-        return super().parse_args(ctx, given)
+def _results(case: Sequence[click.Option]) -> list[click.Option]:
+    """Options of the inputs and results of one run. Names that the options of its case have are theirs."""
+    own = {name for option in case for name in option.opts}
+    return [
+        OUT,
+        click.Option(
+            [*(n for n in ("--signals", "--input") if n not in own), "signals_"],
+            type=PATH,
+            multiple=True,
+            metavar="FILE",
+            help="drive inputs by the columns of a CSV or Parquet file, 'time [s]' and 'COMPONENT.INPUT [unit]'"
+            " (repeatable)",
+        ),
+        click.Option(
+            ["--hold-input"],
+            is_flag=True,
+            help="hold the last values of a signal file that is shorter than the run",
+        ),
+        click.Option(
+            [*(n for n in ("--recording", "--output") if n not in own), "recording_"],
+            type=PATH,
+            metavar="FILE",
+            help=f"write time histories to this file, whose suffix sets the format: {', '.join(FORMATS)} (default: a"
+            " CSV in --out)",
+        ),
+        click.Option(
+            ["--display-units"],
+            is_flag=True,
+            help="write time histories in the display units of the FMUs (deg, km/h) instead of SI units",
+        ),
+        click.Option(
+            ["--plot", "curves"],
+            multiple=True,
+            metavar="NAME",
+            help="plot this recorded variable, such as car.body.az, or a pattern, in the terminal (repeatable)",
+        ),
+        click.Option(
+            ["--bars", "bars_"],
+            is_flag=True,
+            help="draw the metrics as bars in the terminal, next to those of the baseline",
+        ),
+    ]
 
 
 def run_case(
@@ -442,26 +167,27 @@ def run_case(
     name = file_name(case)
     path = output or folder / f"{name}.csv"
     format_of(path)  # refused before FMUs are loaded
-    baseline = experiment.beside(case, fmus)
+    baseline = experiment.baseline.beside(case, fmus)
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
         runner.execution.prepare(runner.system(case))
         with kept_recording(path):
             record = Record(display_units=display_units)
             run = runner.run(case, output=path, record=record, progress=True, real_time=real_time)
-        name_of = experiment.name_of
+        name_of = experiment.baseline.name_of
         runs, measured = {name_of(case): run}, {name_of(case): experiment.measured(run)}
-        remarks = experiment.remarks(run) if experiment.remarks else ()
+        remarks = experiment.measures.remarks(run) if experiment.measures.remarks else ()
         if baseline is not None and baseline != case:
             beside = runner.run(baseline)
             runs = {name_of(baseline): beside, **runs}
             own, other = measured[name_of(case)], experiment.measured(beside)
-            more = experiment.compared(own, other) if experiment.compared else {}
+            more = experiment.baseline.compared(own, other) if experiment.baseline.compared else {}
             measured = {name_of(baseline): other, name_of(case): {**own, **more}}
-        show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        metrics = experiment.measures.metrics or _plain(measured)
+        show(metric_table(measured, metrics, relative=experiment.baseline.relative))
         if len(measured) > 1:
-            console.print(experiment.about_baseline(baseline, case), markup=False)
+            console.print(experiment.baseline.sentence(baseline, case), markup=False)
         if bars:
-            show_bars(measured, experiment.metrics or _plain(measured))
+            show_bars(measured, metrics)
         show_curves(run.recording, curves)
         for remark in remarks:
             console.print(f"note: {remark}")
@@ -472,192 +198,6 @@ def run_case(
     summary = folder / f"{name}.json"
     write_summary(summary, measured)
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
-
-
-def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
-    """Metrics of the last run as bars on the screen, as shares of those of the first one."""
-    first, last = next(iter(measured)), next(reversed(measured))
-    if first == last:
-        console.print("no bars: they are shares of a baseline, and this run is the baseline or has none")
-        return
-    shares = {}
-    for key, metric in metrics.items():
-        base, value = (measured[n].get(key) for n in (first, last))
-        if isinstance(base, int | float) and isinstance(value, int | float) and abs(base) > NOTHING:
-            share = value / base
-            if math.isfinite(share) and share >= 0:
-                shares[metric.text] = share
-    if shares:
-        lines = drawn_bars(shares, Console().width, plain=_plain_terminal())
-        show(Text(f"\n{last}, per cent of {first}:\n{lines}"), as_is=True)
-
-
-def _plain_terminal() -> bool:
-    return not (sys.stdout.encoding or "").lower().startswith("utf")
-
-
-def show_curves(recording: Recording, names: Sequence[str]) -> None:
-    """Curves of a recording on the screen; ValueError for names that are not in it."""
-    for name in recording.select(*names) if names else ():
-        unit = recording.units.get(name, "")
-        title = f"\n{name} [{unit}]" if unit else f"\n{name}"
-        show(Text(drawn(title, recording.time, recording[name], Console().width, plain=_plain_terminal())), as_is=True)
-
-
-def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
-    """Run a study under a progress bar and write its page.
-
-    `cluster`: Dask cluster that it runs on, see `cosim.study.dask`; `options` as for `cosim.study.run_study`.
-
-    Raises:
-        CosimError: every run failed; the page is there.
-    """
-    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
-
-    folder = make_folder(fmus.results(out, experiment.name))
-    for part in experiment.every:
-        fmus.paths(part.fmus)
-    with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
-        results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
-    failures = results.failures
-    for name, message in list(failures.items())[:5]:
-        console.print(f"failed: {name}: {message}")
-    if failures:
-        console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
-    page = write_report(report_of(experiment, results, fmus), folder)
-    console.print(f"report: {page}")
-    refuse_none(len(results.ran), failures.values())
-    return page
-
-
-def refuse_none(done: int, failures: Collection[str]) -> None:
-    """End a command none of whose runs came to its end, so that scripts see it.
-
-    Raises:
-        CosimError: it is so.
-    """
-    if failures and not done:
-        raise CosimError(f"all {len(failures)} runs failed; the first: {next(iter(failures))}")
-
-
-# ------------------------------------------------------------------------------------------------------- their parts
-
-
-@contextmanager
-def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
-    """The executor of a Dask cluster, or None for processes of this machine."""
-    if cluster is None:
-        yield None
-    else:
-        with dask(cluster, processes) as executor:
-            yield executor
-
-
-def execution(given: Mapping[str, Any]) -> Execution:
-    limit = given["memory_limit"]
-    if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
-        raise CosimError("--step-timeout and --memory-limit apply to isolated FMUs only: choose these with --isolate")
-    return Execution(
-        tuple(given["isolate"] or ()),
-        given["step_timeout"],
-        None if limit is None else int(limit * 1e6),
-    )
-
-
-def command(
-    function: Callable[..., None],
-    experiment: Experiment,
-    options: Mapping[str, tuple[Any, Any]],
-    help: str,
-    kind: type[Command] = Command,
-    own: Mapping[str, Collection[str]] | None = None,
-    results: Collection[str] = (),
-) -> Any:
-    """A command of an experiment, with these options by the names of `function`'s arguments.
-
-    `own`: groups of them in its help, beside those of every experiment; `results`: options about inputs and results.
-    """
-    kinds = inspect.Parameter.KEYWORD_ONLY
-    function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
-    )
-    function.__annotations__ = {n: a for n, (a, _) in options.items()}
-    function.__doc__ = f"{experiment.title}. {help}" if experiment.title else help
-    app = typer.Typer(**APP)
-    app.command(experiment.name, cls=kind)(function)
-    made: Any = typer.main.get_command(app)
-    made.headings = {
-        "Case": [f.attribute for f in fields(experiment.case)],
-        **(own or {}),
-        "FMUs": {*_VEHICLE, *_FMUS},
-        "How it runs": {*_EXECUTION, *_PACE, *_MANY},
-        "Inputs and results": {*_OUT, *results},
-    }
-    return made
-
-
-def _type(f: Field) -> Any:
-    return f.type | None if f.optional else f.type
-
-
-def _option(f: Field) -> Any:
-    """The option of a field. Ranges and choices are checked by the case, whose messages say more."""
-    about = f.option
-    metavar = None
-    if about.choices is not None:
-        metavar = one_of(map(str, about.choices), f"FILE{about.files}" if about.files else "")
-    names = [f"--{n}" for n in (f.name, *about.aliases)]
-    if f.type is bool:
-        names = [f"--{f.name}/--no-{f.name}"] if f.default else names
-    return typer.Option(*names, metavar=metavar, help=f"{about.help} [{about.unit}]" if about.unit else about.help)
-
-
-def field_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    """Options of the fields of an experiment's cases, by attribute."""
-    return {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
-
-
-def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
-    return experiment.case(**{f.attribute: given[f.attribute] for f in fields(experiment.case)})
-
-
-def _plan_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    """Options of a plan that is a function; without a plan, each option of the cases (repeatable)."""
-    if callable(experiment.plan):
-        parameters = inspect.signature(experiment.plan, eval_str=True).parameters.values()
-        return {p.name: (p.annotation, p.default) for p in parameters if _is_option(p.annotation)}
-    if experiment.plan is not None:
-        return {}
-    return {
-        f.attribute: (Annotated[list[f.type] | None, _option(f)], None)  # type: ignore[name-defined]
-        for f in fields(experiment.case)
-    }
-
-
-def _is_option(annotation: Any) -> bool:
-    return any(isinstance(m, typer.models.OptionInfo) for m in getattr(annotation, "__metadata__", ()))
-
-
-def _grid(experiment: Experiment, given: Mapping[str, list[Any] | None]) -> list[Any]:
-    axes = {name: values for name, values in given.items() if values}
-    if not axes:
-        first = fields(experiment.case)[0].name if fields(experiment.case) else "OPTION"
-        raise CaseError(f"{experiment.name} has no plan: give the values to run over, such as --{first} A --{first} B")
-    return grid(experiment.case, **axes)
-
-
-def own_files(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    return _VEHICLE if experiment.own_fmus is not None else {}
-
-
-def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
-    """The FMUs of an experiment, with those of a user's files."""
-    make = resolved(experiment.own_fmus)
-    if make is None:
-        return FmuSet(given["fmus"], given["fmi"])
-    case = _case(experiment, given) if all(f.attribute in given for f in fields(experiment.case)) else None
-    found: FmuSet = make(experiment.name, given["fmus"], given["fmi"], given["vehicle"], case)
-    return found
 
 
 def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
@@ -681,6 +221,147 @@ def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, rel
     return table
 
 
+def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
+    """Metrics of the last run as bars on the screen, as shares of those of the first one."""
+    first, last = next(iter(measured)), next(reversed(measured))
+    if first == last:
+        console.print("no bars: they are shares of a baseline, and this run is the baseline or has none")
+        return
+    shares = {}
+    for key, metric in metrics.items():
+        base, value = (measured[n].get(key) for n in (first, last))
+        if isinstance(base, int | float) and isinstance(value, int | float) and abs(base) > NOTHING:
+            share = value / base
+            if math.isfinite(share) and share >= 0:
+                shares[metric.text] = share
+    if shares:
+        lines = drawn_bars(shares, Console().width, plain=_plain_terminal())
+        show(Text(f"\n{last}, per cent of {first}:\n{lines}"), as_is=True)
+
+
+def show_curves(recording: Recording, names: Sequence[str]) -> None:
+    """Curves of a recording on the screen; ValueError for names that are not in it."""
+    for name in recording.select(*names) if names else ():
+        unit = recording.units.get(name, "")
+        title = f"\n{name} [{unit}]" if unit else f"\n{name}"
+        show(Text(drawn(title, recording.time, recording[name], Console().width, plain=_plain_terminal())), as_is=True)
+
+
+def _plain_terminal() -> bool:
+    return not (sys.stdout.encoding or "").lower().startswith("utf")
+
+
+@contextmanager
+def kept_recording(path: Path) -> Iterator[None]:
+    """Around a run that writes a file: when it fails or is interrupted, say what the file holds."""
+    try:
+        yield
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None and len(error.recording):
+            console.print(f"{path} contains the run up to t = {error.time:g} s")
+        raise
+
+
+def write_summary(path: Path, measured: Mapping[str, Row]) -> None:
+    """Metrics of runs by name as a JSON file."""
+    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
+
+
+# ------------------------------------------------------------------------------------------------------------ many runs
+
+
+def study_command(experiment: Experiment) -> Command:
+    """The command that runs a study and writes its report."""
+    own_plan = experiment.study.plan is not None
+    options = (
+        getattr(experiment.study.plan, "__click_params__", [])
+        if own_plan
+        else case_options(experiment, repeatable=True)
+    )
+
+    def study(**given: Any) -> None:
+        chosen = {option.name: given[option.name] for option in options}
+        write_study(
+            experiment,
+            fmu_set(experiment, given),
+            given["out"],
+            tasks=None if own_plan else _grid(experiment, chosen),
+            options=chosen if own_plan else {},
+            processes=given["processes"],
+            cluster=given["dask"],
+            retry_failed=given["retry_failed"],
+            force=given["force"],
+            execution=execution(given),
+        )
+
+    what = "The whole study" if own_plan else "All combinations of the values given for each option"
+    return command(
+        experiment,
+        study,
+        f"{what}; writes results/{experiment.name}/report.html.",
+        {
+            "Study" if own_plan else "Case": options,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, *MANY_RUNS, RETRY],
+            "Inputs and results": [OUT],
+        },
+    )
+
+
+def _grid(experiment: Experiment, given: Mapping[str, Sequence[Any]]) -> list[Any]:
+    axes = {name: values for name, values in given.items() if values}
+    if not axes:
+        first = fields(experiment.case)[0].name if fields(experiment.case) else "OPTION"
+        raise CaseError(f"{experiment.name} has no plan: give the values to run over, such as --{first} A --{first} B")
+    return grid(experiment.case, **axes)
+
+
+def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
+    """Run a study under a progress bar and write its page.
+
+    `cluster`: Dask cluster that it runs on, see `cosim.study.dask`; `options` as for `cosim.study.run_study`.
+
+    Raises:
+        CosimError: every run failed; the page is there.
+    """
+    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
+
+    folder = make_folder(fmus.results(out, experiment.name))
+    for part in experiment.every:
+        fmus.paths(part.wiring.fmus)
+    with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
+        results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
+    failures = results.failures
+    for name, message in list(failures.items())[:5]:
+        console.print(f"failed: {name}: {message}")
+    if failures:
+        console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
+    page = write_report(report_of(experiment, results, fmus), folder)
+    console.print(f"report: {page}")
+    refuse_none(len(results.ran), failures.values())
+    return page
+
+
+def refuse_none(done: int, failures: Collection[str]) -> None:
+    """End a command none of whose runs came to its end, so that scripts see it.
+
+    Raises:
+        CosimError: it is so.
+    """
+    if failures and not done:
+        raise CosimError(f"all {len(failures)} runs failed; the first: {next(iter(failures))}")
+
+
+@contextmanager
+def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
+    """The executor of a Dask cluster, or None for processes of this machine."""
+    if cluster is None:
+        yield None
+    else:
+        with dask(cluster, processes) as executor:
+            yield executor
+
+
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progressed]:
     """A bar on the terminal; the function that it gives is called with (done, total)."""
@@ -701,20 +382,7 @@ def progress_bar(title: str) -> Iterator[Progressed]:
             ) from None
 
 
-@contextmanager
-def kept_recording(path: Path) -> Iterator[None]:
-    """Around a run that writes a file: when it fails or is interrupted, say what the file holds."""
-    try:
-        yield
-    except (ComponentError, Interrupted) as error:
-        if error.recording is not None and len(error.recording):
-            console.print(f"{path} contains the run up to t = {error.time:g} s")
-        raise
-
-
-def write_summary(path: Path, measured: Mapping[str, Row]) -> None:
-    """Metrics of runs by name as a JSON file."""
-    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
+# ----------------------------------------------------------------------------------------------------------------- both
 
 
 def make_folder(path: Path) -> Path:
@@ -725,16 +393,3 @@ def make_folder(path: Path) -> Path:
     except OSError as error:
         raise OSError(f"cannot write to {path} ({error.strerror}); choose another directory with --out") from None
     return path
-
-
-__all__ = [
-    "Case",
-    "CosimError",
-    "make_folder",
-    "metric_table",
-    "progress_bar",
-    "run_case",
-    "run_command",
-    "study_command",
-    "write_study",
-]

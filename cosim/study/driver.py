@@ -73,7 +73,7 @@ def run_study(
     for task in todo:
         by_part.setdefault(_part(task), []).append(task)
     for name in by_part:
-        fmus.paths(experiment.part(name).fmus)
+        fmus.paths(experiment.part(name).wiring.fmus)
     kept = Store(store)
     if force:
         kept.discard()
@@ -102,7 +102,7 @@ def job_context(
     parameters: Parameters = (),
 ) -> JobContext:
     """What workers need for runs of an experiment and of some of its parts."""
-    files = [*(p for name in parts for p in fmus.paths(experiment.part(name).fmus)), *fmus.own_paths]
+    files = [*(p for name in parts for p in fmus.paths(experiment.part(name).wiring.fmus)), *fmus.own_paths]
     group = f"of{os.getpid()}x{time.time_ns():x}"
     return JobContext(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)
 
@@ -169,14 +169,14 @@ def salt_of(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -
 
 def _files(experiment: Experiment, fmus: FmuSet, tasks: list[Any]) -> list[Path]:
     """FMU files of an experiment that does not name them: those of the systems that it wires."""
-    if experiment.fmus:
+    if experiment.wiring.fmus:
         return []
     found: set[Path] = set()
     seen = set()
     for case in (t.case for t in tasks if isinstance(t, Task)):
-        structure = experiment.structure(case) if experiment.structure else None if experiment.configure else case
+        structure = experiment.wiring.shared(case)
         if structure not in seen:
             seen.add(structure)
-            with experiment.wire(fmus, case) as system:
+            with experiment.wiring.wire(fmus, case) as system:
                 found |= set(system.fmu_files)
     return sorted(found)

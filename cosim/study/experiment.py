@@ -1,7 +1,13 @@
 """An experiment: what is wired, run and measured for a case, which cases make a study, and what is claimed of them.
 
-    EXPERIMENT = Experiment("ride", Ride, wire=wire, stop_time=5.0, record=["car.*"], measure=measure, plan=grid(Ride,
-    ...))
+    EXPERIMENT = Experiment(
+        "ride",
+        Ride,
+        Wiring(wire, configure=configure),
+        Measures(measure),
+        RunOptions(stop_time=5.0, record=["car.*"]),
+        study=Study(grid(Ride, speed=(30, 50))),
+    )
 
 Everything but case, `wire` and `measure` has a default. Functions are module-level functions, so that workers in
 other processes find them.
@@ -107,82 +113,170 @@ def undeclared(name: str) -> Metric:
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """See the module. `case` may be any frozen dataclass with fields made by `cosim.study.option`.
+class Wiring:
+    """How the system of a case is made.
 
     Attributes:
-        name: of its folder of results and on the command line.
-        case: class of its cases.
         wire: makes the system of a case from the FMUs.
-        measure: metrics of a run, JSON values by name.
-        title: one line.
-        fmus: names of the FMUs that any case needs; they are looked for before a study starts.
         structure: what of a case decides the wiring. Cases alike in it share one system, which `configure` sets for
             each. By default all cases share one when there is a `configure`, and none do when there is not.
         configure: sets the parameters of a case, all of them, in a system that was wired for its structure.
+        fmus: names of the FMUs that any case needs; they are looked for before a study starts.
+        own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case, or
+            "module:NAME" of one; None where no files are taken.
+    """
+
+    wire: Callable[[FmuSet, Any], Any]
+    structure: Callable[[Any], Hashable] | None = None
+    configure: Callable[[Any, Any], None] | None = None
+    fmus: Collection[str] = ()
+    own_fmus: Callable[..., FmuSet] | str | None = None
+
+    def shared(self, case: Any) -> Hashable:
+        """What cases that share a system are alike in."""
+        return self.structure(case) if self.structure else None if self.configure else case
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How long a case runs, and what is recorded of it.
+
+    Attributes:
         stop_time: [s], a number or a function of system and case.
         record: names and patterns, or a function of the case; None for all outputs.
-        record_interval: [s], a time or a function of the case; None for the smallest step.
+        interval: [s], a time or a function of the case; None for the smallest step.
         stop_when: conditions that end a run, a function of system and case.
+    """
+
+    stop_time: float | Callable[[Any, Any], float] = 10.0
+    record: Sequence[str] | Callable[[Any], Sequence[str]] | None = None
+    interval: Any = None
+    stop_when: Callable[[Any, Any], Sequence[Any]] | None = None
+
+    def end(self, system: Any, case: Any) -> float:
+        """How long a case runs at most [s]."""
+        return self.stop_time(system, case) if callable(self.stop_time) else self.stop_time
+
+    def recorded(self, case: Any) -> Sequence[str] | None:
+        """Names and patterns of what is recorded of a case."""
+        return self.record(case) if callable(self.record) else self.record
+
+    def interval_of(self, case: Any) -> Any:
+        """Time between two samples of the recording of a case."""
+        return self.interval(case) if callable(self.interval) else self.interval
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What is measured of a run, and how it is shown.
+
+    Attributes:
+        measure: metrics of a run, JSON values by name.
+        metrics: how metrics are shown, by name, in the order of tables.
         signals: what is kept of a run over time, JSON values by name, for tasks that ask for it.
         failed: metrics of a run that ended with an error, where that is an outcome and no failure of the study.
-        plan: tasks (or cases) of the study, or a function that gives them.
-        parts: experiments on parts of the same matter, with cases and wirings of their own, or "module:NAME" of them.
-            The study does the plans of its parts too, and its own plan may hold cases of theirs; claims and report find
-            them all in its results.
-        metrics: how metrics are shown, by name, in the order of tables.
-        baseline: the case that a run is shown beside, or None.
-        own_baseline: likewise where FMUs are those of a user's vehicle, a function of the case and the FMUs; by default
-            the same case.
+        remarks: what should be said of a run besides its metrics.
+    """
+
+    measure: Callable[[Run], Row]
+    metrics: Mapping[str, Metric] = field(default_factory=dict)
+    signals: Callable[[Run], Row] | None = None
+    failed: Callable[[Any, Exception], Row] | None = None
+    remarks: Callable[[Run], Sequence[str]] | None = None
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The run that a run is shown beside.
+
+    Attributes:
+        case: the baseline of a case, or None.
+        own: likewise where FMUs are those of a user's vehicle, a function of the case and the FMUs; by default the same
+            case.
         called: what a case is called in tables; by default its controller.
         about: what a baseline is, in words, a function of its case; by default the fields in which it differs from the
             run.
         relative: metrics of a run are also shown as per cent of the baseline's.
         compared: more metrics of a run beside its baseline, a function of both rows.
-        remarks: what should be said of a run besides its metrics.
-        page: writes a page about single runs: called with runs by name, FMUs and folder; gives the page's path.
+    """
+
+    case: Callable[[Any], Any] | None = None
+    own: Callable[[Any, FmuSet], Any] | None = None
+    called: Callable[[Any], str] | None = None
+    about: Callable[[Any], str] | None = None
+    relative: bool = False
+    compared: Callable[[Row, Row], Row] | None = None
+
+    def beside(self, case: Any, fmus: FmuSet) -> Any:
+        """The baseline case that a run is compared with; None if there is none."""
+        if self.own is not None and fmus.vehicles:
+            return self.own(case, fmus)
+        return self.case(case) if self.case else None
+
+    def name_of(self, case: Any) -> str:
+        """What a case is called beside others: the controller, where there is one."""
+        return self.called(case) if self.called else str(getattr(case, "controller", None) or "run")
+
+    def sentence(self, baseline: Any, case: Any) -> str:
+        """What the baseline of a run is."""
+        changed = ", ".join(f"{f.name} {getattr(baseline, f.attribute)}" for f in differing([case, baseline]))
+        words = self.about(baseline) if self.about else f"the same run with {changed}"
+        return f"{self.name_of(baseline)} is the baseline: {words}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """The runs of a study, and its page.
+
+    Attributes:
+        plan: tasks (or cases) of the study, or a function that gives them; its `click.option`s are options of the
+            command.
+        parts: experiments on parts of the same matter, with cases and wirings of their own, or "module:NAME" of them.
+            The study does the plans of its parts too, and its own plan may hold cases of theirs; claims and report find
+            them all in its results.
         claims: published statements, a `cosim.study.ClaimList`, or "module:NAME" of one.
         report: the page of a study, a function of results and FMUs that gives a `cosim.report.Report`, or
             "module:NAME" of one; by default a table and curves over what differs.
+        papers: sources by short name, for the provenance, or "module:NAME" of them.
+    """
+
+    plan: Iterable[Any] | Callable[..., Iterable[Any]] | None = None
+    parts: Sequence[Experiment | str] = ()
+    claims: Any = None
+    report: Callable[..., Any] | str | None = None
+    papers: Mapping[str, str] | str = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """See the module.
+
+    Attributes:
+        name: of its folder of results and on the command line.
+        case: class of its cases, any frozen dataclass with fields made by `cosim.study.option`.
+        wiring: how the system of a case is made.
+        measures: what is measured of a run.
+        run: how long a case runs, and what is recorded of it.
+        baseline: what a run is shown beside.
+        study: the runs of a study, and its page.
+        page: writes a page about single runs: called with runs by name, FMUs and folder; gives the page's path.
         web: how a case is shown as a live web page, a function of the case that gives a `cosim.study.web.Live`,
             or "module:NAME" of one; by default the system alone.
-        own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case;
-            None where no files are taken.
-        papers: sources by short name, for the provenance, or "module:NAME" of them.
+        title: one line.
         module: where the experiment can be imported from, `__name__` of the module that has it as EXPERIMENT; or its
             file.
     """
 
     name: str
     case: type
-    wire: Callable[[FmuSet, Any], Any]
-    measure: Callable[[Run], Row]
-    title: str = ""
-    fmus: Collection[str] = ()
-    structure: Callable[[Any], Hashable] | None = None
-    configure: Callable[[Any, Any], None] | None = None
-    stop_time: float | Callable[[Any, Any], float] = 10.0
-    record: Sequence[str] | Callable[[Any], Sequence[str]] | None = None
-    record_interval: Any = None
-    stop_when: Callable[[Any, Any], Sequence[Any]] | None = None
-    signals: Callable[[Run], Row] | None = None
-    failed: Callable[[Any, Exception], Row] | None = None
-    plan: Iterable[Any] | Callable[..., Iterable[Any]] | None = None
-    parts: Sequence[Experiment | str] = ()
-    metrics: Mapping[str, Metric] = field(default_factory=dict)
-    baseline: Callable[[Any], Any] | None = None
-    own_baseline: Callable[[Any, FmuSet], Any] | None = None
-    called: Callable[[Any], str] | None = None
-    about: Callable[[Any], str] | None = None
-    relative: bool = False
-    compared: Callable[[Row, Row], Row] | None = None
-    remarks: Callable[[Run], Sequence[str]] | None = None
+    wiring: Wiring
+    measures: Measures
+    run: RunOptions = RunOptions()
+    baseline: Baseline = Baseline()
+    study: Study = Study()
     page: Callable[..., Any] | str | None = None
-    claims: Any = None
-    report: Callable[..., Any] | str | None = None
     web: Callable[[Any], Any] | str | None = None
-    own_fmus: Callable[..., FmuSet] | str | None = None
-    papers: Mapping[str, str] | str = field(default_factory=dict)
+    title: str = ""
     module: str = ""
 
     def __post_init__(self) -> None:
@@ -197,7 +291,7 @@ class Experiment:
         Raises:
             MeasureError: it is something else than values by name.
         """
-        row: Any = self.measure(run)
+        row: Any = self.measures.measure(run)
         if not isinstance(row, Mapping) or not all(isinstance(name, str) for name in row):
             raise MeasureError(
                 f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak':"
@@ -205,37 +299,15 @@ class Experiment:
             )
         return dict(row)
 
-    def beside(self, case: Any, fmus: FmuSet) -> Any:
-        """The baseline case that a run is compared with; None if the experiment names no baseline."""
-        if self.own_baseline is not None and fmus.vehicles:
-            return self.own_baseline(case, fmus)
-        return self.baseline(case) if self.baseline else None
-
-    def name_of(self, case: Any) -> str:
-        """What a case is called beside others: the controller, where there is one."""
-        return self.called(case) if self.called else str(getattr(case, "controller", None) or "run")
-
-    def about_baseline(self, baseline: Any, case: Any) -> str:
-        """What the baseline of a run is, in a sentence."""
-        changed = ", ".join(f"{f.name} {getattr(baseline, f.attribute)}" for f in differing([case, baseline]))
-        words = self.about(baseline) if self.about else f"the same run with {changed}"
-        return f"{self.name_of(baseline)} is the baseline: {words}"
-
     @property
     def functions(self) -> list[Any]:
         """What a run's numbers depend on: the functions and classes that wire, run and measure."""
+        wiring, run, measures = self.wiring, self.run, self.measures
         parts = (
             self.case,
-            self.wire,
-            self.measure,
-            self.structure,
-            self.configure,
-            self.stop_time,
-            self.record,
-            self.record_interval,
-            self.stop_when,
-            self.signals,
-            self.failed,
+            *(wiring.wire, wiring.structure, wiring.configure),
+            *(run.stop_time, run.record, run.interval, run.stop_when),
+            *(measures.measure, measures.signals, measures.failed),
         )
         return [p for p in parts if callable(p)]
 
@@ -246,9 +318,9 @@ class Experiment:
         Raises:
             CaseError: two of them have the same name or class of cases, or a part has parts itself.
         """
-        found: list[Experiment] = [self, *(resolved(p) for p in self.parts)]
+        found: list[Experiment] = [self, *(resolved(p) for p in self.study.parts)]
         for part in found[1:]:
-            if part.parts:
+            if part.study.parts:
                 raise CaseError(f"{part.name} is a part of {self.name} and has parts itself; name them in {self.name}")
         for what, values in (("name", [e.name for e in found]), ("class of cases", [e.case for e in found])):
             if len(set(values)) < len(values):
@@ -284,7 +356,8 @@ class Experiment:
 
 
 def _planned(experiment: Experiment, options: Mapping[str, Any]) -> Iterable[Any]:
-    return (experiment.plan(**options) if callable(experiment.plan) else experiment.plan) or ()
+    plan = experiment.study.plan
+    return (plan(**options) if callable(plan) else plan) or ()
 
 
 def resolved(named: Any) -> Any:

@@ -59,7 +59,7 @@ def salt(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = (), searc
         searches: tasks of the study that are more than one run.
     """
     modules = entry_modules(experiment, searches)
-    paths = sorted({*fmus.paths(experiment.fmus), *fmus.own_paths, *files})
+    paths = sorted({*fmus.paths(experiment.wiring.fmus), *fmus.own_paths, *files})
     used = [f"{name} {version}" for name, version in versions(libraries(modules)).items()]
     return "|".join([content_hash(paths), code_hash(modules), *used])
 

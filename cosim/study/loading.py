@@ -23,7 +23,7 @@ from cosim.core.errors import CosimError
 from cosim.core.signals import rms
 from cosim.study import packages
 from cosim.study.case import case_of, values
-from cosim.study.experiment import Experiment, Metric, Row, Run
+from cosim.study.experiment import Experiment, Measures, Metric, Row, Run, RunOptions, Study, Wiring
 from cosim.study.fmus import FmuSet
 
 
@@ -108,13 +108,10 @@ def _around(module: ModuleType, place: str) -> Experiment:
         name=Path(place).stem if place.endswith(".py") else place.rpartition(".")[2],
         title=(module.__doc__ or "").strip().partition("\n")[0],
         case=case,
-        wire=partial(_wire, module.system, place),
-        measure=getattr(module, "measure", extremes),
-        stop_time=getattr(module, "STOP_TIME", None) or _default_stop_time,
-        record=getattr(module, "RECORD", None),
-        metrics=getattr(module, "METRICS", {}),
-        plan=getattr(module, "PLAN", None),
-        report=getattr(module, "REPORT", None),
+        wiring=Wiring(partial(_wire, module.system, place)),
+        measures=Measures(getattr(module, "measure", extremes), getattr(module, "METRICS", {})),
+        run=RunOptions(getattr(module, "STOP_TIME", None) or _default_stop_time, getattr(module, "RECORD", None)),
+        study=Study(getattr(module, "PLAN", None), report=getattr(module, "REPORT", None)),
         module=place,
     )
 

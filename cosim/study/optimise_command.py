@@ -5,27 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
-from build_fmus.base.terminal import console
+from build_fmus.base.terminal import Command, console
 from cosim import Execution
 from cosim.study.case import fields
-from cosim.study.commands import (
-    EVERYWHERE_OF_STUDIES,
-    command,
-    execution,
-    field_options,
-    fmu_set,
-    make_folder,
-    on,
-    own_files,
-    progress_bar,
-)
+from cosim.study.commands import make_folder, on, progress_bar
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
+from cosim.study.options import EXECUTION, MANY_RUNS, OUT, case_options, command, execution, fmu_options, fmu_set
 from cosim.study.processes import local_processes
 from cosim.study.store import Store
 from cosim.study.sweep import Sweep, prepare, run_sweep
@@ -33,47 +24,33 @@ from cosim.study.sweep import Sweep, prepare, run_sweep
 if TYPE_CHECKING:  # needs the extra [optimisation]
     from cosim.study.optimise import Limits, Outcome
 
-Vary = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--vary",
-        metavar="NAME=LOW:HIGH",
-        help=(
-            "vary an option of the cases, or COMPONENT.PARAMETER of the system, in a range, or over a list NAME=A,B,C"
-            " (repeatable)"
-        ),
-    ),
-]
-Log = Annotated[
-    list[str] | None,
-    typer.Option("--log", metavar="NAME", help="vary this parameter on a logarithmic scale (repeatable)"),
-]
-Minimise = Annotated[
-    list[str] | None,
-    typer.Option("--minimise", "--minimize", metavar="METRIC", help="minimize this metric (repeatable)"),
-]
-Maximise = Annotated[
-    list[str] | None,
-    typer.Option("--maximise", "--maximize", metavar="METRIC", help="maximize this metric (repeatable)"),
-]
-Trials = Annotated[
-    int,
-    typer.Option(
-        "--trials", help="number of trials in total, including those of earlier runs of the same command", min=1
-    ),
-]
-Seed = Annotated[int, typer.Option("--random-seed", help="seed of the search", min=0)]
-
 TRIALS, RUNS = "trials.log", ".runs"  # of a search, in its folder
 
-_OPTIONS: dict[str, tuple[Any, Any]] = {
-    "vary": (Vary, None),
-    "log": (Log, None),
-    "minimise": (Minimise, None),
-    "maximise": (Maximise, None),
-    "trials": (Trials, 40),
-    "random_seed": (Seed, 0),
-}
+SEARCH = (
+    click.Option(
+        ["--vary"],
+        multiple=True,
+        metavar="NAME=LOW:HIGH",
+        help="vary an option of the cases, or COMPONENT.PARAMETER of the system, in a range, or over a list NAME=A,B,C"
+        " (repeatable)",
+    ),
+    click.Option(
+        ["--log"], multiple=True, metavar="NAME", help="vary this parameter on a logarithmic scale (repeatable)"
+    ),
+    click.Option(
+        ["--minimise", "--minimize"], multiple=True, metavar="METRIC", help="minimize this metric (repeatable)"
+    ),
+    click.Option(
+        ["--maximise", "--maximize"], multiple=True, metavar="METRIC", help="maximize this metric (repeatable)"
+    ),
+    click.Option(
+        ["--trials"],
+        type=click.IntRange(min=1),
+        default=40,
+        help="number of trials in total, including those of earlier runs of the same command",
+    ),
+    click.Option(["--random-seed"], type=click.IntRange(min=0), default=0, help="seed of the search"),
+)
 
 
 @dataclass(frozen=True)
@@ -114,12 +91,12 @@ class PointRuns:
         return [{"failed": table.failures[i]} if i in table.failures else row for i, row in enumerate(rows)]
 
 
-def optimise_command(experiment: Experiment) -> Any:
+def optimise_command(experiment: Experiment) -> Command:
     """The command that searches."""
 
     def optimise(**given: Any) -> None:
-        objectives = {**dict.fromkeys(given["minimise"] or (), "min"), **dict.fromkeys(given["maximise"] or (), "max")}
-        if both := sorted(set(given["minimise"] or ()) & set(given["maximise"] or ())):
+        objectives = {**dict.fromkeys(given["minimise"], "min"), **dict.fromkeys(given["maximise"], "max")}
+        if both := sorted(set(given["minimise"]) & set(given["maximise"])):
             raise DesignError(
                 f"{both[0]} cannot be both minimized and maximized: give it to --minimise or to --maximise"
             )
@@ -127,24 +104,28 @@ def optimise_command(experiment: Experiment) -> Any:
             raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
         fmus = fmu_set(experiment, given)
         base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
-        axes = tuple(axis(text) for text in given["vary"] or ())
+        axes = tuple(axis(text) for text in given["vary"])
         prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
         folder = make_folder(fmus.results(given["out"], experiment.name) / "optimise")
         if given["force"]:
             (folder / TRIALS).unlink(missing_ok=True)
             Store(folder / RUNS).discard()
-        space = limits(prepared.design.axes, given["log"] or ())
+        space = limits(prepared.design.axes, given["log"])
         found = _search(prepared, fmus, space, objectives, folder, given)
         _write(experiment, found, folder)
 
-    own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
-    everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k != "retry_failed"}
-    text = (
-        "Searches for parameters that minimize or maximize metrics; writes"
-        f" results/{experiment.name}/optimise/report.html."
-    )
     return command(
-        optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text, own={"Search": _OPTIONS}
+        experiment,
+        optimise,
+        "Searches for parameters that minimize or maximize metrics; writes"
+        f" results/{experiment.name}/optimise/report.html.",
+        {
+            "Case": case_options(experiment, beside=SEARCH),
+            "Search": SEARCH,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, *MANY_RUNS],
+            "Inputs and results": [OUT],
+        },
     )
 
 
@@ -202,7 +183,7 @@ def _search(
 
 def _unit(experiment: Experiment, metric: str) -> str:
     """As the experiment declares it; empty where it does not."""
-    declared = (experiment.metrics or {}).get(metric)
+    declared = experiment.measures.metrics.get(metric)
     return declared.unit if declared is not None and declared.unit and declared.factor == 1 else ""
 
 

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 from cosim import System
 from cosim.core.errors import SspError
 from cosim.study.case import case_of, option
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Experiment, Measures, RunOptions, Wiring
 from cosim.study.fmus import FmuSet
 
 SUFFIX = ".ssp"
@@ -48,12 +48,9 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
         name=path.stem.replace(" ", "_"),
         title=f"The system of {path.name}",
         case=case_of(wired),
-        wire=_wire,
-        structure=_structure,
-        configure=_configure,
-        measure=measure,
-        stop_time=_stop_time,
-        record=_record,
+        wiring=Wiring(_wire, _structure, _configure),
+        measures=Measures(measure),
+        run=RunOptions(_stop_time, _record),
         module=place,
     )
 

@@ -33,9 +33,9 @@ def provenance(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = ())
     """
     used = key.libraries(m for e in experiment.every for m in key.entry_modules(e))
     found: dict[str, Any] = {"versions": {PACKAGE: metadata.version(PACKAGE), **key.versions(used)}}
-    if experiment.papers:
-        found["papers"] = dict(resolved(experiment.papers))
-    paths = dict.fromkeys([*fmus.paths(n for e in experiment.every for n in e.fmus), *files])
+    if experiment.study.papers:
+        found["papers"] = dict(resolved(experiment.study.papers))
+    paths = dict.fromkeys([*fmus.paths(n for e in experiment.every for n in e.wiring.fmus), *files])
     return {
         **found,
         "FMI version": f"{fmus.fmi}.0",
@@ -111,7 +111,7 @@ def failed_section(results: Results) -> list[Section]:
 
 def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
     """The page of a study: that of the experiment, or the one by default; at its end the runs that failed."""
-    made: Report = (resolved(experiment.report) or partial(default_report, experiment))(results, fmus)
+    made: Report = (resolved(experiment.study.report) or partial(default_report, experiment))(results, fmus)
     return replace(made, sections=[*made.sections, *failed_section(results)])
 
 
@@ -123,7 +123,7 @@ def default_report(experiment: Experiment, results: Results, fmus: FmuSet) -> Re
 
     Runs of parts are listed by themselves.
     """
-    claims = resolved(experiment.claims)
+    claims = resolved(experiment.study.claims)
     own = results.of()
     axes = ", ".join(f.name.replace("-", " ") for f in differing(own))
     parts = [s for part in experiment.every[1:] for s in _runs(part, results.of(part.name), f"{part.name}-")]
@@ -149,7 +149,7 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
     columns = [*(f.text for f in axes), *(m.heading for m in metrics.values())]
     about = f" of {experiment.name}" if prefix else ""
     table = Table(f"{prefix}runs", f"All runs{about}", columns or ["run"], rows if columns else [[experiment.name]])
-    curves = metrics if experiment.metrics else dict(list(metrics.items())[:MOST_METRICS])
+    curves = metrics if experiment.measures.metrics else dict(list(metrics.items())[:MOST_METRICS])
     left_out = (
         f"Figures show the first {len(curves)} of {len(metrics)} metrics. The table has all of them and scrolls"
         " sideways; its CSV file has them too. METRICS in the file of the experiment says which metrics are shown,"
@@ -166,8 +166,8 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
 
 def shown_metrics(experiment: Experiment, results: Results) -> dict[str, Metric]:
     """Metrics and how they are shown: as the experiment says, else every number that was measured, by its own name."""
-    if experiment.metrics:
-        return dict(experiment.metrics)
+    if experiment.measures.metrics:
+        return dict(experiment.measures.metrics)
     names = dict.fromkeys(
         k for c in results.ran for k, v in results[c].items() if isinstance(v, int | float) and not isinstance(v, bool)
     )

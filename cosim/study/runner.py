@@ -63,25 +63,20 @@ class Runner:
     def system(self, case: Any) -> System:
         """The wired system of a case, with the parameters of this case set."""
         check(case)
-        e = self.experiment
-        key: Hashable = e.structure(case) if e.structure else None if e.configure else case
+        wiring = self.experiment.wiring
+        key = wiring.shared(case)
         system = self._systems.pop(key, None)
         if system is None:
-            while len(self._systems) >= (1 if not (e.configure or e.structure) else SYSTEMS):
+            while len(self._systems) >= (1 if not (wiring.configure or wiring.structure) else SYSTEMS):
                 self._systems.pop(next(iter(self._systems))).close()
-            system = e.wire(self.fmus, case)
+            system = wiring.wire(self.fmus, case)
             for path in self.inputs:
                 drive(system, path, after="hold" if self.hold_inputs else "error")
             self.execution.prepare(system, every=False)  # not every case has every component
         self._systems[key] = system
-        if e.configure is not None:
-            e.configure(system, case)
+        if wiring.configure is not None:
+            wiring.configure(system, case)
         return system
-
-    def recorded(self, case: Any) -> Any:
-        """Names and patterns of what the experiment records of a case; None: every output."""
-        e = self.experiment
-        return e.record(case) if callable(e.record) else e.record
 
     def run(
         self,
@@ -106,19 +101,16 @@ class Runner:
         Raises:
             ComponentError: a component failed (a diverging loop, for one); `error.recording` holds what was recorded.
         """
-        e, system = self.experiment, self.system(case)
+        options, system = self.experiment.run, self.system(case)
         kept = Record.of(record or None)
         if kept.variables is None:
-            kept = replace(kept, variables=self.recorded(case))
+            kept = replace(kept, variables=options.recorded(case))
         if kept.interval is None:
-            kept = replace(kept, interval=e.record_interval(case) if callable(e.record_interval) else e.record_interval)
-        end = (
-            stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time
-        )
+            kept = replace(kept, interval=options.interval_of(case))
         recording = system.run(
-            end,
+            options.end(system, case) if stop_time is None else stop_time,
             record=kept,
-            stop_when=e.stop_when(system, case) if e.stop_when else (),
+            stop_when=options.stop_when(system, case) if options.stop_when else (),
             output=output,
             progress=progress,
             execution=replace(self.execution, isolate=(), real_time=real_time),
@@ -150,20 +142,20 @@ class Runner:
         return found
 
     def _entry(self, case: Any, *, signals: bool, history: Path | None = None) -> Row:
-        e = self.experiment
+        measures = self.experiment.measures
         try:
             run = self.run(case)
         except ComponentError as error:
             if history is not None and error.recording is not None:
                 _keep(history, error.recording)
-            if e.failed is None:
+            if measures.failed is None:
                 raise
-            return {"metrics": e.failed(case, error)}
+            return {"metrics": measures.failed(case, error)}
         if history is not None:
             _keep(history, run.recording)
-        found: Row = {"metrics": e.measured(run)}
-        if signals and e.signals is not None:
-            found["signals"] = e.signals(run)
+        found: Row = {"metrics": self.experiment.measured(run)}
+        if signals and measures.signals is not None:
+            found["signals"] = measures.signals(run)
         return found
 
     def close(self) -> None:

@@ -115,7 +115,7 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
             it.
         FileNotFoundError: an FMU is missing.
     """
-    fmus.paths(experiment.fmus)
+    fmus.paths(experiment.wiring.fmus)
     own = {f.name: f for f in fields(experiment.case)} | {f.attribute: f for f in fields(experiment.case)}
     base = dict(base or {})
     for name, value in design.fixed.items():
@@ -126,7 +126,7 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
     variables = {}
     with Runner(experiment, fmus) as runner:
         inner = [a for a in design.axes if a.name not in own]
-        system = runner.system(case) if inner or not experiment.fmus else None
+        system = runner.system(case) if inner or not experiment.wiring.fmus else None
         for a in inner:
             variables[a.name] = _variable(system, a.name, own)
         wholes = [n for n, v in variables.items() if v.type == "integer"]

@@ -6,106 +6,79 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+import click
 from rich.console import Group
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus.base.terminal import console, one_of
+from build_fmus.base.terminal import PATH, Command, Names, console
 from cosim.study.case import fields
-from cosim.study.commands import (
-    EVERYWHERE_OF_STUDIES,
-    command,
-    execution,
-    field_options,
-    fmu_set,
-    make_folder,
-    on,
-    own_files,
-    refuse_none,
-    run_case,
-)
+from cosim.study.commands import make_folder, on, refuse_none, run_case
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment
+from cosim.study.options import EXECUTION, MANY_RUNS, OUT, RETRY, case_options, command, execution, fmu_options, fmu_set
 from cosim.study.sweep import HISTORIES, RunningStats, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
 
 REFRESH = 2.0  # 1/s, of the table on the screen
 MOST = 12  # metrics in it
 
-Vary = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--vary",
+_FILE = "or as in the design file"
+DESIGN = (
+    click.Option(
+        ["--vary"],
+        multiple=True,
         metavar="NAME=LOW:HIGH",
-        help=(
-            "vary an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a"
-            " distribution NAME=normal(MEAN,DEVIATION) (repeatable)"
-        ),
+        help="vary an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a"
+        " distribution NAME=normal(MEAN,DEVIATION) (repeatable)",
     ),
-]
-_OWN = "or as in the design file"
-Samples = Annotated[
-    int | None,
-    typer.Option("--samples", help=f"number of points of the design (default: {Design.samples}, {_OWN})", min=1),
-]
-Method = Annotated[
-    str | None,
-    typer.Option(
-        "--method",
-        metavar=one_of(METHODS),
-        help=f"choose the sampling method (default: {Design.method}, {_OWN})",
+    click.Option(
+        ["--samples"],
+        type=click.IntRange(min=1),
+        help=f"number of points of the design (default: {Design.samples}, {_FILE})",
     ),
-]
-Seed = Annotated[
-    int | None, typer.Option("--random-seed", help=f"seed of the design (default: {Design.seed}, {_OWN})", min=0)
-]
-File = Annotated[
-    Path | None,
-    typer.Option("--design", metavar="FILE", help="read the design from a .toml file, or from DESIGN in a .py file"),
-]
-Worst = Annotated[
-    str | None,
-    typer.Option(
-        "--worst",
+    click.Option(
+        ["--method"],
+        type=Names(METHODS),
+        help=f"choose the sampling method (default: {Design.method}, {_FILE})",
+    ),
+    click.Option(
+        ["--random-seed"],
+        type=click.IntRange(min=0),
+        help=f"seed of the design (default: {Design.seed}, {_FILE})",
+    ),
+    click.Option(
+        ["--design"],
+        type=PATH,
+        metavar="FILE",
+        help="read the design from a .toml file, or from DESIGN in a .py file",
+    ),
+    click.Option(
+        ["--worst"],
         metavar="METRIC",
-        help=(
-            "rank the worst runs by the largest values of this metric; METRIC:min: by the smallest (default: the first"
-            " metric, furthest from 0)"
-        ),
+        help="rank the worst runs by the largest values of this metric; METRIC:min: by the smallest (default: the first"
+        " metric, furthest from 0)",
     ),
-]
-One = Annotated[
-    int | None,
-    typer.Option("--run", metavar="NUMBER", help="repeat one run of the sweep and save its time histories", min=0),
-]
-Histories = Annotated[
-    bool,
-    typer.Option(
-        "--histories",
+    click.Option(
+        ["--run"],
+        type=click.IntRange(min=0),
+        metavar="NUMBER",
+        help="repeat one run of the sweep and save its time histories",
+    ),
+    click.Option(
+        ["--histories"],
+        is_flag=True,
         help="also save the time histories of every run, as Parquet files next to the table",
     ),
-]
-Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {MANY} runs")]
-
-_OPTIONS: dict[str, tuple[Any, Any]] = {
-    "vary": (Vary, None),
-    "samples": (Samples, None),
-    "method": (Method, None),
-    "random_seed": (Seed, None),
-    "design": (File, None),
-    "worst": (Worst, None),
-    "run": (One, None),
-    "histories": (Histories, False),
-    "yes": (Yes, False),
-}
+    click.Option(["--yes"], is_flag=True, help=f"do not ask before more than {MANY} runs"),
+)
 
 
-def sweep_command(experiment: Experiment) -> Any:
+def sweep_command(experiment: Experiment) -> Command:
     """The command that runs an experiment over a design."""
 
     def sweep(**given: Any) -> None:
@@ -130,14 +103,17 @@ def sweep_command(experiment: Experiment) -> Any:
             histories=given["histories"],
         )
 
-    own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
-    text = f"Runs over a design of its parameters; writes results/{experiment.name}/sweep/report.html."
     return command(
-        sweep,
         experiment,
-        {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES},
-        text,
-        own={"Design": _OPTIONS},
+        sweep,
+        f"Runs over a design of its parameters; writes results/{experiment.name}/sweep/report.html.",
+        {
+            "Case": case_options(experiment, beside=DESIGN),
+            "Design": DESIGN,
+            "FMUs": fmu_options(experiment),
+            "How it runs": [*EXECUTION, *MANY_RUNS, RETRY],
+            "Inputs and results": [OUT],
+        },
     )
 
 
@@ -228,7 +204,7 @@ def _design(given: Mapping[str, Any]) -> Design:
     options = (("samples", "samples"), ("method", "method"), ("random_seed", "seed"))
     changes = {attribute: given[option] for option, attribute in options if given[option] is not None}
     if given["design"] is None:
-        return Design(tuple(axis(text) for text in given["vary"] or ()), **changes)
+        return Design(tuple(axis(text) for text in given["vary"]), **changes)
     found = from_file(given["design"])
     if changes and found.method == "list":
         raise DesignError(
@@ -261,7 +237,7 @@ def _ask(design: Design, yes: bool) -> None:
         else f"{hours / 24 / 365:.0f} years"
     )
     text = f"{design.runs:.6g} runs: at 0.1 s each about {often} on one core"
-    if not (console.is_terminal and typer.confirm(f"{text}. Run them?", default=False)):
+    if not (console.is_terminal and click.confirm(f"{text}. Run them?", default=False)):
         raise DesignError(f"{text}; nothing was run. Take fewer --samples, or give --yes")
 
 
@@ -271,5 +247,5 @@ def _one(sweep: Sweep, number: int, fmus: Any, given: Mapping[str, Any]) -> None
     made = swept(sweep.experiment, sweep.parameters)
     kind = type("Run", (made.case,), {"label": f"run-{number}"})  # which names its files
     case = kind(**{**sweep.base, **dict(zip(sweep.attributes, sweep.point(number), strict=True))})
-    alone = dataclasses.replace(made, baseline=None)
+    alone = dataclasses.replace(made, baseline=Baseline())
     run_case(alone, case, fmus, given["out"], execution(given), folder=fmus.results(given["out"], made.name) / "sweep")

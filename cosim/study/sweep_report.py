@@ -122,7 +122,7 @@ def sweep_report(
 
 
 def _shown(table: SweepTable) -> dict[str, Metric]:
-    said = {k: m for k, m in table.sweep.experiment.metrics.items() if k in table.metrics}
+    said = {k: m for k, m in table.sweep.experiment.measures.metrics.items() if k in table.metrics}
     return said or {k: undeclared(k) for k in table.metrics}
 
 

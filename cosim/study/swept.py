@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import make_dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
 from cosim.study.case import Case, fields, option
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Experiment, Study, Wiring
 from cosim.study.loading import load
 
 KINDS: dict[str, type] = {"real": float, "integer": int, "boolean": bool, "string": str}
@@ -27,29 +27,26 @@ def swept(experiment: Experiment, parameters: Parameters) -> Experiment:
     None leaves a parameter as the experiment sets it.
     """
     if not parameters:
-        return dataclasses.replace(experiment, parts=(), plan=None, claims=None)
+        return replace(experiment, study=Study())
     more = [
         (attribute(i), KINDS[kind] | None, option(None, help=f"start value of {name}", name=name))
         for i, (name, kind) in enumerate(parameters)
     ]
     names = [name for name, _ in parameters]
-    made = dataclasses.make_dataclass(
+    made = make_dataclass(
         "Point",
         more,
         bases=(_Point, experiment.case),
         frozen=True,
         namespace={"__module__": __name__, "base": experiment.case},
     )
-    return dataclasses.replace(
-        experiment,
-        case=made,
-        wire=partial(_wire, experiment),
-        structure=partial(_structure, experiment),
-        configure=partial(_configure, experiment, tuple(names)),
-        parts=(),
-        plan=None,
-        claims=None,
+    wiring = replace(
+        experiment.wiring,
+        wire=partial(_wire, experiment.wiring),
+        structure=partial(_structure, experiment.wiring),
+        configure=partial(_configure, experiment.wiring, tuple(names)),
     )
+    return replace(experiment, case=made, wiring=wiring, study=Study())
 
 
 class _Point(Case):
@@ -65,18 +62,17 @@ def own(point: Any) -> Any:
     return case(**{f.attribute: getattr(point, f.attribute) for f in fields(case)})
 
 
-def _wire(experiment: Experiment, fmus: Any, point: Any) -> Any:
-    return experiment.wire(fmus, own(point))
+def _wire(wiring: Wiring, fmus: Any, point: Any) -> Any:
+    return wiring.wire(fmus, own(point))
 
 
-def _structure(experiment: Experiment, point: Any) -> Any:
-    case = own(point)
-    return experiment.structure(case) if experiment.structure else None if experiment.configure else case
+def _structure(wiring: Wiring, point: Any) -> Any:
+    return wiring.shared(own(point))
 
 
-def _configure(experiment: Experiment, names: Sequence[str], system: Any, point: Any) -> None:
-    if experiment.configure is not None:
-        experiment.configure(system, own(point))
+def _configure(wiring: Wiring, names: Sequence[str], system: Any, point: Any) -> None:
+    if wiring.configure is not None:
+        wiring.configure(system, own(point))
     set_parameters(system, {n: getattr(point, attribute(i)) for i, n in enumerate(names)})
 
 

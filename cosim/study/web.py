@@ -65,7 +65,7 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
             )  # one each: cases alike share a system, and its values
             system = runner.system(each.case)
             shown.append(PageSystem(each.title, system, each.values, each.group, infer_scene(system)))
-            record = runner.recorded(each.case)
+            record = experiment.run.recorded(each.case)
             if record is not None:
                 outputs, chosen = ([f"{m.name}.{v.name}" for m, v in system.select(n)] for n in (None, record))
                 recorded |= dict.fromkeys(n for n in chosen if n in outputs)

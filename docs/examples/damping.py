@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim import System
-from cosim.study import Case, ClaimList, Experiment, Finding, Metric, grid, option
+from cosim.study import Case, ClaimList, Experiment, Finding, Measures, Metric, RunOptions, Study, Wiring, grid, option
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,10 @@ EXPERIMENT = Experiment(
     "damping",
     Ride,
     title="Damping of a quarter car",
-    fmus=("RoadBenchBump", "QuarterCarHmmwv"),
-    wire=wire,
-    configure=configure,
-    stop_time=3.0,
-    record=["car.*"],
-    measure=measure,
-    metrics={"comfort": Metric("rms acceleration", "m/s2"), "grip": Metric("tire deflection, largest", "mm", 1e3)},
-    plan=grid(Ride, damping=DAMPINGS, duration=(0.1, 0.5)),
-    claims=CLAIMS,
+    wiring=Wiring(wire, configure=configure, fmus=("RoadBenchBump", "QuarterCarHmmwv")),
+    measures=Measures(
+        measure, {"comfort": Metric("rms acceleration", "m/s2"), "grip": Metric("tire deflection, largest", "mm", 1e3)}
+    ),
+    run=RunOptions(stop_time=3.0, record=["car.*"]),
+    study=Study(grid(Ride, damping=DAMPINGS, duration=(0.1, 0.5)), claims=CLAIMS),
 )

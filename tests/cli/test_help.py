@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 from built import FMUS, BuiltFmus
+from click.testing import CliRunner
 from programs import BIN, ENVIRONMENT, run
-from typer.testing import CliRunner
 
 import cosim.cli
 import fmu_sources.cli
@@ -37,8 +36,7 @@ def commands(group: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], An
     return found
 
 
-COSIM = commands(typer.main.get_command(cosim.cli.app))
-BUILD = typer.main.get_command(fmu_sources.cli.app)
+COSIM = commands(cosim.cli.app)
 
 
 def help_of(*words: str, app: Any = cosim.cli.app) -> str:
@@ -194,7 +192,7 @@ def test_the_terminal_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch, capsy
 
 def test_the_first_screen_has_every_command_in_a_sentence_and_examples_that_work() -> None:
     shown = help_of()
-    group = typer.main.get_command(cosim.cli.app)
+    group = cosim.cli.app
     listed = [n for n in group.list_commands(None) if not group.get_command(None, n).hidden]  # type: ignore[attr-defined, arg-type]
     for name in listed:
         first = re.split(r"\.(?:\s|$)", group.get_command(None, name).help)[0]  # type: ignore[attr-defined, arg-type, union-attr]

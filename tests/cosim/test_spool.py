@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from probes import Integrator
-from typer.testing import CliRunner
 
 from cosim import CosimError, Recording, System
 from cosim.cli import app

@@ -30,7 +30,7 @@ ELSEWHERE = 0.25  # s
 def parts(experiment: Experiment) -> Iterator[Experiment]:
     """An experiment and its parts."""
     yield experiment
-    for part in experiment.parts:
+    for part in experiment.study.parts:
         yield from parts(resolved(part))
 
 

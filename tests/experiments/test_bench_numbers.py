@@ -117,9 +117,12 @@ def test_the_worst_of_the_solver() -> None:
 def test_remarks() -> None:
     said = ["command.held: the solver found no solution at some samples; the last force was kept"]
     assert (
-        EXPERIMENT.remarks(recording(Case("mpc"), **{"controller.command.held": np.where(T > 2.99, 1.0, 0.0)})) == said
+        EXPERIMENT.measures.remarks(recording(Case("mpc"), **{"controller.command.held": np.where(T > 2.99, 1.0, 0.0)}))
+        == said
     )
-    assert EXPERIMENT.remarks(recording(Case("mpc"))) == EXPERIMENT.remarks(recording(Case("lqr"))) == []
+    assert (
+        EXPERIMENT.measures.remarks(recording(Case("mpc"))) == EXPERIMENT.measures.remarks(recording(Case("lqr"))) == []
+    )
 
 
 def test_signals_of_a_run() -> None:
@@ -196,7 +199,8 @@ def test_charts_of_the_live_page_show_what_is_recorded(
     pages: list[WebPage] = []
     monkeypatch.setattr(web, "export_web", lambda path, _, page: pages.append(page) or path)
     web.write_web(EXPERIMENT, fmus, tmp_path / "page.html", Case("passive"))
-    own = replace(EXPERIMENT, record=["controller.force", "plant.body.a*", "plant.force", "plant.wheel.z"])
+    record = ["controller.force", "plant.body.a*", "plant.force", "plant.wheel.z"]
+    own = replace(EXPERIMENT, run=replace(EXPERIMENT.run, record=record))
     web.write_web(own, fmus, tmp_path / "page.html", Case("lqr"))
     every, some = (list(page.plots) for page in pages)
     assert every[0] == "road.road.height"

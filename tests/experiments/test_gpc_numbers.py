@@ -1113,11 +1113,16 @@ def test_names_of_the_options() -> None:
 # gpc
 
 
+def identify(options: str) -> None:
+    """Run the command in this process."""
+    identify_command.identify.main(options.split(), standalone_mode=False)
+
+
 def test_a_vehicle_that_gpc_does_not_run_with_has_no_laws(fmus: FmuSet, tmp_path: Path, raises) -> None:
     own = tmp_path / "own.toml"
     own.write_text('base = "three_axle"\n')
     with raises(VehicleError):
-        identify_command.identify(fmus=fmus.directory, vehicle=[own], out=tmp_path)
+        identify(f"--fmus {fmus.directory} --vehicle {own} --out {tmp_path}")
 
 
 def test_laws_derived_again(
@@ -1139,19 +1144,8 @@ def test_laws_derived_again(
         return SimpleNamespace(law=derived, **fits)
 
     monkeypatch.setattr(identify_command, "identify_models", models)
-    identify_command.identify(
-        seed=3,
-        order=7,
-        samples=300,
-        excitation=1500.0,
-        weight=2e-7,
-        horizon=9,
-        control_horizon=5,
-        fmus=fmus.directory,
-        fmi=3,
-        vehicle=None,
-        out=tmp_path,
-    )
+    values = "--seed 3 --order 7 --samples 300 --excitation 1500 --weight 2e-7 --horizon 9 --control-horizon 5"
+    identify(f"{values} --fmus {fmus.directory} --out {tmp_path}")
     assert asked == [
         (
             "FullCarHmmwvModified",

@@ -280,9 +280,10 @@ def test_cases_that_do_not_exist(choice: dict, raises) -> None:
 def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
     run = runner.run(Case(preview_time=0.5), stop_time=0.05)
     assert run.recording["controller.horizon_truncated"].all()
-    assert EXPERIMENT.remarks(run) == ["horizon_truncated: preview or memory end before the horizon that was requested"]
-    assert EXPERIMENT.remarks(runner.run(Case(), stop_time=0.05)) == []
-    assert EXPERIMENT.remarks(runner.run(passive(Case()), stop_time=0.05)) == []
+    remarks = EXPERIMENT.measures.remarks
+    assert remarks(run) == ["horizon_truncated: preview or memory end before the horizon that was requested"]
+    assert remarks(runner.run(Case(), stop_time=0.05)) == []
+    assert remarks(runner.run(passive(Case()), stop_time=0.05)) == []
 
 
 @pytest.mark.parametrize("weights", ["comfort", "road-holding"])

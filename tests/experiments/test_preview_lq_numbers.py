@@ -128,7 +128,7 @@ def test_remarks() -> None:
             ["horizon_truncated: preview or memory end before the horizon that was requested"],
         ),
     ):
-        assert EXPERIMENT.remarks(recording(Case(), **{"controller.horizon_truncated": cut})) == words
+        assert EXPERIMENT.measures.remarks(recording(Case(), **{"controller.horizon_truncated": cut})) == words
 
 
 def test_what_is_set_for_a_case(fmus: FmuSet) -> None:

@@ -441,9 +441,9 @@ def test_weights_and_bounds_of_the_laws_are_among_the_parameters(page: Report) -
 
 def test_the_system_of_a_case(fmus: FmuSet) -> None:
     case = Case(18.0, 0.25, "passive")
-    with EXPERIMENT.wire(fmus, case) as system:
-        assert EXPERIMENT.configure is not None
-        EXPERIMENT.configure(system, case)
+    with EXPERIMENT.wiring.wire(fmus, case) as system:
+        assert EXPERIMENT.wiring.configure is not None
+        EXPERIMENT.wiring.configure(system, case)
         assert system["speed"].values["start.speed"] == pytest.approx(5.0)
         assert system["road"].values["trench.depth"] == 0.25
         assert float(system["car"].step) == 0.001
@@ -456,9 +456,9 @@ def test_labels_of_cases() -> None:
 @pytest.mark.parametrize("controller", [c for c in CONTROLLERS if c != "passive"])
 def test_the_laws_of_a_case(fmus: FmuSet, controller: str) -> None:
     case = Case(18.0, 0.25, controller, **({} if controller == "lqr" else {"estimator": "road", "hold_height": True}))
-    with EXPERIMENT.wire(fmus, case) as system:
-        assert EXPERIMENT.configure is not None
-        EXPERIMENT.configure(system, case)
+    with EXPERIMENT.wiring.wire(fmus, case) as system:
+        assert EXPERIMENT.wiring.configure is not None
+        EXPERIMENT.wiring.configure(system, case)
         made = {c.target_name: c.source_name for c in system.connections.values()}
         for k in SIX_CORNERS:
             assert made[f"car.force.{k}"] == f"controller.force.{k}"

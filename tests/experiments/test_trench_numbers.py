@@ -348,7 +348,7 @@ def test_the_two_vehicles_of_the_linear_comparison_meet_one_trench(fmus: FmuSet)
 
 def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
     assert linear.PART.name == "shallow"
-    assert linear.PART.stop_time == pytest.approx((6 + 2 + 5) / (5 / 3.6), abs=1e-3)
+    assert linear.PART.run.stop_time == pytest.approx((6 + 2 + 5) / (5 / 3.6), abs=1e-3)
 
 
 # ----------------------------------------------------------------------------------------------- a study: every cell by

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 def test_the_verdicts_that_are_told_are_of_these_statements(experiment: str) -> None:
     """All of them, in the order of the report; a statement that comes, goes or changes needs its study run again."""
     told = kept_claims(experiment)
-    statements = resolved(load(EXPERIMENTS[experiment]).claims)
+    statements = resolved(load(EXPERIMENTS[experiment]).study.claims)
     assert [c["id"] for c in told] == list(statements.statements)
     assert [(c["published"], c["source"], c["own"]) for c in told] == [
         (s.published, s.source, s.own) for s in statements
@@ -34,7 +34,7 @@ def test_the_verdicts_that_are_told_are_of_these_statements(experiment: str) -> 
 @pytest.mark.parametrize("experiment", list(filter(is_kept, EXPERIMENTS)))
 def test_the_whole_study_gives_the_verdicts_that_are_told(experiment: str, fmus: FmuSet, tmp_path) -> None:
     made = load(EXPERIMENTS[experiment])
-    claims = resolved(made.report)(run_study(made, fmus, tmp_path / "runs"), fmus).claims
+    claims = resolved(made.study.report)(run_study(made, fmus, tmp_path / "runs"), fmus).claims
     assert {c.id: c.verdict for c in claims} == kept_verdicts(experiment)
 
 

@@ -13,7 +13,7 @@ import pytest
 from foreign import hostile
 
 from cosim import Execution, System, WiringError
-from cosim.study import Case, Experiment, FmuSet, Run, option, run_study
+from cosim.study import Case, Experiment, FmuSet, Measures, Run, RunOptions, Wiring, option, run_study
 
 DEEDS = ("segfault", "hang", "abort", "devour", "quit", "round", "status", "kill", "overflow", "fork")
 LIMITS = Execution(isolate=("*",), step_timeout=10.0, memory_limit=100_000_000)
@@ -42,13 +42,7 @@ def measure(run: Run) -> dict[str, float]:
 
 
 EXPERIMENT = Experiment(
-    name="hostile",
-    case=Number,
-    wire=wire,
-    measure=measure,
-    structure=file_of,
-    stop_time=0.02,
-    record=["plant.y"],
+    "hostile", Number, Wiring(wire, file_of), Measures(measure), RunOptions(0.02, record=["plant.y"])
 )
 
 

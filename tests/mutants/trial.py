@@ -37,7 +37,7 @@ LIBRARIES = [
     "scipy.linalg",
     "scipy.signal",
     "scipy.stats",
-    "typer",
+    "click",
 ]
 """What most tests load and no mistake is made in: loaded once."""
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from cosim import System
-from cosim.study import Case, Experiment, FmuSet, option
+from cosim.study import Case, Experiment, FmuSet, Measures, Wiring, option
 from cosim.study.optimise import CaseRuns, OptimisationError, optimise
 
 SPACE = {"x": (-2.0, 2.0), "y": (-1.0, 1.0)}
@@ -143,7 +143,7 @@ def wire(_: FmuSet, case: Drop) -> System:
     return System()
 
 
-EXPERIMENT = Experiment("drop", Drop, wire=wire, measure=lambda run: {})
+EXPERIMENT = Experiment("drop", Drop, Wiring(wire), Measures(lambda run: {}))
 
 
 def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Path, raises) -> None:

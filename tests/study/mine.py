@@ -11,7 +11,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim import PythonComponent, System
-from cosim.study import Case, ClaimList, Experiment, Finding, Metric, Task, grid, option
+from cosim.study import (
+    Case,
+    ClaimList,
+    Experiment,
+    Finding,
+    Measures,
+    Metric,
+    RunOptions,
+    Study,
+    Task,
+    Wiring,
+    grid,
+    option,
+)
 
 NOTES = os.environ.get("NOTES_OF_RUNS", "")
 
@@ -81,14 +94,10 @@ EXPERIMENT = Experiment(
     "fall",
     Fall,
     title="A mass that is let go",
-    wire=wire,
-    configure=configure,
-    measure=measure,
-    signals=signals,
-    stop_time=1.0,
-    record=["mass.z"],
-    record_interval="10 ms",
-    metrics={"last": Metric("last height", "mm", 1e3), "mean": Metric("mean height", "m")},
-    plan=[Task(Fall(1.0), signals=True), *grid(Fall, rate=(2.0, 3.0, 13.0, 5.0))],
-    claims=CLAIMS,
+    wiring=Wiring(wire, configure=configure),
+    measures=Measures(
+        measure, {"last": Metric("last height", "mm", 1e3), "mean": Metric("mean height", "m")}, signals=signals
+    ),
+    run=RunOptions(1.0, record=["mass.z"], interval="10 ms"),
+    study=Study([Task(Fall(1.0), signals=True), *grid(Fall, rate=(2.0, 3.0, 13.0, 5.0))], claims=CLAIMS),
 )

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Results, RunFailed, Runner, Task, load, run_study
+from cosim.study import CaseError, FmuSet, Results, RunFailed, Runner, Study, Task, load, run_study
 from cosim.study.dispatch import DIED
 from cosim.study.pages import report_of
 
@@ -131,9 +131,8 @@ def test_a_killed_study_continues_to_the_same_report(tmp_path) -> None:
 def planless(folder: Path) -> Path:
     """The experiment without a plan of its own, in which long runs are long: 99 sleeps."""
     text = FILE.read_text()
-    a = text.index("    plan=")
-    b = text.index("    claims=CLAIMS,\n")
-    text = text[:a] + text[b + len("    claims=CLAIMS,\n") :]
+    a = text.index("    study=")
+    text = text[:a] + text[text.index("\n", a) + 1 :]
     file = folder / "planless.py"
     file.write_text(text.replace("self.rate == 99", "self.rate > 95"))
     return file
@@ -141,12 +140,12 @@ def planless(folder: Path) -> Path:
 
 def test_claims_that_need_a_failed_run_are_open(experiment, tmp_path) -> None:
     results = run_study(experiment, FMUS, tmp_path / "runs", processes=1)
-    assert {c.id: c.verdict for c in experiment.claims.judge(results)} == {"falls": "reproduced", "slow": "holds"}
+    assert {c.id: c.verdict for c in experiment.study.claims.judge(results)} == {"falls": "reproduced", "slow": "holds"}
     tasks = [Task(c) for c in results]
     for rate, verdicts in ((2.0, ("open", "holds")), (1.0, ("open", "does not hold"))):
         entries = [{"failed": "it broke"} if t.case.rate in (rate, 13) else {"metrics": results[t.case]} for t in tasks]
         broken = Results(tasks, entries)
-        claims = experiment.claims.judge(broken)
+        claims = experiment.study.claims.judge(broken)
         assert tuple(c.verdict for c in claims) == verdicts
         assert f"the run rate{rate:g} failed: it broke" in claims[0].reason
 
@@ -189,6 +188,6 @@ def test_plans(experiment, raises) -> None:
     import dataclasses
 
     with raises(CaseError):
-        dataclasses.replace(experiment, plan=None).tasks()
-    twice = dataclasses.replace(experiment, plan=[experiment.case(1.0), Task(experiment.case(1.0))])
+        dataclasses.replace(experiment, study=Study()).tasks()
+    twice = dataclasses.replace(experiment, study=Study([experiment.case(1.0), Task(experiment.case(1.0))]))
     assert twice.tasks() == [Task(experiment.case(1.0))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from cosim.study import Case, Experiment, FmuSet, key, option
+from cosim.study import Case, Experiment, FmuSet, Measures, Wiring, key, option
 from cosim.study.runner import entry_key
 
 
@@ -30,7 +30,7 @@ def test_the_key_of_a_run_has_the_contents_of_the_files_that_its_case_names(tmp_
 
 def test_the_key_of_a_study_has_the_fmus_of_a_users_files(tmp_path: Path) -> None:
     """Also those that the experiment does not name, such as the law of a user's weights."""
-    experiment = Experiment("ride", Ride, wire=option, measure=option)
+    experiment = Experiment("ride", Ride, Wiring(option), Measures(option))
     fmus = FmuSet(tmp_path, own={"LawMine": ("LawMineMyCar", "--weights mine.toml"), "Road": ("RoadMyCar", "")})
     assert fmus.own_paths == []
     keys = [key.salt(experiment, fmus)]

@@ -6,7 +6,7 @@ What is read of them, and what a report by default, its parameters and its prove
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,13 @@ from cosim.study import (
     Experiment,
     Finding,
     FmuSet,
+    Measures,
     Metric,
     Results,
     RunFailed,
+    Study,
     Task,
+    Wiring,
     default_report,
     option,
     parameters,
@@ -83,9 +86,9 @@ def fmus(tmp_path: Path) -> FmuSet:
     return FmuSet(tmp_path)
 
 
-def experiment(**others: Any) -> Experiment:
-    return replace(
-        Experiment("ride", Ride, wire=measure, measure=measure, fmus=("Car",), metrics=METRICS, title="Rides"), **others
+def experiment(metrics: dict[str, Metric] = METRICS, title: str = "Rides", **study: Any) -> Experiment:
+    return Experiment(
+        "ride", Ride, Wiring(measure, fmus=("Car",)), Measures(measure, metrics), study=Study(**study), title=title
     )
 
 

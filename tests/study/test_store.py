@@ -88,7 +88,7 @@ def files(name: str) -> set[str]:
 @pytest.mark.parametrize("name", FOUND)
 def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every module that wiring, run and measurement load, and every data file beside them."""
-    experiment = dataclasses.replace(FOUND[name], fmus=())
+    experiment = dataclasses.replace(FOUND[name], wiring=dataclasses.replace(FOUND[name].wiring, fmus=()))
     known = searches(name)
     covered = key.code_files(experiment, known)
     before = key.salt(experiment, FmuSet(), searches=known)
@@ -129,7 +129,7 @@ def test_fmus_and_libraries_are_part_of_the_key(tmp_path: Path, monkeypatch: pyt
     fmu = tmp_path / "fmi3" / "A.fmu"
     fmu.parent.mkdir()
     fmu.write_bytes(b"one")
-    experiment = dataclasses.replace(FOUND["bench"], fmus=("A",))
+    experiment = dataclasses.replace(FOUND["bench"], wiring=dataclasses.replace(FOUND["bench"].wiring, fmus=("A",)))
     before = key.salt(experiment, FmuSet(tmp_path))
     fmu.write_bytes(b"two")
     assert key.salt(experiment, FmuSet(tmp_path)) != before

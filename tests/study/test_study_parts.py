@@ -15,12 +15,16 @@ from cosim.study import (
     CaseError,
     Experiment,
     FmuSet,
+    Measures,
     Results,
     Row,
     Run,
     RunFailed,
     Runner,
+    RunOptions,
+    Study,
     Task,
+    Wiring,
     default_report,
     option,
     run_study,
@@ -88,19 +92,18 @@ def measure_half(run: Run) -> Row:
     return {"half": run.recording["road.y"][-1] / 2}
 
 
+RECORD = RunOptions(1.0, record=["road.y"])
 CORNER = Experiment(
-    "corner", Corner, wire=wire, measure=measure_half, stop_time=1.0, record=["road.y"], plan=[Corner(1.0), Corner(2.0)]
+    "corner", Corner, Wiring(wire), Measures(measure_half), RECORD, study=Study([Corner(1.0), Corner(2.0)])
 )
 RIDE = Experiment(
-    "ride",
-    Ride,
-    wire=wire,
-    measure=measure,
-    stop_time=1.0,
-    record=["road.y"],
-    plan=[Ride(1.0), Ride(3.0)],
-    parts=[CORNER],
+    "ride", Ride, Wiring(wire), Measures(measure), RECORD, study=Study([Ride(1.0), Ride(3.0)], parts=[CORNER])
 )
+
+
+def ride_of(part: Experiment | str) -> Experiment:
+    """The whole with another part."""
+    return replace(RIDE, study=replace(RIDE.study, parts=[part]))
 
 
 @pytest.fixture
@@ -145,7 +148,7 @@ def test_finished_runs_of_parts_are_kept(tmp_path: Path, executor: Executor) -> 
 def test_another_part_has_other_runs(tmp_path: Path, executor: Executor) -> None:
     """Same cases, same code, but for the name."""
     study(tmp_path, executor, tasks=[Corner(1.0)])
-    study(tmp_path, executor, replace(RIDE, parts=[replace(CORNER, name="edge")]), tasks=[Corner(1.0)])
+    study(tmp_path, executor, ride_of(replace(CORNER, name="edge")), tasks=[Corner(1.0)])
     assert RAN == ["corner 1", "corner 1"]
 
 
@@ -178,11 +181,12 @@ def test_the_report_by_default_has_the_parts_apart(tmp_path: Path, executor: Exe
 def test_parts_need_names_and_cases_of_their_own(raises) -> None:
     for part in (replace(CORNER, name="ride"), replace(CORNER, case=Ride)):
         with raises(CaseError):
-            replace(RIDE, parts=[part]).tasks()
+            ride_of(part).tasks()
     with raises(CaseError):
-        replace(RIDE, parts=[replace(RIDE, name="inner", case=Corner)]).tasks()
+        ride_of(replace(RIDE, name="inner", case=Corner)).tasks()
 
 
 def test_a_part_is_named_by_its_place() -> None:
     """Then a change of the part makes no run of the whole anew: the key follows imports."""
-    assert replace(RIDE, parts=[f"{__name__}:CORNER"]).every == [replace(RIDE, parts=[f"{__name__}:CORNER"]), CORNER]
+    ride = ride_of(f"{__name__}:CORNER")
+    assert ride.every == [ride, CORNER]

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 from built import BuiltFmus
+from click.testing import CliRunner
 from pyarrow import parquet as pq
 from rich.console import Console
 from sine import OMEGA
 from sweep_tables import FMUS, made, table_of
-from typer.testing import CliRunner
 
 import cosim.cli
 from cosim import WiringError

@@ -135,11 +135,8 @@ def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path, raises) -> None:
 @pytest.fixture
 def page(experiment: Any) -> Report:
     """Five rates by two counts; y = rate + 10 count, shown times 1000 in mm; the run with the largest has no z."""
-    said = replace(
-        experiment,
-        title="Falling mass",
-        metrics={"y": Metric("height", "mm", 1e3), "z": Metric("other"), "never": Metric("n")},
-    )
+    metrics = {"y": Metric("height", "mm", 1e3), "z": Metric("other"), "never": Metric("n")}
+    said = replace(experiment, title="Falling mass", measures=replace(experiment.measures, metrics=metrics))
     table = table_of(
         said,
         lambda rate, count: {"z": np.where(rate + count < 7, -rate, NAN), "y": rate + 10 * count},
@@ -312,7 +309,7 @@ def test_indices_on_the_page(
     experiment: Any, method: str, samples: int, columns: list[str], expected: tuple[float, float]
 ) -> None:
     """Output y = 2 rate, shown in mm: all variance is the rate's, its effect over 1 to 5 is 8 m."""
-    said = replace(experiment, metrics={"y": Metric("height", "mm", 1e3)})
+    said = replace(experiment, measures=replace(experiment.measures, metrics={"y": Metric("height", "mm", 1e3)}))
     table = table_of(said, lambda rate, _: 2 * rate, "mass.rate=1:5", "mass.height=0:1", method=method, samples=samples)
     section = _section(sweep_report(table, FMUS), "Sensitivity")
     (found,) = section.tables

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from cosim import PythonComponent, System, UnconnectedInputsWarning
-from cosim.study import Case, Experiment, FmuSet, Run, Runner
+from cosim.study import Case, Experiment, FmuSet, Measures, Run, Runner, RunOptions, Wiring
 
 
 class Pushed(PythonComponent):
@@ -34,12 +34,12 @@ def measure(run: Run) -> dict[str, float]:
     return {"last": float(run.recording["mass.z"][-1])}
 
 
-FREE = Experiment("free", Case, wire=wire, measure=measure, stop_time=0.1, record=["mass.z"])
+FREE = Experiment("free", Case, Wiring(wire), Measures(measure), RunOptions(0.1, record=["mass.z"]))
 
 
 def test_they_are_named_unless_the_system_allows_them(tmp_path) -> None:
     with Runner(FREE, FmuSet(tmp_path)) as runner, pytest.warns(UnconnectedInputsWarning, match=r"mass\.force"):
         runner.run(Case())
-    with Runner(replace(FREE, wire=wire_as_meant), FmuSet(tmp_path)) as runner, warnings.catch_warnings():
+    with Runner(replace(FREE, wiring=Wiring(wire_as_meant)), FmuSet(tmp_path)) as runner, warnings.catch_warnings():
         warnings.simplefilter("error")
         assert runner.metrics(Case()) == {"last": 0.0}

@@ -5,28 +5,23 @@ judges; `report` lays out.
 """
 
 from cosim.experiments.bench import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "bench",
     runs.Case,
     title="LQR and MPC on a quarter-car bench (paper 002)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    record=runs.recorded,
-    record_interval="1 ms",
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    baseline=runs.passive,
-    remarks=runs.remarks,
-    plan=published.plan,
-    claims="cosim.experiments.bench.claims:CLAIMS",
-    report="cosim.experiments.bench.report:report",
-    own_fmus="cosim.experiments.own_files:own_fmus",
-    papers="fmu_sources.catalog:PAPERS",
+    wiring=Wiring(
+        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
+    ),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, remarks=runs.remarks),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
+    baseline=Baseline(runs.passive),
+    study=Study(
+        published.plan,
+        claims="cosim.experiments.bench.claims:CLAIMS",
+        report="cosim.experiments.bench.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
     module=__name__,
 )

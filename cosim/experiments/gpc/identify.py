@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 from rich.table import Table
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import number
-from build_fmus.base.layout import FMUS
-from build_fmus.base.terminal import console, show
+from build_fmus.base.terminal import Command, console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
-from cosim.study.commands import Fmus, Out, Vehicles, Version, make_folder
+from cosim.study.commands import make_folder
+from cosim.study.options import FMU_FILES, OUT, VEHICLE
 from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import VARIANTS, DesignSettings, IdentificationSettings
 from fmu_sources.controllers.gpc.identification import identify as identify_models
@@ -24,18 +24,36 @@ from fmu_sources.controllers.gpc.identification import identify as identify_mode
 _FOUND, _DESIGN = IdentificationSettings(), DesignSettings()
 
 
+OPTIONS = (
+    click.Option(["--seed"], type=click.IntRange(min=0), default=_FOUND.seed, help="seed of the excitation"),
+    click.Option(["--order"], type=int, default=_FOUND.order, help="ARX order p"),
+    click.Option(["--samples"], type=int, default=_FOUND.samples, help="identification samples L"),
+    click.Option(
+        ["--excitation"], type=float, default=_FOUND.excitation, help="standard deviation of the excitation [N]"
+    ),
+    click.Option(["--weight"], type=float, default=R_PUBLISHED, help="control weight R [1/N2]"),
+    click.Option(["--horizon"], type=int, default=_DESIGN.h_p, help="prediction horizon h_p"),
+    click.Option(["--control-horizon"], type=int, default=_DESIGN.h_c, help="control horizon h_c"),
+)
+
+
+@click.command(
+    "gpc",
+    cls=Command,
+    groups={"Identification": OPTIONS, "FMUs": (VEHICLE, *FMU_FILES), "Inputs and results": (OUT,)},
+)
 def identify(
-    seed: Annotated[int, typer.Option(help="seed of the excitation", min=0)] = _FOUND.seed,
-    order: Annotated[int, typer.Option(help="ARX order p")] = _FOUND.order,
-    samples: Annotated[int, typer.Option(help="identification samples L")] = _FOUND.samples,
-    excitation: Annotated[float, typer.Option(help="standard deviation of the excitation [N]")] = _FOUND.excitation,
-    weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = R_PUBLISHED,
-    horizon: Annotated[int, typer.Option(help="prediction horizon h_p")] = _DESIGN.h_p,
-    control_horizon: Annotated[int, typer.Option(help="control horizon h_c")] = _DESIGN.h_c,
-    fmus: Fmus = FMUS,
-    fmi: Version = 3,
-    vehicle: Vehicles = None,
-    out: Out = Path("results"),
+    seed: int,
+    order: int,
+    samples: int,
+    excitation: float,
+    weight: float,
+    horizon: int,
+    control_horizon: int,
+    fmus: Path,
+    fmi: int,
+    vehicle: Sequence[Path],
+    out: Path,
 ) -> None:
     """Identify the plant, design the three controllers and report whether they equal those in the FMUs."""
     chosen = own_fmus("gpc", fmus, fmi, vehicle)

@@ -10,33 +10,25 @@ Two parts have runs of their own, in folders of the same shape: `tracking`, the 
 """
 
 from cosim.experiments.hmmwv import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "hmmwv",
     runs.Case,
     title="HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    record=runs.recorded,
-    record_interval="1 ms",
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    baseline=runs.passive,
-    own_baseline=runs.own_baseline,
-    called=runs.called,
-    about=runs.about,
-    remarks=runs.remarks,
-    plan=published.plan,
-    parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
-    claims="cosim.experiments.hmmwv.claims:CLAIMS",
-    report="cosim.experiments.hmmwv.report:report",
+    wiring=Wiring(
+        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
+    ),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, remarks=runs.remarks),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
+    baseline=Baseline(runs.passive, own=runs.own_baseline, called=runs.called, about=runs.about),
+    study=Study(
+        published.plan,
+        parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
+        claims="cosim.experiments.hmmwv.claims:CLAIMS",
+        report="cosim.experiments.hmmwv.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
     web="cosim.experiments.hmmwv.web:live",
-    own_fmus="cosim.experiments.own_files:own_fmus",
-    papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

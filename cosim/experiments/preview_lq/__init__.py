@@ -5,30 +5,24 @@ printed values of the paper and the runs compared with them; `claims` judges; `r
 """
 
 from cosim.experiments.preview_lq import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "preview-lq",
     runs.Case,
     title="Optimal preview LQ control of a car with seven degrees of freedom (paper 004)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    record=runs.recorded,
-    record_interval=runs.INTERVAL,
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    baseline=runs.passive,
-    relative=True,
-    remarks=runs.remarks,
-    plan=published.plan,
-    claims="cosim.experiments.preview_lq.claims:CLAIMS",
-    report="cosim.experiments.preview_lq.report:report",
-    own_fmus="cosim.experiments.own_files:own_fmus",
+    wiring=Wiring(
+        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
+    ),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, remarks=runs.remarks),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval=runs.INTERVAL),
+    baseline=Baseline(runs.passive, relative=True),
+    study=Study(
+        published.plan,
+        claims="cosim.experiments.preview_lq.claims:CLAIMS",
+        report="cosim.experiments.preview_lq.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
     web="cosim.experiments.preview_lq.web:live",
-    papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

@@ -7,33 +7,24 @@ the speeds at which a limit is reached; `published` has the plan of the study, `
 """
 
 from cosim.experiments.ride import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "ride",
     runs.Case,
     title="Every car over the courses of a proving ground: absorbed power, 6 W speed, obstacles at 2.5 g",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    stop_when=runs.stop_when,
-    record=runs.recorded,
-    record_interval="1 ms",
-    measure=runs.measure,
-    failed=runs.diverged,
-    metrics=runs.METRICS,
-    baseline=runs.passive,
-    own_baseline=runs.own_baseline,
-    called=runs.called,
-    about=runs.about,
-    remarks=runs.remarks,
-    plan=published.plan,
-    claims="cosim.experiments.ride.claims:CLAIMS",
-    report="cosim.experiments.ride.report:report",
+    wiring=Wiring(
+        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
+    ),
+    measures=Measures(runs.measure, runs.METRICS, failed=runs.diverged, remarks=runs.remarks),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms", stop_when=runs.stop_when),
+    baseline=Baseline(runs.passive, own=runs.own_baseline, called=runs.called, about=runs.about),
+    study=Study(
+        published.plan,
+        claims="cosim.experiments.ride.claims:CLAIMS",
+        report="cosim.experiments.ride.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
     web="cosim.experiments.ride.web:live",
-    own_fmus="cosim.experiments.own_files:own_fmus",
-    papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

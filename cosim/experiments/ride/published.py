@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
 from build_fmus.base import surface
+from build_fmus.base.terminal import PATH, Names
 from cosim.experiments.hmmwv.runs import ACTUATORS
 from cosim.experiments.preview_lq.runs import MODES
 from cosim.experiments.ride.course import extent
@@ -114,22 +114,17 @@ def on_file(system: System, course: str) -> SpeedLimit:
     return SpeedLimit(_at(system, course), (*POWERS, *PEAK), 1, guess, 3 * _cost(system, guess))
 
 
-def plan(
-    course: Annotated[
-        Path | None,
-        typer.Option("--course", metavar="FILE.crg", help="a measured course (OpenCRG) instead of the synthetic ones"),
-    ] = None,
-    car: Annotated[str | None, typer.Option("--car", metavar="|".join(CARS), help="one car only")] = None,
-    seeds: Annotated[
-        int,
-        typer.Option(
-            "--seeds",
-            help=f"profiles of each course; of the rougher ones {' and '.join(ONE_SEED)} drive one",
-            min=1,
-            max=SEEDS,
-        ),
-    ] = SEEDS_RUN,
-) -> list[SpeedLimit]:
+@click.option(
+    "--course", type=PATH, metavar="FILE.crg", help="a measured course (OpenCRG) instead of the synthetic ones"
+)
+@click.option("--car", type=Names(CARS), help="one car only")
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, SEEDS),
+    default=SEEDS_RUN,
+    help=f"profiles of each course; of the rougher ones {' and '.join(ONE_SEED)} drive one",
+)
+def plan(course: Path | None = None, car: str | None = None, seeds: int = SEEDS_RUN) -> list[SpeedLimit]:
     """Every search of the study.
 
     Raises:

@@ -6,31 +6,26 @@
 """
 
 from cosim.experiments.trench import linear, published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "trench",
     runs.Case,
     title="A 6x6 crosses trenches with preview MPC (paper 003)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    stop_when=runs.stop_when,
-    record=runs.recorded,
-    record_interval=runs.step,
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    baseline=runs.passive,
-    plan=published.plan,
-    parts=[linear.PART],
-    claims="cosim.experiments.trench.claims:CLAIMS",
-    report="cosim.experiments.trench.report:report",
+    wiring=Wiring(
+        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
+    ),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval=runs.step, stop_when=runs.stop_when),
+    baseline=Baseline(runs.passive),
+    study=Study(
+        published.plan,
+        parts=[linear.PART],
+        claims="cosim.experiments.trench.claims:CLAIMS",
+        report="cosim.experiments.trench.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
     page="cosim.experiments.trench.report:page",
-    own_fmus="cosim.experiments.own_files:own_fmus",
     web="cosim.experiments.trench.web:live",
-    papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

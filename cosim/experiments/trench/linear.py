@@ -13,7 +13,7 @@ import numpy as np
 from cosim import System
 from cosim.fmu.file import FmuFile
 from cosim.study.case import Case, option
-from cosim.study.experiment import Experiment, Row, Run, Task
+from cosim.study.experiment import Experiment, Measures, Row, Run, RunOptions, Study, Task, Wiring
 from cosim.study.fmus import FmuSet
 from fmu_sources.models.corners import SIX_CORNERS
 
@@ -92,12 +92,8 @@ PART = Experiment(
     "shallow",
     Shallow,
     title="Linear and nonlinear 6x6 over a shallow trench (paper 003)",
-    fmus=FMUS,
-    wire=wire,
-    stop_time=round((START + LENGTH + BEHIND) / (SPEED_KMH / 3.6), 3),
-    record=recorded,
-    record_interval="10 ms",
-    measure=measure,
-    signals=signals,
-    plan=[Task(Shallow(v), signals=True, cost=0.1) for v in VEHICLES],
+    wiring=Wiring(wire, fmus=FMUS),
+    measures=Measures(measure, signals=signals),
+    run=RunOptions(round((START + LENGTH + BEHIND) / (SPEED_KMH / 3.6), 3), record=recorded, interval="10 ms"),
+    study=Study([Task(Shallow(v), signals=True, cost=0.1) for v in VEHICLES]),
 )

@@ -12,9 +12,9 @@ from dataclasses import replace
 from functools import cache
 from importlib import resources
 from itertools import product
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+import click
 
 from cosim.experiments.metrics.crossing import Crossing
 from cosim.experiments.trench.runs import Case
@@ -111,12 +111,12 @@ def some(controller: str = "mpc", **changes: Any) -> list[Case]:
     return [Case(*k, controller, **changes) for k in SOME]
 
 
-PublishedOnly = Annotated[
-    bool, typer.Option(help="the 36 passive and 36 controlled crossings only, nothing left out or changed")
-]
-
-
-def plan(published_only: PublishedOnly = False) -> list[Task]:
+@click.option(
+    "--published-only/--no-published-only",
+    default=False,
+    help="the 36 passive and 36 controlled crossings only, nothing left out or changed",
+)
+def plan(published_only: bool = False) -> list[Task]:
     """Every run of the study."""
     shown = {Case(*k, s) for k in (*BOLD, SPECTRUM) for s in SYSTEMS}
     cases = [c for s in SYSTEMS for c in matrix(s)]

@@ -151,6 +151,7 @@ def single(runs: Mapping[str, Run], fmus: FmuSet) -> Report:
     lines += [["cost [-]", None, *(r["cost"] for r in rows.values())]]
     lines += [["outcome", None, *(r["outcome"] for r in rows.values())]]
     files = [f for run in runs.values() for f in run.system.fmu_files]
+    alone = replace(EXPERIMENT, wiring=replace(EXPERIMENT.wiring, fmus=()), study=replace(EXPERIMENT.study, parts=()))
     return Report(
         experiment=EXPERIMENT.name,
         title=f"Crossing a trench: {title}",
@@ -163,7 +164,7 @@ def single(runs: Mapping[str, Run], fmus: FmuSet) -> Report:
                 tables=[Table("quantities", "Quantities of Table 5.3", columns, lines)],
             )
         ],
-        provenance=provenance(replace(EXPERIMENT, fmus=(), parts=()), fmus, files),
+        provenance=provenance(alone, fmus, files),
     )
 
 

@@ -6,24 +6,17 @@ distance beside the loads of the passive hydraulic car. A part of the experiment
 """
 
 from cosim.experiments.hmmwv.preview import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "preview-chain",
     runs.Case,
     title="Preview chain of the HMMWV (paper 001)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    structure=runs.structure,
-    configure=runs.configure,
-    stop_time=runs.stop_time,
-    record=runs.recorded,
-    record_interval="5 ms",
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    plan=published.plan,
-    claims="cosim.experiments.hmmwv.preview.claims:CLAIMS",
-    papers="fmu_sources.catalog:PAPERS",
+    wiring=Wiring(runs.wire, runs.structure, runs.configure, fmus=runs.FMUS),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="5 ms"),
+    study=Study(
+        published.plan, claims="cosim.experiments.hmmwv.preview.claims:CLAIMS", papers="fmu_sources.catalog:PAPERS"
+    ),
     module=__name__,
 )

@@ -4,22 +4,17 @@ A part of the experiment `hmmwv`: `runs`, `published`, `claims`, and the section
 """
 
 from cosim.experiments.hmmwv.tracking import published, runs
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
     "force-tracking",
     runs.Case,
     title="Force tracking of one corner of the HMMWV (paper 001)",
-    fmus=runs.FMUS,
-    wire=runs.wire,
-    stop_time=runs.stop_time,
-    record=runs.recorded,
-    record_interval="1 ms",
-    measure=runs.measure,
-    signals=runs.signals,
-    metrics=runs.METRICS,
-    plan=published.plan,
-    claims="cosim.experiments.hmmwv.tracking.claims:CLAIMS",
-    papers="fmu_sources.catalog:PAPERS",
+    wiring=Wiring(runs.wire, fmus=runs.FMUS),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
+    study=Study(
+        published.plan, claims="cosim.experiments.hmmwv.tracking.claims:CLAIMS", papers="fmu_sources.catalog:PAPERS"
+    ),
     module=__name__,
 )
