@@ -60,6 +60,11 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
                 f"'{m.name}' is written in Python, and {what} holds compiled components only: {remedy}write it as a"
                 " component that build-fmus compiles"
             )
+        if m.implementation.integrated:
+            raise CosimError(
+                f"'{m.name}' is run by Model Exchange, which {what} does not support: {remedy}use interface=\"cs\" if"
+                " its FMU offers Co-Simulation"
+            )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]

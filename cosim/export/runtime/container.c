@@ -359,6 +359,7 @@ static void bind(FmuInstance *self) {
             .first = p->first,
             .n_outputs = p->n_outputs,
             .instance = m->instance,
+            .stepped = m->instance,
             .flags = self->flags + 4 * i,
             .last = self->last + i,
             .foreign = p->folder != NULL,

@@ -162,7 +162,7 @@ class IsolatedLibrary:
     ends its process.
     """
 
-    def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
+    def __init__(self, version: str, interface: str, library: Path, folder: Path, isolation: Isolation):
         self.folder = folder
         self.isolation = isolation
         self.cancelled = False  # a second Ctrl-C ended it
@@ -207,7 +207,7 @@ class IsolatedLibrary:
         # Holders may still call and get the error that the process is lost; so the link lives as long.
         weakref.finalize(self, _forget, ffi, client, self._link, buffer, region)
         result = client.link_load(
-            self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version)
+            self._link, os.fsencode(library), " ".join(fmi.declared(version, interface)).encode(), int(version)
         )
         if result:
             lost = self.lost()
@@ -220,7 +220,7 @@ class IsolatedLibrary:
                 )
             raise WorkerCrashed(lost) if lost else FmuError(said)
         missing = frozenset(self._reply().split())
-        self.missing = [name for name in fmi.required(version) if name in missing]
+        self.missing = [name for name in fmi.required(version, interface) if name in missing]
         self.handle = _Handle(version, missing)
 
     def _reply(self) -> str:

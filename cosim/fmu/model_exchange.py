@@ -1,0 +1,196 @@
+"""FMUs that are integrated by the master: Model Exchange of FMI 2.0 and 3.0 by `engine/integrator.c`.
+
+The integrator has the step function of a Co-Simulation FMU, so that the engine, recordings and saved states make no
+difference between the two. Between communication steps the FMU is in event mode, where all its inputs may be set;
+within them inputs keep their values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NoReturn, Protocol
+
+from build_fmus.base.checks import number, unknown
+from cosim.core.component import EndRequested
+from cosim.core.description import Description
+from cosim.core.errors import FmuError, IntegrationFailed, WiringError
+from cosim.core.time import seconds_text
+from cosim.engine.library import interface, library
+
+Solver = Literal["auto", "explicit", "implicit"]
+SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
+LARGEST_TOLERANCE = 1e-6  # unless the user says otherwise
+LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
+
+
+@dataclass(frozen=True)
+class ModelExchange:
+    """How a Model Exchange FMU is integrated.
+
+    Args:
+        tolerance: relative error of a state in one step of the integrator; multiplied by its nominal value it is the
+            absolute one. None: that of the FMU's default experiment, at most 1e-6.
+        solver: "explicit" is Dormand-Prince 5(4), "implicit" is the Rosenbrock method RODAS 4(3) for stiff models;
+            "auto" begins explicitly and changes to the implicit method when the model proves to be stiff.
+    """
+
+    tolerance: float | None = None
+    solver: Solver = "auto"
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None:
+            number("tolerance", self.tolerance, above=0.0, most=0.1)
+        if self.solver not in SOLVERS:
+            raise WiringError(unknown("solver", self.solver, SOLVERS))
+
+
+def refusal(about: Description) -> str:
+    """Why an FMU cannot be integrated; empty if it can."""
+    if about.clocks:
+        return (
+            f"its clock '{about.clocks[0].name}' is not supported in Model Exchange: use interface=\"cs\" if the FMU"
+            " offers Co-Simulation"
+        )
+    if about.unpaired:
+        return f"its derivative '{about.unpaired}' names no state (attribute derivative); export the FMU again"
+    return ""
+
+
+class Instance(Protocol):
+    """What is needed of an instance of an FMU."""
+
+    name: str
+    description: Description
+    _instance: Any
+    _get_outputs: Callable[[], None]
+
+    def _function(self, name: str) -> Callable[..., int]: ...
+
+    def _address(self, pointer: Any) -> int: ...
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None: ...
+
+    def _recent_log(self) -> list[str]: ...
+
+
+class Integration:
+    """The integrator of one instance."""
+
+    def __init__(self, component: Instance, options: ModelExchange):
+        self._component, self._ffi, self._library = component, interface(), library()
+        self._about = about = component.description
+        ffi, compiled = self._ffi, self._library
+        tolerance = options.tolerance or min(about.tolerance or math.inf, LARGEST_TOLERANCE)
+        if options.solver == "implicit" and len(about.states) > LARGEST_IMPLICIT:
+            raise FmuError(
+                f"component '{component.name}' has {len(about.states)} states, and the implicit solver supports at most"
+                f' {LARGEST_IMPLICIT}: use solver="explicit"'
+            )
+        states, derivatives = (list(dict.fromkeys(v.reference for v in s)) for s in (about.states, about.derivatives))
+        self._setup = setup = ffi.new("IntegratorSetup*")
+        setup.version, setup.method = int(about.fmi_version[0]), SOLVERS[options.solver]
+        setup.n, setup.n_indicators, setup.n_references = len(about.states), about.event_indicators, len(states)
+        setup.completed, setup.directional = about.completed_steps, about.directional_derivatives
+        setup.tolerance = tolerance
+        names = [
+            ffi.string(compiled.cosim_integrator_function(setup.version, i)).decode()
+            for i in range(compiled.INTEGRATOR_FUNCTIONS)
+        ]
+        self._names = names
+        calls = ffi.new("void*[]", len(names))
+        for i, name in enumerate(names):
+            if compiled.cosim_integrator_needs(setup, i):
+                calls[i] = ffi.cast("void*", component._address(component._function(name)))
+        size = compiled.cosim_integrator_size(setup)
+        if not size:
+            raise FmuError(f"component '{component.name}' has too many states for Model Exchange: {len(about.states)}")
+        self._memory = ffi.new("double[]", (size + 7) // 8)
+        references = ffi.new("uint32_t[]", [*states, *derivatives])
+        instance = ffi.cast("void*", component._address(component._instance))
+        self._integrator = compiled.cosim_integrator_make(self._memory, setup, references, instance, calls)
+
+    @property
+    def address(self) -> int:
+        """Of the integrator, which its step function gets in place of the instance."""
+        return int(self._ffi.cast("uintptr_t", self._integrator))
+
+    @property
+    def step(self) -> Any:
+        """The step function for C."""
+        return getattr(self._library, f"cosim_integrator_step{self._setup.version}")
+
+    @property
+    def step_address(self) -> int:
+        """Address of the step function."""
+        function = self._ffi.addressof(self._library, f"cosim_integrator_step{self._setup.version}")
+        return int(self._ffi.cast("uintptr_t", function))
+
+    @property
+    def pointer(self) -> Any:
+        """The integrator for calls from Python."""
+        return self._integrator
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What it has done since the start: steps, rejected steps, evaluations of the derivatives, events."""
+        return {k: int(getattr(self._integrator.report, k)) for k in ("steps", "rejected", "evaluations", "events")}
+
+    def begin(self, t: float) -> None:
+        """After initialization, in event mode."""
+        status = self._library.cosim_integrator_begin(self._integrator, t)
+        if status > 1:
+            self.fail("its first event iteration")
+
+    def saved(self) -> bytes:
+        """What continues from step to step, apart from the state of the FMU."""
+        return bytes(self._ffi.buffer(self._ffi.addressof(self._integrator, "memory")))
+
+    def restore(self, saved: bytes) -> None:
+        """Continue from what `saved` returned."""
+        self._ffi.buffer(self._ffi.addressof(self._integrator, "memory"))[:] = saved
+
+    @property
+    def saved_size(self) -> int:
+        """Bytes of `saved`."""
+        return int(self._ffi.sizeof("IntegratorMemory"))
+
+    def step_failed(self, t: float, h: float) -> NoReturn:
+        """Raise the exception for a step that failed."""
+        complete = self._integrator.report.time >= t + h * (1.0 - 1e-9)
+        self.fail(f"step from {t:.9g} s, length {seconds_text(h)}", complete=complete)
+
+    def fail(self, where: str, *, complete: bool = False) -> NoReturn:
+        """Raise the exception for what the integrator reports; `complete`: at the end of the step."""
+        report, component, end = self._integrator.report, self._component, self._ffi.typeof("IntegratorEnd").elements
+        why, at = end[report.end].removeprefix("INTEGRATOR_"), float(report.time)
+        if why == "CALL_FAILED":
+            component._fail(self._names[report.index], int(report.status), f"at {at:.9g} s; {where}")
+        if why == "TERMINATED":
+            text = f"component '{component.name}' asked to end the simulation (at {at:.9g} s; {where})"
+            said = component._recent_log()[-1:]
+            if complete:
+                component._get_outputs()
+            raise EndRequested(component.name, text + (f"; its message: {said[0]}" if said else ""), complete=complete)
+        states = self._about.states
+        state = states[report.index].name if report.index < len(states) else "?"
+        why = self._sentence(why, state, int(report.index))
+        raise IntegrationFailed(component.name, why, at, component._recent_log())
+
+    def _sentence(self, why: str, state: str, index: int) -> str:
+        tolerance = f"{self._setup.tolerance:.3g}"
+        return {
+            "BAD_STATE": f"state '{state}' is NaN or infinite after an event",
+            "BAD_DERIVATIVE": f"the derivative of state '{state}' is NaN or infinite; check its inputs and parameters",
+            "BAD_INDICATOR": f"event indicator {index + 1} is NaN or infinite; check its inputs and parameters",
+            "TOO_SMALL": f"the error of state '{state}' exceeds the tolerance {tolerance} even with the smallest step:"
+            " the state diverges, or the model jumps without an event; a larger tolerance may help"
+            " (interface=ModelExchange(tolerance=...))",
+            "TOO_MANY_STEPS": "more than 1000000 steps of the integrator in one communication step; a larger tolerance"
+            ' or the implicit solver may help (interface=ModelExchange(tolerance=..., solver="implicit"))',
+            "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
+            f" (fmi{self._setup.version}{self._names[7]}); correct the model's event equations",
+            "TOO_MANY_EVENTS": "more than 10000 events in one communication step: the model switches back and forth"
+            " (chattering), or its next time event is never later; add hysteresis to its conditions",
+        }[why]
