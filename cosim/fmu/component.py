@@ -108,6 +108,11 @@ class FmuComponent:
             and not (self.isolation is not None and about.kind is not None)
         )
 
+    @property
+    def _integrator(self) -> Integration | None:
+        """The integrator if it is in this process."""
+        return self.integration if self.integration is not None and self.integration.here else None
+
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
         return FmuComponent(self.fmu, self.isolation, self.exchange)
@@ -415,12 +420,12 @@ class FmuComponent:
         return guarded
 
     def _fmi_calls(self, sets: Sequence[Transfer], gets: Sequence[Transfer]) -> FmiCalls:
-        address = self._address
+        address, own = self._address, self._integrator
         return FmiCalls(
             version=int(self.fmu.major),
             instance=address(self._instance),
-            do_step=address(self._function("DoStep")) if self.integration is None else self.integration.step_address,
-            stepped=0 if self.integration is None else self.integration.address,
+            do_step=address(self._function("DoStep")) if own is None else own.addresses[0],
+            stepped=0 if own is None else own.addresses[1],
             sets=sets,
             gets=gets,
             flags=address(self._flags) if self._v3 else 0,
@@ -490,8 +495,9 @@ class FmuComponent:
 
         `ended[0]` is true after a step that stopped early or requests the end of the simulation (FMI 3).
         """
-        own = self.integration
-        call = partial(self._function("DoStep"), self._instance) if own is None else partial(own.step, own.pointer)
+        own = self._integrator
+        function, first = (self._function("DoStep"), self._instance) if own is None else own.step
+        call = partial(function, first)
         if not self._v3:
             return call, (), (0,)
         flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
@@ -514,11 +520,11 @@ class FmuComponent:
 
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
-        if self.integration is not None:
-            self.integration.step_failed(t, h)
         last, terminated, whole = None, False, False
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
+        if self.integration is not None:
+            self.integration.step_failed(status, t, h)
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]

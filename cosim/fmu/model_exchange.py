@@ -18,6 +18,8 @@ from cosim.core.description import Description
 from cosim.core.errors import FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
+from cosim.fmu.calls import WARNING, full_name
+from cosim.fmu.isolation import IsolatedLibrary
 
 Solver = Literal["auto", "explicit", "implicit"]
 SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
@@ -64,6 +66,7 @@ class Instance(Protocol):
     name: str
     description: Description
     _instance: Any
+    _library: Any
     _get_outputs: Callable[[], None]
 
     def _function(self, name: str) -> Callable[..., int]: ...
@@ -94,79 +97,107 @@ class Integration:
         setup.n, setup.n_indicators, setup.n_references = len(about.states), about.event_indicators, len(states)
         setup.completed, setup.directional = about.completed_steps, about.directional_derivatives
         setup.tolerance = tolerance
-        names = [
+        self._names = [
             ffi.string(compiled.cosim_integrator_function(setup.version, i)).decode()
             for i in range(compiled.INTEGRATOR_FUNCTIONS)
         ]
-        self._names = names
-        calls = ffi.new("void*[]", len(names))
-        for i, name in enumerate(names):
-            if compiled.cosim_integrator_needs(setup, i):
-                calls[i] = ffi.cast("void*", component._address(component._function(name)))
         size = compiled.cosim_integrator_size(setup)
         if not size:
             raise FmuError(f"component '{component.name}' has too many states for Model Exchange: {len(about.states)}")
-        self._memory = ffi.new("double[]", (size + 7) // 8)
         references = ffi.new("uint32_t[]", [*states, *derivatives])
+        self._packed = bytes(ffi.buffer(setup)) + bytes(ffi.buffer(references))
+        self._memory, self._report = ffi.new("IntegratorMemory*"), ffi.new("IntegratorReport*")
+        needed = [n for i, n in enumerate(self._names) if compiled.cosim_integrator_needs(setup, i)]
+        self._isolated = component._library if isinstance(component._library, IsolatedLibrary) else None
+        if self._isolated is not None:
+            missing = [n for name in needed if (n := full_name(about.fmi_version[0], name)) in self._isolated.absent]
+            if missing:
+                raise FmuError(f"component '{component.name}': its library lacks {', '.join(missing)}")
+            return
+        calls = ffi.new("void*[]", len(self._names))
+        for i, name in enumerate(self._names):
+            if name in needed:
+                calls[i] = ffi.cast("void*", component._address(component._function(name)))
+        self._space = ffi.new("double[]", (size + 7) // 8)
         instance = ffi.cast("void*", component._address(component._instance))
-        self._integrator = compiled.cosim_integrator_make(self._memory, setup, references, instance, calls)
+        self._integrator = compiled.cosim_integrator_make(self._space, setup, references, instance, calls)
+        self._memory, self._report = (ffi.addressof(self._integrator, n) for n in ("memory", "report"))
 
     @property
-    def address(self) -> int:
-        """Of the integrator, which its step function gets in place of the instance."""
-        return int(self._ffi.cast("uintptr_t", self._integrator))
+    def here(self) -> bool:
+        """Whether the integrator is in this process; an isolated FMU has it beside it, behind its `DoStep`."""
+        return self._isolated is None
 
     @property
-    def step(self) -> Any:
-        """The step function for C."""
-        return getattr(self._library, f"cosim_integrator_step{self._setup.version}")
+    def step(self) -> tuple[Any, Any]:
+        """The step function and its first argument, for Python."""
+        return getattr(self._library, self._step_name), self._integrator
 
     @property
-    def step_address(self) -> int:
-        """Address of the step function."""
-        function = self._ffi.addressof(self._library, f"cosim_integrator_step{self._setup.version}")
-        return int(self._ffi.cast("uintptr_t", function))
+    def addresses(self) -> tuple[int, int]:
+        """The same as addresses."""
+        function = self._ffi.addressof(self._library, self._step_name)
+        return tuple(int(self._ffi.cast("uintptr_t", p)) for p in (function, self._integrator))  # type: ignore[return-value]
 
     @property
-    def pointer(self) -> Any:
-        """The integrator for calls from Python."""
-        return self._integrator
+    def _step_name(self) -> str:
+        return f"cosim_integrator_step{self._setup.version}"
 
     @property
     def counts(self) -> dict[str, int]:
         """What it has done since the start: steps, rejected steps, evaluations of the derivatives, events."""
-        return {k: int(getattr(self._integrator.report, k)) for k in ("steps", "rejected", "evaluations", "events")}
+        self._fetch()
+        return {k: int(getattr(self._report, k)) for k in ("steps", "rejected", "evaluations", "events")}
 
     def begin(self, t: float) -> None:
         """After initialization, in event mode."""
-        status = self._library.cosim_integrator_begin(self._integrator, t)
-        if status > 1:
-            self.fail("its first event iteration")
+        if self._isolated is not None:
+            status = self._isolated.integrate(self._packed, t)
+        else:
+            status = self._library.cosim_integrator_begin(self._integrator, t)
+        if status > WARNING:
+            self.fail(status, "its first event iteration")
 
     def saved(self) -> bytes:
         """What continues from step to step, apart from the state of the FMU."""
-        return bytes(self._ffi.buffer(self._ffi.addressof(self._integrator, "memory")))
+        self._fetch()
+        return bytes(self._ffi.buffer(self._memory))
 
     def restore(self, saved: bytes) -> None:
         """Continue from what `saved` returned."""
-        self._ffi.buffer(self._ffi.addressof(self._integrator, "memory"))[:] = saved
+        self._ffi.buffer(self._memory)[:] = saved
+        if self._isolated is not None:
+            self._isolated.remember(saved)
 
     @property
     def saved_size(self) -> int:
         """Bytes of `saved`."""
         return int(self._ffi.sizeof("IntegratorMemory"))
 
-    def step_failed(self, t: float, h: float) -> NoReturn:
-        """Raise the exception for a step that failed."""
-        complete = self._integrator.report.time >= t + h * (1.0 - 1e-9)
-        self.fail(f"step from {t:.9g} s, length {seconds_text(h)}", complete=complete)
+    def _fetch(self) -> bool:
+        """Memory and report of an isolated integrator; False when its process is lost."""
+        if self._isolated is None:
+            return True
+        size = self.saved_size
+        data = self._isolated.remembered(size + self._ffi.sizeof("IntegratorReport"))
+        if data is not None:
+            self._ffi.buffer(self._memory)[:], self._ffi.buffer(self._report)[:] = data[:size], data[size:]
+        return data is not None
 
-    def fail(self, where: str, *, complete: bool = False) -> NoReturn:
-        """Raise the exception for what the integrator reports; `complete`: at the end of the step."""
-        report, component, end = self._integrator.report, self._component, self._ffi.typeof("IntegratorEnd").elements
-        why, at = end[report.end].removeprefix("INTEGRATOR_"), float(report.time)
-        if why == "CALL_FAILED":
-            component._fail(self._names[report.index], int(report.status), f"at {at:.9g} s; {where}")
+    def step_failed(self, status: int, t: float, h: float) -> NoReturn:
+        """Raise the exception for a step that failed."""
+        self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", until=t + h * (1.0 - 1e-9))
+
+    def fail(self, status: int, where: str, *, until: float = math.inf) -> NoReturn:
+        """Raise the exception for what the integrator reports; from `until` [s] on the step is complete."""
+        component = self._component
+        if not self._fetch():
+            component._fail("DoStep", status, where)
+        report, ends = self._report, self._ffi.typeof("IntegratorEnd").elements
+        why, at = ends[report.end].removeprefix("INTEGRATOR_"), float(report.time)
+        complete = at >= until
+        if why in ("CALL_FAILED", "FINE"):
+            component._fail(self._names[report.index] if why != "FINE" else "DoStep", status, where)
         if why == "TERMINATED":
             text = f"component '{component.name}' asked to end the simulation (at {at:.9g} s; {where})"
             said = component._recent_log()[-1:]

@@ -33,12 +33,12 @@ def fmu(exchanges, request):
     return exchanges[request.param]
 
 
-def one(fmu, kind, *, step="10 ms", tolerance=1e-9, solver="auto", x=1.0, **parameters):
+def one(fmu, kind, *, step="10 ms", tolerance=1e-9, solver="auto", x=1.0, isolated=False, **parameters):
     """A system of one FMU."""
     system = System()
     exchange = ModelExchange(tolerance=tolerance, solver=solver)
     given = {"kind": kind, **parameters}
-    system.add("m", fmu, step=step, interface=exchange, parameters=given, start={"x": x})
+    system.add("m", fmu, step=step, interface=exchange, parameters=given, start={"x": x}, isolated=isolated)
     return system
 
 
@@ -176,9 +176,10 @@ def test_both_interfaces_in_one_system(fmu, tmp_path):
     assert np.abs(np.subtract(rows[1], exact)).max() < 1e-3
 
 
+@pytest.mark.parametrize("isolated", [False, True])
 @pytest.mark.parametrize("kind", [BALL, STIFF, OSCILLATOR])
-def test_saved_states_continue_bit_for_bit(fmu, kind):
-    with one(fmu, kind, k=40.0) as system:
+def test_saved_states_continue_bit_for_bit(fmu, kind, isolated):
+    with one(fmu, kind, k=40.0, isolated=isolated) as system:
         simulation = system.initialize()
         simulation.advance("0.5")
         state = simulation.save()
@@ -201,11 +202,26 @@ def test_runs_repeat(fmu):
         np.testing.assert_array_equal(first.data, second.data)
 
 
+@pytest.mark.parametrize("kind", [LAG, BALL, TIMED, STIFF, OSCILLATOR])
+def test_an_isolated_fmu_gives_the_same_bits(fmu, kind):
+    results = []
+    for isolated in (False, True):
+        with one(fmu, kind, k=40.0, isolated=isolated) as system:
+            results.append(system.run(1))
+            done = counts(system)
+    np.testing.assert_array_equal(results[1].data, results[0].data)
+    assert done["steps"] == results[1]["m.steps"][-1]
+
+
 @pytest.mark.parametrize("kind", [NAN, ENDLESS, CHATTER, ERROR, NEVER_LATER, DIVERGES])
 def test_failures_are_explained(exchanges, kind, raises):
-    system = one(exchanges[2], kind, solver="explicit", x=0.105 if kind == CHATTER else 0.0)
-    with system, raises(ComponentError):
+    x = 0.105 if kind == CHATTER else 0.0
+    with one(exchanges[2], kind, solver="explicit", x=x) as system, raises(ComponentError) as caught:
         system.run(2)
+    system = one(exchanges[2], kind, solver="explicit", x=x, isolated=True)
+    with system, pytest.raises(ComponentError) as isolated:
+        system.run(2)
+    assert str(isolated.value) == str(caught.value)
 
 
 def test_an_fmu_may_end_the_simulation(fmu):
