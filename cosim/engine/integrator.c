@@ -287,7 +287,8 @@ static uint32_t linearize(Integrator *s, double t, double *jacobian) {
                       (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *),
                       s->derivatives, m, s->states, m, s->seed, s->k[0])
                 : CALL(INTEGRATOR_DIRECTIONAL, (void *, const uint32_t *, size_t, const uint32_t *, size_t,
-                      const double *, size_t, double *, size_t), s->derivatives, m, s->states, m, s->seed, n, s->k[0], n);
+                      const double *, size_t, double *, size_t), s->derivatives, m, s->states, m, s->seed,
+                      n, s->k[0], n);
             s->seed[j] = 0.0;
             TRY(INTEGRATOR_DIRECTIONAL, status);
             for (uint32_t i = 0; i < n; i++) jacobian[i * n + j] = s->k[0][i];
@@ -441,7 +442,7 @@ static double first_step(const Integrator *s, double h) {
     return f > 0.0 ? smaller(h, 0.01 * larger(x, 1e-3) / f) : h;
 }
 
-/* One accepted step from the present time towards `stop`: into x1, f1; `h` is its length. */
+/* One accepted step from the present time toward `stop`: into x1, f1; `h` is its length. */
 static uint32_t one_step(Integrator *s, double stop, double *length, bool *was_implicit) {
     IntegratorMemory *const m = &s->memory;
     const double t = m->time, smallest = larger(resolution(t, 0.0), 1e-14 * (stop - t));
@@ -559,7 +560,7 @@ bool integrator_needs(const IntegratorSetup *setup, uint32_t number) {
     }
 }
 
-enum { VECTORS = 21 }; /* of n doubles: x, x1, trial, f, f1, error, nominal, slope, seed, k, dense; and one in reserve */
+enum { VECTORS = 21 }; /* of n doubles: x, x1, trial, f, f1, error, nominal, slope, seed, k, dense, one in reserve */
 
 /* Whether there are matrices: automatically only up to a size at which they cost less than small steps. */
 static bool solves(const IntegratorSetup *setup) {
@@ -614,7 +615,8 @@ uint32_t integrator_begin(void *integrator, double t) {
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior) {
     Integrator *const s = integrator;
     s->no_set_prior = no_set_prior != 0;
-    if (size_of(t - s->memory.time) > 2.0 * resolution(t, h)) s->memory.time = t; /* not where a time event was */
+    if (!(size_of(t - s->memory.time) <= 2.0 * resolution(t, h))) s->memory.time = t; /* not where a time event was */
+    if (!solves(&s->setup)) s->memory.implicit = 0; /* whatever a saved state says */
     return advance(s, t + h, h);
 }
 

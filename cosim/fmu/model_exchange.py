@@ -60,6 +60,31 @@ def refusal(about: Description) -> str:
     return ""
 
 
+def function_names(version: int) -> list[str]:
+    """Names of the functions that the integrator calls, without their prefix, in its order."""
+    ffi, compiled = interface(), library()
+    pointers = (compiled.cosim_integrator_function(version, i) for i in range(compiled.INTEGRATOR_FUNCTIONS))
+    return [ffi.string(p).decode() for p in pointers]
+
+
+def integrator_setup(about: Description, options: ModelExchange) -> tuple[list[float], list[int]]:
+    """Fields of `IntegratorSetup` in their order; value references of the states, then of their derivatives.
+
+    Raises FmuError for too many states.
+    """
+    n = len(about.states)
+    if options.solver == "implicit" and n > LARGEST_IMPLICIT:
+        raise FmuError(
+            f"'{about.name}' has {n} states, and the implicit solver supports at most {LARGEST_IMPLICIT}: use"
+            ' solver="explicit"'
+        )
+    states, derivatives = (list(dict.fromkeys(v.reference for v in s)) for s in (about.states, about.derivatives))
+    tolerance = options.tolerance or min(about.tolerance or math.inf, LARGEST_TOLERANCE)
+    counts = [n, about.event_indicators, len(states)]
+    flags = [int(about.completed_steps), int(about.directional_derivatives), 0]
+    return [int(about.fmi_version[0]), SOLVERS[options.solver], *counts, *flags, tolerance], [*states, *derivatives]
+
+
 class Instance(Protocol):
     """What is needed of an instance of an FMU."""
 
@@ -85,26 +110,13 @@ class Integration:
         self._component, self._ffi, self._library = component, interface(), library()
         self._about = about = component.description
         ffi, compiled = self._ffi, self._library
-        tolerance = options.tolerance or min(about.tolerance or math.inf, LARGEST_TOLERANCE)
-        if options.solver == "implicit" and len(about.states) > LARGEST_IMPLICIT:
-            raise FmuError(
-                f"component '{component.name}' has {len(about.states)} states, and the implicit solver supports at most"
-                f' {LARGEST_IMPLICIT}: use solver="explicit"'
-            )
-        states, derivatives = (list(dict.fromkeys(v.reference for v in s)) for s in (about.states, about.derivatives))
-        self._setup = setup = ffi.new("IntegratorSetup*")
-        setup.version, setup.method = int(about.fmi_version[0]), SOLVERS[options.solver]
-        setup.n, setup.n_indicators, setup.n_references = len(about.states), about.event_indicators, len(states)
-        setup.completed, setup.directional = about.completed_steps, about.directional_derivatives
-        setup.tolerance = tolerance
-        self._names = [
-            ffi.string(compiled.cosim_integrator_function(setup.version, i)).decode()
-            for i in range(compiled.INTEGRATOR_FUNCTIONS)
-        ]
+        fields, self._references = integrator_setup(about, options)
+        self._setup = setup = ffi.new("IntegratorSetup*", fields)
+        self._names = function_names(int(about.fmi_version[0]))
         size = compiled.cosim_integrator_size(setup)
         if not size:
             raise FmuError(f"component '{component.name}' has too many states for Model Exchange: {len(about.states)}")
-        references = ffi.new("uint32_t[]", [*states, *derivatives])
+        references = ffi.new("uint32_t[]", self._references)
         self._packed = bytes(ffi.buffer(setup)) + bytes(ffi.buffer(references))
         self._memory, self._report = ffi.new("IntegratorMemory*"), ffi.new("IntegratorReport*")
         needed = [n for i, n in enumerate(self._names) if compiled.cosim_integrator_needs(setup, i)]

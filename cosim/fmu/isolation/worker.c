@@ -201,7 +201,9 @@ static uint32_t load(void) {
 static uint32_t instantiate(void) {
     const char *name = region.request, *token = name + strlen(name) + 1, *resources = token + strlen(token) + 1;
     const bool exchange = region.ask->a != 0;
-    void *make = function(version == 2 ? "Instantiate" : exchange ? "InstantiateModelExchange" : "InstantiateCoSimulation");
+    void *make = function(version == 2   ? "Instantiate"
+                          : exchange ? "InstantiateModelExchange"
+                                     : "InstantiateCoSimulation");
     if (!make) return LINK_ERROR;
     if (version == 2) {
         static Callbacks2 callbacks;
