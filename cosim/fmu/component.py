@@ -574,7 +574,7 @@ class FmuComponent:
                 data = state.pack()
             except CosimError as error:
                 raise CosimError(f"'{self.name}': {error}") from None
-            self.deserialize(data)
+            self._unpack(data)
             return
         self._must("SetFMUState", state.pointer)
         if own := self._events or self.integration:
@@ -616,7 +616,7 @@ class FmuComponent:
             raise CosimError("its FMU cannot serialize its state")
         state = self.save()
         try:
-            return self.pack(state)
+            return self.pack_pointer(state.pointer)
         finally:
             self.forget(state)
 
@@ -640,7 +640,7 @@ class FmuComponent:
             "model": about.name,
             "FMI version": about.fmi_version,
             "token": about.token,
-            "interface": about.interface,
+            **({"interface": "Model Exchange"} if self.integrated else {}),
             "content (SHA-256 of description and library)": self.fmu.digest,
         }
 
@@ -651,14 +651,17 @@ class FmuComponent:
     def unpack(self, data: bytes) -> None:
         if not self.description.can_serialize:
             raise CosimError(f"'{self.name}' cannot restore serialized states (canSerializeFMUState)")
+        self._unpack(data)
+
+    def _unpack(self, data: bytes) -> None:
+        if self.integration is not None:  # its memory is at the end
+            size = max(0, len(data) - self.integration.saved_size)
+            self.integration.restore(data[size:])
+            data = data[:size]
         self.deserialize(data)
 
     def deserialize(self, data: bytes) -> None:
         """Continue from a state that `serialize` gave."""
-        if self.integration is not None:  # what continues beside the FMU's state is at the end
-            size = len(data) - self.integration.saved_size
-            self.integration.restore(data[size:])
-            data = data[:size]
         pointer, given = self._ffi.new("void**"), self._ffi.from_buffer("char[]", data)
         self._must("DeserializeFMUState", given, len(data), pointer)
         self._must("SetFMUState", pointer[0])

@@ -15,7 +15,7 @@ from typing import Any, Literal, NoReturn, Protocol
 from build_fmus.base.checks import number, unknown
 from cosim.core.component import EndRequested
 from cosim.core.description import Description
-from cosim.core.errors import FmuError, IntegrationFailed, WiringError
+from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING, full_name
@@ -176,7 +176,9 @@ class Integration:
         return bytes(self._ffi.buffer(self._memory))
 
     def restore(self, saved: bytes) -> None:
-        """Continue from what `saved` returned."""
+        """Continue from what `saved` returned. Raises CosimError for anything else."""
+        if len(saved) != self.saved_size:
+            raise CosimError(f"the state of '{self._component.name}' does not hold the memory of its integrator")
         self._ffi.buffer(self._memory)[:] = saved
         if self._isolated is not None:
             self._isolated.remember(saved)

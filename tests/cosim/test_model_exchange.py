@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 
 import fmpy
 import fmpy.sundials
@@ -12,6 +13,7 @@ from foreign import exchanged, followers
 from probes import Clock
 
 from cosim import ComponentError, CosimError, Fmu, FmuError, ModelExchange, System, SystemState, WiringError
+from cosim.batch import Batch
 from cosim.fmu.component import FmuComponent
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -249,3 +251,54 @@ def test_options_are_checked(wrong, raises):
 def test_other_components_have_no_interface(raises):
     with raises(WiringError):
         System().add("m", Clock(), step=1, interface="me")
+
+
+def test_an_ssp_keeps_the_interface(built_fmus, tmp_path):
+    results = []
+    with System() as system:
+        system.add("car", built_fmus.path("QuarterCarHmmwv", 2), step="1 ms", interface="me", start={"force": 50.0})
+        file = system.export_ssp(tmp_path / "car.ssp")
+        results.append(system.run("0.1").data)
+    with System.from_ssp(file) as system:
+        assert system["car"].description.interface == "me"
+        results.append(system.run("0.1").data)
+    np.testing.assert_array_equal(*results)
+
+
+def test_copies_in_a_batch_are_integrated_one_by_one(built_fmus):
+    with System() as system:
+        system.add("car", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", interface="me", start={"force": 50.0})
+        expected = system.run("0.1", record=["car.body.z"])["car.body.z"]
+        with Batch(system, 3, outputs=["car.body.z"]) as batch:
+            assert batch.scalar == {"car": "the master integrates it (Model Exchange)"}
+            for _ in range(100):
+                batch.step("1 ms")
+            np.testing.assert_array_equal(batch.outputs[:, 0], np.full(3, expected[-1]))
+
+
+def test_linear_models_of_both_interfaces_are_the_same(built_fmus):
+    path = built_fmus.path("QuarterCarHmmwv", 3)
+    one, other = (Fmu(path, interface=i).linearize() for i in ("cs", "me"))
+    for matrix in ("A", "B", "C", "D"):
+        np.testing.assert_array_equal(getattr(one, matrix), getattr(other, matrix))
+
+
+@pytest.mark.parametrize(("change", "function"), [("n_indicators", "GetEventIndicators"), ("states", "States")])
+def test_wrong_counts_are_errors_of_the_fmu(exchanges, tmp_path, change, function):
+    path = tmp_path / "Wrong.fmu"
+    with zipfile.ZipFile(exchanges[2]) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            text = old.read(name)
+            if name == "modelDescription.xml":
+                before, after = {
+                    "n_indicators": (b'numberOfEventIndicators="1"', b'numberOfEventIndicators="7"'),
+                    "states": (b'<Derivatives><Unknown index="3"/>', b"<Derivatives>"),
+                }[change]
+                assert before in text
+                text = text.replace(before, after)
+            new.writestr(name, text)
+    for isolated in (False, True):
+        with System() as system:
+            system.add("m", path, step=1, isolated=isolated)
+            with pytest.raises(CosimError, match=f"component 'm': fmi2.*{function} returned Error"):
+                system.run(1)
