@@ -13,7 +13,16 @@
 #endif
 
 enum { OK, WARNING, DISCARD, ERROR }; /* statuses of FMI */
-enum { UPDATES = 1000, EVENTS = 10000, STEPS = 1000000, STIFF = 15, NOT_STIFF = 6, ROOTS = 200, LARGEST_AUTO = 2000, LARGEST_IMPLICIT = 5000 };
+enum { /* limits */
+    UPDATES = 1000,
+    EVENTS = 10000,
+    STEPS = 1000000,
+    STIFF = 15,
+    NOT_STIFF = 6,
+    ROOTS = 200,
+    LARGEST_AUTO = 2000,
+    LARGEST_IMPLICIT = 5000
+};
 
 static double size_of(double a) { return a < 0.0 ? -a : a; }
 static double larger(double a, double b) { return a > b ? a : b; }
@@ -569,7 +578,8 @@ static bool solves(const IntegratorSetup *setup) {
 
 size_t integrator_size(const IntegratorSetup *setup) {
     const size_t n = setup->n, square = solves(setup) ? 2 * n * n : 0;
-    if (n > 1 << 20 || (setup->method == INTEGRATOR_IMPLICIT && n > LARGEST_IMPLICIT) || setup->n_indicators > 1 << 24 || setup->n_references > n) return 0;
+    if (n > 1 << 20 || (setup->method == INTEGRATOR_IMPLICIT && n > LARGEST_IMPLICIT)) return 0;
+    if (setup->n_indicators > 1 << 24 || setup->n_references > n) return 0;
     return sizeof(Integrator) + (VECTORS * n + square + 4 * (size_t)setup->n_indicators) * sizeof(double) +
            (n + 2 * (size_t)setup->n_references) * sizeof(uint32_t);
 }

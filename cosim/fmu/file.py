@@ -24,7 +24,7 @@ from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
-from cosim.fmu.model_description import INTERFACES, read
+from cosim.fmu.model_description import INTERFACES, NAMES, read
 from cosim.fmu.xml import tree
 
 
@@ -264,7 +264,7 @@ class FmuFile:
         return library
 
     def _lacks(self, missing: Iterable[str]) -> str:
-        needs = f"which {INTERFACES[self.description.interface]} needs; build or export it again"
+        needs = f"which {NAMES[self.description.interface]} needs; build or export it again"
         return f"{self.path}: its library lacks {', '.join(missing)}, {needs}"
 
     def _load(self, folder: Path) -> Any:

@@ -27,6 +27,7 @@ TOOL = (  # our vendor annotation: kind and sample time, constants that source a
     "suspension-fmus"
 )
 INTERFACES = {"cs": "CoSimulation", "me": "ModelExchange"}
+NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
@@ -65,7 +66,7 @@ def read(root: Any, where: str, limits: Limits, interface: str | None = None) ->
     if simulation is None:
         kinds = [tag for tag in (*INTERFACES.values(), "ScheduledExecution") if root.find(tag) is not None]
         raise FmuError(
-            f"{where}: it does not offer {' or '.join(INTERFACES[t] for t in tags)}, but {' and '.join(kinds)}; choose"
+            f"{where}: it does not offer {NAMES[tags[0]]}, but {' and '.join(kinds)}; choose"
             " another interface or export it again"
             if kinds and interface
             else f"{where}: neither a Co-Simulation nor a Model Exchange FMU (it offers"
@@ -420,6 +421,9 @@ class _Fmi3(_Reader):
         self.pair_states(pairs, result)
         indicators = self.each(structure.iterfind("EventIndicator"))
         result.event_indicators = sum(len(self.named(e.get("valueReference"), "valueReference")) for e in indicators)
+
+        if result.event_indicators > self.limits.variables:
+            raise _Unreadable(f"ModelStructure has {result.event_indicators} event indicators, more than variables")
 
     def completed_steps(self, simulation: Any) -> bool:
         return _flag(simulation, "needsCompletedIntegratorStep")

@@ -1,5 +1,5 @@
-/* The integrator and the models of exchanged.c under sanitizers: every model, by every method, in steps of many lengths,
- * with the memory of the integrator replaced by arbitrary bytes now and then. Prints what happened. */
+/* The integrator and the models of exchanged.c under sanitizers: every model, by every method, in steps of many
+ * lengths, with the memory of the integrator replaced by arbitrary bytes now and then. Prints what happened. */
 #include "../foreign/exchanged.c"
 #include "integrator.h"
 
