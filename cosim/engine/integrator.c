@@ -501,8 +501,8 @@ static uint32_t one_step(Integrator *s, double stop, double *length, bool *was_i
 static uint32_t integrate(Integrator *s, double stop, uint64_t *steps, bool *event) {
     IntegratorMemory *const m = &s->memory;
     while (m->time < stop && !*event) {
-        double h, part = 1.0;
-        bool implicit;
+        double h = 0.0, part = 1.0;
+        bool implicit = false;
         if (++*steps > STEPS) return failed(s, INTEGRATOR_TOO_MANY_STEPS, 0, m->time, ERROR);
         PASS(one_step(s, stop, &h, &implicit));
         PASS(indicators(s, m->time + h, s->z1));

@@ -64,7 +64,8 @@ def read(root: Any, where: str, limits: Limits, interface: str | None = None) ->
     tags = [interface] if interface else list(INTERFACES)
     simulation = next((root.find(INTERFACES[t]) for t in tags if root.find(INTERFACES[t]) is not None), None)
     if simulation is None:
-        kinds = [tag for tag in (*INTERFACES.values(), "ScheduledExecution") if root.find(tag) is not None]
+        offered = {**{tag: NAMES[i] for i, tag in INTERFACES.items()}, "ScheduledExecution": "Scheduled Execution"}
+        kinds = [name for tag, name in offered.items() if root.find(tag) is not None]
         raise FmuError(
             f"{where}: it does not offer {NAMES[tags[0]]}, but {' and '.join(kinds)}; choose"
             " another interface or export it again"
