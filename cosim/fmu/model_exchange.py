@@ -23,7 +23,7 @@ from cosim.fmu.isolation import IsolatedLibrary
 
 Solver = Literal["auto", "explicit", "implicit"]
 SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
-LARGEST_TOLERANCE = 1e-6  # unless the user says otherwise
+LARGEST_TOLERANCE = 1e-8  # unless the user says otherwise
 LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
 
 
@@ -33,7 +33,7 @@ class ModelExchange:
 
     Args:
         tolerance: relative error of a state in one step of the integrator; multiplied by its nominal value it is the
-            absolute one. None: that of the FMU's default experiment, at most 1e-6.
+            absolute one. None: that of the FMU's default experiment, at most 1e-8.
         solver: "explicit" is Dormand-Prince 5(4), "implicit" is the Rosenbrock method RODAS 4(3) for stiff models;
             "auto" begins explicitly and changes to the implicit method when the model proves to be stiff.
     """
