@@ -31,6 +31,7 @@ from cosim.engine.state import SystemState
 from cosim.engine.stops import StopWhen, View
 from cosim.fmu.describe import describe, wiring
 from cosim.fmu.limits import Limits
+from cosim.fmu.model_exchange import ModelExchange
 from cosim.linear.stability import Stability
 from cosim.recording.formats import FormatError
 from cosim.recording.recording import Recording
@@ -58,6 +59,7 @@ __all__ = [
     "IsolationCrashedWarning",
     "Limits",
     "LoopError",
+    "ModelExchange",
     "Ports",
     "PythonComponent",
     "Record",

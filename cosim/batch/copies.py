@@ -176,6 +176,8 @@ class Batch:
         implementation = component.implementation
         if not isinstance(implementation, FmuComponent):
             raise NoLanes("its signals are from a table")
+        if implementation.integrated:
+            raise NoLanes("the master integrates it (Model Exchange)")
         if implementation.isolation is not None:
             raise NoLanes("it is isolated in a process of its own")
         return lane_source(implementation.fmu)

@@ -125,6 +125,11 @@ class Description:
     derivatives: list[Variable] = field(default_factory=list)
     log_categories: list[str] = field(default_factory=list)
     model_exchange: bool = False
+    co_simulation: bool = True
+    interface: str = "cs"  # of the two, the one that is used
+    event_indicators: int = 0  # Model Exchange
+    completed_steps: bool = False  # Model Exchange: it must be told when a step of the integrator is completed
+    unpaired: str = ""  # name of a derivative without a state
     native: bool = False  # no FMU, but with calls that are functions of C too: the engine need not call Python back
     needs_tool: bool = False  # the FMU is a door to a tool that must be installed
     aliases: dict[str, str] = field(default_factory=dict)

@@ -120,6 +120,18 @@ class NotFinite(CallFailed):
         )
 
 
+class IntegrationFailed(CallFailed):
+    """The integrator of a Model Exchange FMU cannot continue at `at` [s]; `why` is the reason as a clause."""
+
+    def __init__(self, component: str, why: str, at: float, messages: Sequence[str] = ()):
+        self.why, self.at = why, at
+        super().__init__(component, "integration", 3, why, messages)
+
+    def _text(self, time: float | None) -> str:  # noqa: ARG002
+        text = f"component '{self.component}': its integration failed at t = {self.at:.9g} s: {self.why}"
+        return text + "".join(f"\n    {line}" for line in self.messages)
+
+
 class IsolationCrashed(CallFailed):
     """An isolated FMU was lost in a call; `how` says in which way."""
 

@@ -208,6 +208,7 @@ class BoundEngine:
     def _bind(self, m: Any, calls: FmiCalls) -> None:
         ffi = self._ffi
         m.fmi, m.instance = calls.version, ffi.cast("void*", calls.instance)
+        m.stepped = ffi.cast("void*", calls.stepped or calls.instance)
         setattr(m, f"step{calls.version}", ffi.cast(f"EngineStep{calls.version}", calls.do_step))
         if calls.version == 3:
             m.flags, m.last = ffi.cast("bool*", calls.flags), ffi.cast("double*", calls.last)

@@ -134,13 +134,13 @@ int engine_get(Engine *e, const EngineComponent *m) {
 /* ------------------------------------------------------------------ steps */
 
 INLINE int step2(Engine *e, const EngineComponent *m, double t) {
-    const uint32_t status = m->step2(m->instance, t, m->step, m->no_set_prior);
+    const uint32_t status = m->step2(m->stepped, t, m->step, m->no_set_prior);
     return RARELY(status > LARGEST_SUCCESS) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
 INLINE int step3(Engine *e, const EngineComponent *m, double t) {
     bool *flags = m->flags;
-    const uint32_t status = m->step3(m->instance, t, m->step, m->no_set_prior, flags, flags + 2, flags + 3, m->last);
+    const uint32_t status = m->step3(m->stepped, t, m->step, m->no_set_prior, flags, flags + 2, flags + 3, m->last);
     return RARELY((status > LARGEST_SUCCESS) | flags[2] | flags[3]) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 

@@ -80,6 +80,7 @@ typedef struct {
     double *u, *y;
     uint32_t first, n_outputs;  /* slots of the outputs, y = values + first */
     void *instance;
+    void *stepped;              /* what its step function gets: the instance, or its integrator */
     EngineStep2 step2;
     EngineStep3 step3;
     int32_t no_set_prior;

@@ -1,6 +1,7 @@
 /* What Python calls of the engine: a shared library of its own. */
 #include "engine.h"
 #include "environment.h"
+#include "integrator.h"
 #include "table.h"
 
 #if defined(_WIN32)
@@ -22,7 +23,9 @@ EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
 EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     return engine_settle(e, settles, before, n_values);
 }
-EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table); }
+EXPORT size_t cosim_engine_size(void) {
+    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table) + sizeof(Integrator);
+}
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
     int32_t i = 0;
@@ -40,4 +43,24 @@ EXPORT void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states
 }
 EXPORT uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior) {
     return table_step(table, t, h, no_set_prior);
+}
+
+EXPORT const char *cosim_integrator_function(uint32_t version, uint32_t number) {
+    return integrator_function(version, number);
+}
+EXPORT bool cosim_integrator_needs(const IntegratorSetup *setup, uint32_t number) {
+    return integrator_needs(setup, number);
+}
+EXPORT size_t cosim_integrator_size(const IntegratorSetup *setup) { return integrator_size(setup); }
+EXPORT Integrator *cosim_integrator_make(void *memory, const IntegratorSetup *setup, const uint32_t *references,
+    void *instance, void *const *calls) {
+    return integrator_make(memory, setup, references, instance, calls);
+}
+EXPORT uint32_t cosim_integrator_begin(void *integrator, double t) { return integrator_begin(integrator, t); }
+EXPORT uint32_t cosim_integrator_step2(void *integrator, double t, double h, int no_set_prior) {
+    return integrator_step2(integrator, t, h, no_set_prior);
+}
+EXPORT uint32_t cosim_integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event,
+    bool *terminate, bool *early, double *last) {
+    return integrator_step3(integrator, t, h, no_set_prior, event, terminate, early, last);
 }

@@ -11,11 +11,12 @@ import cffi
 
 from build_fmus.compile import PLATFORMS, CompileError, ObjectCache, find_toolchain, host
 from cosim.core.errors import CosimError
-from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 HEADER = Path(__file__).with_name("engine.h")
 TABLE = Path(__file__).with_name("table.h")
-SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c", "library.c"))
+INTEGRATOR = Path(__file__).with_name("integrator.h")
+ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
+SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c", "integrator.c", "library.c"))
 
 _EXPORTED = """
 int cosim_engine_run(Engine *e, int64_t end);
@@ -27,6 +28,15 @@ int32_t cosim_engine_restore(const EngineStates *fmus, int32_t n, void **states,
 void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
+const char *cosim_integrator_function(uint32_t version, uint32_t number);
+bool cosim_integrator_needs(const IntegratorSetup *setup, uint32_t number);
+size_t cosim_integrator_size(const IntegratorSetup *setup);
+Integrator *cosim_integrator_make(void *memory, const IntegratorSetup *setup, const uint32_t *references,
+    void *instance, void *const *calls);
+uint32_t cosim_integrator_begin(void *integrator, double t);
+uint32_t cosim_integrator_step2(void *integrator, double t, double h, int no_set_prior);
+uint32_t cosim_integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event, bool *terminate,
+    bool *early, double *last);
 """
 
 
@@ -39,9 +49,9 @@ class NoEngine(CosimError):  # noqa: N818
 
 @lru_cache
 def interface() -> cffi.FFI:
-    """The types of `engine.h` and `table.h`."""
+    """The types of `engine.h`, `table.h` and `integrator.h`."""
     ffi = cffi.FFI()
-    declarations = re.sub(r"(?m)^#.*$", "", HEADER.read_text() + TABLE.read_text())
+    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in (HEADER, TABLE, INTEGRATOR)))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi
 
@@ -78,6 +88,6 @@ def library() -> Any:
             loaded = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
-    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineComponent") + ffi.sizeof("Table"):
+    if loaded.cosim_engine_size() != sum(map(ffi.sizeof, ("Engine", "EngineComponent", "Table", "Integrator"))):
         raise NoEngine(f"{path} lays out its data in another way than this Python")
     return loaded

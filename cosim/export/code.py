@@ -14,11 +14,13 @@ from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, WiringError
+from cosim.engine.library import INTEGRATOR
 from cosim.engine.plan import ComponentPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
+from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.system.components import Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule
@@ -37,6 +39,7 @@ _OWN = (
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )
 _FOREIGN = _RUNTIME / "foreign.c"
+_EXCHANGE = (_RUNTIME / "exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
 _ROLES = {"parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "output": "FMU_OUTPUT"}
@@ -140,6 +143,9 @@ class SystemCode:
         files = {p.name: p.read_bytes() for p in _OWN}
         if len(linked) < len(self.distinct):
             files[_FOREIGN.name] = _FOREIGN.read_bytes()
+        integrated = {p for m, p in self.parts.items() if m.implementation.integrated}  # type: ignore[attr-defined]
+        if integrated:
+            files |= {p.name: p.read_bytes() for p in _EXCHANGE}
         files[f"fmi{self.fmi}.c"] = (generate.RUNTIME_DIR / f"fmi{self.fmi}.c").read_bytes()
         files |= package.fmi_headers(2) | package.fmi_headers(3)
         files = generate.with_mathematics(files)
@@ -149,7 +155,7 @@ class SystemCode:
             with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
                 write(Path(tmp), own)
                 names = part.names(Path(tmp) / part.name, toolchain, cache)
-            files |= own | part.wrappers(names)
+            files |= own | part.wrappers(names, _exchange_calls(part) if part in integrated else ())
         return dict(sorted(files.items()))
 
     @staticmethod
@@ -183,6 +189,7 @@ class SystemCode:
             n_published=sum(len(p.published) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
+            integrated=any(m["setup"] for m in components),
         )
 
     def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
@@ -221,6 +228,7 @@ class SystemCode:
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
+            **_exchange(m),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
 
@@ -252,6 +260,21 @@ class SystemCode:
         for component, slot in layout.sample_times.items():
             names[slot] = f"time of {component.name}"
         return names
+
+
+def _exchange_calls(part: Part) -> list[str]:
+    """Functions of a linked FMU that its integrator needs, and that makes an instance for it."""
+    return function_names(part.version) + (["InstantiateModelExchange"] if part.version == 3 else [])
+
+
+def _exchange(m: SystemComponent) -> dict[str, Any]:
+    """Setup and value references of an integrator, of a component that has one."""
+    implementation = m.implementation
+    assert isinstance(implementation, FmuComponent)
+    if not implementation.integrated:
+        return {"setup": []}
+    fields, references = integrator_setup(m.description, implementation.exchange)
+    return {"setup": [*map(int, fields[:-1]), c_number(fields[-1])], "exchange_references": references or [0]}
 
 
 class _Room:

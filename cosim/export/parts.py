@@ -81,9 +81,19 @@ class Part:
         """Its own sources, in a folder of their own below `sources/` of the system's FMU."""
         return {f"{self.name}/{n.removeprefix(SOURCES)}": d for n, d in self.files.items() if n.startswith(SOURCES)}
 
-    def wrappers(self, names: Sequence[str]) -> dict[str, bytes]:
-        """C files that compile its sources under names of their own, the header with these, and its function table."""
-        return wrappers(self.name, self.version, self.c_files, names)
+    def wrappers(self, names: Sequence[str], exchange: Sequence[str] = ()) -> dict[str, bytes]:
+        """C files that compile its sources under names of their own, the header with these, and its function tables.
+
+        `exchange`: functions that an integrator calls, in the order of its table.
+        """
+        files = wrappers(self.name, self.version, self.c_files, names)
+        if exchange:
+            calls = [f"fmi{self.version}{name}" for name in exchange]
+            own, table = f"{self.prefix}functions.c", f"const ExchangeCall {self.prefix}exchange[EXCHANGE_CALLS]"
+            declared = "".join(f"{name}TYPE {name};\n" for name in calls)
+            listed = ", ".join(f"(ExchangeCall){name}" for name in calls)
+            files[own] += f"{declared}extern {table};\n{table} = {{{listed}}};\n".encode()
+        return files
 
     def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
         """Names that its sources define for each other, but for the functions of FMI; `folder` holds its sources."""

@@ -107,10 +107,35 @@ Status fmi3GetShiftDecimal(Component, const VR*, size_t, double*);
 Status fmi3GetShiftFraction(Component, const VR*, size_t, uint64_t*, uint64_t*);
 """  # what FMUs with clocks have, in this process
 
+_EXCHANGE = """
+Status fmi{v}SetTime(Component, double);
+Status fmi{v}SetContinuousStates(Component, const double*, size_t);
+Status fmi{v}GetContinuousStates(Component, double*, size_t);
+Status fmi{v}Get{derivatives}(Component, double*, size_t);
+Status fmi{v}GetEventIndicators(Component, double*, size_t);
+Status fmi{v}GetNominalsOfContinuousStates(Component, double*, size_t);
+Status fmi{v}EnterContinuousTimeMode(Component);
+"""  # what is called by `engine/integrator.c`
+_EXCHANGE2 = (
+    _EXCHANGE.format(v=2, derivatives="Derivatives")
+    + """
+Status fmi2EnterEventMode(Component);
+Status fmi2NewDiscreteStates(Component, void*);
+Status fmi2CompletedIntegratorStep(Component, Boolean, Boolean*, Boolean*);
+"""
+)
+_EXCHANGE3 = (
+    _EXCHANGE.format(v=3, derivatives="ContinuousStateDerivatives")
+    + """
+Component fmi3InstantiateModelExchange(const char*, const char*, const char*, bool, bool, void*, void*);
+Status fmi3CompletedIntegratorStep(Component, bool, bool*, bool*);
+"""
+)
+
 ffi2 = cffi.FFI()
-ffi2.cdef(_FMI2)
+ffi2.cdef(_FMI2 + _EXCHANGE2)
 ffi3 = cffi.FFI()
-ffi3.cdef(_FMI3 + _EVENTS3)
+ffi3.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3)
 
 
 def close(ffi: cffi.FFI, library: Any) -> None:
@@ -153,7 +178,11 @@ FUNCTION2 = {"Enumeration": "Integer"}
 FUNCTION3 = {"Enumeration": "Int64"}
 
 # Without these nothing runs; what else is missing is named when it is called.
-_REQUIRED = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "DoStep")
+_REQUIRED = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset")
+_REQUIRED_EXCHANGE = {
+    "2": ("SetTime", "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode"),
+    "3": ("SetTime", "EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode"),
+}
 
 Log = Callable[[int, str, str], None]  # (status, category, message)
 
@@ -170,15 +199,20 @@ def platform_folder(version: str) -> tuple[str, str]:
     return two.get((machine, system), f"{machine}-{system}"), suffix
 
 
-def required(version: str) -> list[str]:
-    """Names of the C functions that every Co-Simulation FMU must have to be run."""
-    more = ("InstantiateCoSimulation",) if version == "3" else ("Instantiate", "SetupExperiment")
-    return [f"fmi{version}{name}" for name in (*more, *_REQUIRED)]
+def required(version: str, interface: str) -> list[str]:
+    """Names of the C functions that every FMU must have to be run by an interface ("cs" or "me")."""
+    kind = "ModelExchange" if interface == "me" else "CoSimulation"
+    more = (f"Instantiate{kind}",) if version == "3" else ("Instantiate", "SetupExperiment")
+    own = _REQUIRED_EXCHANGE[version] if interface == "me" else ("DoStep",)
+    return [f"fmi{version}{name}" for name in (*more, *_REQUIRED, *own)]
 
 
-def declared(version: str) -> list[str]:
+def declared(version: str, interface: str) -> list[str]:
     """Names of all C functions that may be called of an FMU."""
-    return re.findall(rf"\bfmi{version}\w+(?=\()", _FMI3 if version == "3" else _FMI2)
+    text = _FMI3 if version == "3" else _FMI2
+    if interface == "me":
+        text += _EXCHANGE3 if version == "3" else _EXCHANGE2
+    return re.findall(rf"\bfmi{version}\w+(?=\()", text)
 
 
 def full_name(version: str, name: str) -> str:
@@ -252,8 +286,10 @@ def _quiet(*_: Any) -> None:
     """The onerror handler of cffi: nothing may be raised through an FMU's stack."""
 
 
-def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: Log, keep: list[Any]) -> Any:
-    """Call fmi2Instantiate for Co-Simulation.
+def instantiate2(
+    library: Any, process: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], interface: str
+) -> Any:
+    """Call fmi2Instantiate for an interface, "cs" or "me".
 
     `texts` = instance name, GUID, resource URI; objects that must outlive the instance are put into `keep`.
     """
@@ -271,13 +307,14 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
     callbacks.allocate = ffi.cast("void*", ffi.addressof(process, "calloc"))
     callbacks.release = ffi.cast("void*", ffi.addressof(process, "free"))
     keep += [logger, callbacks]
-    return library.fmi2Instantiate(name.encode(), 1, token.encode(), resources.encode(), callbacks, 0, 1)
+    kind = int(interface == "cs")
+    return library.fmi2Instantiate(name.encode(), kind, token.encode(), resources.encode(), callbacks, 0, 1)
 
 
 def instantiate3(
-    library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], *, event_mode: bool = False
+    library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], interface: str, *, event_mode: bool = False
 ) -> Any:
-    """Call fmi3InstantiateCoSimulation without early return and intermediate updates.
+    """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without early return and intermediate updates.
 
     `texts` = name, token, resource path.
     """
@@ -289,6 +326,9 @@ def instantiate3(
         log(status, text(ffi, category), text(ffi, message))
 
     keep.append(logger)
+    if interface == "me":
+        arguments = (name.encode(), token.encode(), resources.encode(), False, True, ffi.NULL)
+        return library.fmi3InstantiateModelExchange(*arguments, ffi.cast("void*", logger))
     return library.fmi3InstantiateCoSimulation(
         name.encode(),
         token.encode(),

@@ -35,6 +35,8 @@ from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
+from cosim.fmu.model_exchange import Integration, ModelExchange
+from cosim.fmu.model_exchange import refusal as exchange_refusal
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.saved_states import FmuState, StatePool
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
@@ -56,11 +58,14 @@ _DoStep = tuple[Callable[..., int], tuple[Any, ...], Any]
 class FmuComponent:
     """One instance of an FMU, as a `Component`; in this process, or isolated in one of its own."""
 
-    def __init__(self, fmu: FmuFile, isolation: Isolation | None = None):
-        if why := refusal(fmu.description):
+    def __init__(self, fmu: FmuFile, isolation: Isolation | None = None, exchange: ModelExchange | None = None):
+        """`exchange`: how it is integrated if it is used by Model Exchange."""
+        self.integrated = fmu.description.interface == "me"
+        if why := (exchange_refusal if self.integrated else refusal)(fmu.description):
             raise FmuError(f"{fmu.path}: {why}")
         self.fmu = fmu
         self.isolation = isolation
+        self.exchange = exchange or ModelExchange()
         self.description = fmu.description
         self.name = fmu.description.name
         self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
@@ -87,6 +92,7 @@ class FmuComponent:
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._events: EventMode | None = None
+        self.integration: Integration | None = None
 
     @property
     def in_event_mode(self) -> bool:
@@ -95,11 +101,21 @@ class FmuComponent:
         An isolated discrete FMU of this project counts its samples itself.
         """
         about = self.description
-        return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
+        return (
+            bool(about.clocks)
+            and about.event_mode
+            and not self.integrated
+            and not (self.isolation is not None and about.kind is not None)
+        )
+
+    @property
+    def _integrator(self) -> Integration | None:
+        """The integrator if it is in this process."""
+        return self.integration if self.integration is not None and self.integration.here else None
 
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
-        return FmuComponent(self.fmu, self.isolation)
+        return FmuComponent(self.fmu, self.isolation, self.exchange)
 
     # Life of the instance.
 
@@ -149,6 +165,7 @@ class FmuComponent:
             raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
         self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
+        self.integration = Integration(self, self.exchange) if self.integrated else None
 
     def _open(self) -> Library | IsolatedLibrary:
         """The library for a new instance."""
@@ -167,7 +184,7 @@ class FmuComponent:
         else:
             self._must("SetupExperiment", *experiment)
             self._must("EnterInitializationMode")
-        self._reads_values = True
+        self._reads_values, self._begin = True, start
         if self._events is not None:
             self._events.enter_initialization(start)
 
@@ -176,6 +193,9 @@ class FmuComponent:
             self._events.exit_initialization()
         else:
             self._must("ExitInitializationMode")
+        if self.integration is not None:
+            self.integration.begin(self._begin)
+            self._check_environment()
 
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
@@ -400,11 +420,12 @@ class FmuComponent:
         return guarded
 
     def _fmi_calls(self, sets: Sequence[Transfer], gets: Sequence[Transfer]) -> FmiCalls:
-        address = self._address
+        address, own = self._address, self._integrator
         return FmiCalls(
             version=int(self.fmu.major),
             instance=address(self._instance),
-            do_step=address(self._function("DoStep")),
+            do_step=address(self._function("DoStep")) if own is None else own.addresses[0],
+            stepped=0 if own is None else own.addresses[1],
             sets=sets,
             gets=gets,
             flags=address(self._flags) if self._v3 else 0,
@@ -474,7 +495,9 @@ class FmuComponent:
 
         `ended[0]` is true after a step that stopped early or requests the end of the simulation (FMI 3).
         """
-        call = partial(self._function("DoStep"), self._instance)
+        own = self._integrator
+        function, first = (self._function("DoStep"), self._instance) if own is None else own.step
+        call = partial(function, first)
         if not self._v3:
             return call, (), (0,)
         flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
@@ -500,6 +523,8 @@ class FmuComponent:
         last, terminated, whole = None, False, False
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
+        if self.integration is not None:
+            self.integration.step_failed(status, t, h)
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]
@@ -537,7 +562,9 @@ class FmuComponent:
     def save(self) -> FmuState:
         if self._own_pool is None:
             self._own_pool = StatePool({self.name: self}, self._ffi, self._save_pointer, self.free_pointer)
-        return FmuState(self._own_pool.save(), events=None if self._events is None else self._events.saved())
+        return FmuState(
+            self._own_pool.save(), events=own.saved() if (own := self._events or self.integration) else None
+        )
 
     def restore(self, state: FmuState) -> None:
         if not state.belongs_to(self):
@@ -547,11 +574,11 @@ class FmuComponent:
                 data = state.pack()
             except CosimError as error:
                 raise CosimError(f"'{self.name}': {error}") from None
-            self.deserialize(data)
+            self._unpack(data)
             return
         self._must("SetFMUState", state.pointer)
-        if self._events is not None:
-            self._events.restore(state.events)
+        if own := self._events or self.integration:
+            own.restore(state.events)
         self._keep_values()
 
     def forget(self, state: FmuState) -> None:
@@ -579,7 +606,7 @@ class FmuComponent:
 
     def _state_calls(self) -> dict[str, int] | None:
         """Addresses of the functions for states; None if more than these calls is necessary, or the FMU has none."""
-        if self._foreign or self._kept or not self.description.can_save:
+        if self._foreign or self._kept or self.integrated or not self.description.can_save:
             return None
         return {n: self._address(self._function(f"{n.title()}FMUState")) for n in ("get", "set", "free")}
 
@@ -589,7 +616,7 @@ class FmuComponent:
             raise CosimError("its FMU cannot serialize its state")
         state = self.save()
         try:
-            return self.pack(state)
+            return self.pack_pointer(state.pointer)
         finally:
             self.forget(state)
 
@@ -613,6 +640,7 @@ class FmuComponent:
             "model": about.name,
             "FMI version": about.fmi_version,
             "token": about.token,
+            **({"interface": "Model Exchange"} if self.integrated else {}),
             "content (SHA-256 of description and library)": self.fmu.digest,
         }
 
@@ -623,6 +651,13 @@ class FmuComponent:
     def unpack(self, data: bytes) -> None:
         if not self.description.can_serialize:
             raise CosimError(f"'{self.name}' cannot restore serialized states (canSerializeFMUState)")
+        self._unpack(data)
+
+    def _unpack(self, data: bytes) -> None:
+        if self.integration is not None:  # its memory is at the end
+            size = max(0, len(data) - self.integration.saved_size)
+            self.integration.restore(data[size:])
+            data = data[:size]
         self.deserialize(data)
 
     def deserialize(self, data: bytes) -> None:

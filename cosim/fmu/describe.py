@@ -18,6 +18,7 @@ from cosim.core.description import RECORDABLE, Clock, Description, Variable, spl
 from cosim.core.errors import FmuError
 from cosim.core.time import seconds_text
 from cosim.fmu.file import FmuFile
+from cosim.fmu.model_exchange import refusal
 from cosim.fmu.validation import Finding
 
 
@@ -37,7 +38,7 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
         "": about.text,
         "kind": kind,
         "step": f"{step} s" if step else "not declared: give step=...",
-        "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
+        "interfaces": _interfaces(about),
         "can": ", ".join(_abilities(fmu)) or "only step forward",
         "clocks": ", ".join(map(_clock, about.clocks)),
         "needs": "the tool that exported it (needsExecutionTool)" if about.needs_tool else "",
@@ -76,6 +77,18 @@ def wiring(fmu: str | os.PathLike[str] | FmuFile) -> str:
     listed = ", ".join(_quoted(f"{name}.{o}") for o in outputs[:4])
     lines.append(f"recording = system.run(5.0, record=[{listed}])")
     return "\n".join(lines)
+
+
+def _interfaces(about: Description) -> str:
+    """What it offers, and how the master runs it."""
+    if not about.model_exchange:
+        return "Co-Simulation"
+    if about.interface == "cs":
+        return 'Co-Simulation, Model Exchange (interface="me")'
+    why = refusal(about)
+    states = f"{len(about.states)} states and {about.event_indicators} event indicators"
+    how = f"the master cannot integrate it: {why}" if why else f"the master integrates its {states}"
+    return f"{'Co-Simulation, ' if about.co_simulation else ''}Model Exchange: {how}"
 
 
 def _clock(clock: Clock) -> str:

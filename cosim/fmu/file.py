@@ -15,6 +15,7 @@ from typing import Any
 
 import cosim.fmu.calls as fmi
 from build_fmus.base import safe_files
+from build_fmus.base.checks import unknown
 from cosim.core.description import Description
 from cosim.core.errors import FmuError, FmuWarning
 from cosim.core.terminals import Terminal
@@ -23,7 +24,7 @@ from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
-from cosim.fmu.model_description import read
+from cosim.fmu.model_description import INTERFACES, NAMES, read
 from cosim.fmu.xml import tree
 
 
@@ -36,11 +37,11 @@ class Library:
         """Whether its instance will do for one that is isolated so."""
         return isolation is None
 
-    def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
+    def __init__(self, version: str, interface: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle
         self.folder = folder
         self._owner = os.getpid()
-        self._version = version
+        self._version, self._interface = version, interface
         self.users = 0
         self.open = True
         self._ffi = ffi
@@ -56,8 +57,8 @@ class Library:
         instance are put into `keep`. `event_mode` is for FMI 3.0.
         """
         if self._version == "3":
-            return fmi.instantiate3(self.handle, texts, log, keep, event_mode=event_mode)
-        return fmi.instantiate2(self.handle, _process(), texts, log, keep)
+            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, event_mode=event_mode)
+        return fmi.instantiate2(self.handle, _process(), texts, log, keep, self._interface)
 
     def release(self) -> None:
         """One instance less."""
@@ -98,26 +99,35 @@ def _process() -> Any:
 
 
 class FmuFile:
-    """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
+    """An FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
-    `path`: of a file or folder, or the name of a built FMU of the catalog (`cosim.fmu.find`).
+    `path`: of a file or folder, or the name of a built FMU of the catalog (`cosim.fmu.find`). `interface`: "cs" for
+    Co-Simulation, "me" for Model Exchange; by default Co-Simulation if the FMU offers it.
 
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
-    version, an FMU without Co-Simulation, and what cannot be run safely: names that are not unique, sizes beyond
+    version, an FMU without that interface, and what cannot be run safely: names that are not unique, sizes beyond
     `limits`. What else deviates from the standard is in `verdict`; an FmuWarning tells of it unless `quiet`, and with
     `strict` it is refused too. The library is closed with its last instance, the unpacked copy is removed by `close()`
     or when Python ends.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, strict: bool = False, limits: Limits | None = None, quiet: bool = False
+        self,
+        path: str | os.PathLike[str],
+        *,
+        strict: bool = False,
+        limits: Limits | None = None,
+        quiet: bool = False,
+        interface: str | None = None,
     ):
+        if interface not in (None, *INTERFACES):
+            raise FmuError(unknown("interface", str(interface), INTERFACES))
         self.path = find(path)
         limits = limits or Limits()
         self._archive = Archive(self.path, limits)
         xml = self._archive.description()
         root = tree(xml, str(self.path), limits)
-        self.description: Description = read(root, str(self.path), limits)
+        self.description: Description = read(root, str(self.path), limits, interface)
         self.verdict = validation.verdict(xml, root, self.description)
         if strict:
             self.require_standard()
@@ -226,7 +236,12 @@ class FmuFile:
             self.check_platform()
             folder = self._unpack()
             library = self._library = Library(
-                self.major, self._ffi, self._load(folder), folder, self.description.only_once
+                self.major,
+                self.description.interface,
+                self._ffi,
+                self._load(folder),
+                folder,
+                self.description.only_once,
             )
         library.users += 1
         return library
@@ -238,7 +253,7 @@ class FmuFile:
         file = folder / self.binary
         try:
             check_library(file)
-            library = IsolatedLibrary(self.major, file, folder, isolation)
+            library = IsolatedLibrary(self.major, self.description.interface, file, folder, isolation)
         except NoIsolation:
             raise
         except (OSError, FmuError) as error:
@@ -249,9 +264,8 @@ class FmuFile:
         return library
 
     def _lacks(self, missing: Iterable[str]) -> str:
-        return (
-            f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
-        )
+        needs = f"which {NAMES[self.description.interface]} needs; build or export it again"
+        return f"{self.path}: its library lacks {', '.join(missing)}, {needs}"
 
     def _load(self, folder: Path) -> Any:
         file = folder / self.binary
@@ -262,7 +276,7 @@ class FmuFile:
             handle = self._ffi.dlopen(str(file))
         except OSError as error:
             raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
-        missing = [name for name in fmi.required(self.major) if not hasattr(handle, name)]
+        missing = [name for name in fmi.required(self.major, self.description.interface) if not hasattr(handle, name)]
         if missing:
             fmi.close(self._ffi, handle)
             raise FmuError(self._lacks(missing))

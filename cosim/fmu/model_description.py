@@ -26,6 +26,8 @@ from cosim.fmu.xml import tree
 TOOL = (  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
     "suspension-fmus"
 )
+INTERFACES = {"cs": "CoSimulation", "me": "ModelExchange"}
+NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
@@ -51,17 +53,25 @@ def parse(xml: bytes, where: str, limits: Limits | None = None) -> Description:
     return read(tree(xml, where, limits or Limits()), where, limits or Limits())
 
 
-def read(root: Any, where: str, limits: Limits) -> Description:
-    """Description from the root element of modelDescription.xml. Raises FmuError."""
+def read(root: Any, where: str, limits: Limits, interface: str | None = None) -> Description:
+    """Description from the root element of modelDescription.xml, as of an interface, "cs" or "me". Raises FmuError.
+
+    Without `interface` it is Co-Simulation where the FMU offers it.
+    """
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
         raise FmuError(f"{where}: FMI version '{one_line(version, 40) or 'unknown'}'; FMI 2.0 and 3.0 are supported")
-    simulation = root.find("CoSimulation")
+    tags = [interface] if interface else list(INTERFACES)
+    simulation = next((root.find(INTERFACES[t]) for t in tags if root.find(INTERFACES[t]) is not None), None)
     if simulation is None:
-        kinds = [tag for tag in ("ModelExchange", "ScheduledExecution") if root.find(tag) is not None]
+        offered = {**{tag: NAMES[i] for i, tag in INTERFACES.items()}, "ScheduledExecution": "Scheduled Execution"}
+        kinds = [name for tag, name in offered.items() if root.find(tag) is not None]
         raise FmuError(
-            f"{where}: not a Co-Simulation FMU (it offers {' and '.join(kinds) or 'nothing'}); "
-            "export it again for Co-Simulation"
+            f"{where}: it does not offer {NAMES[tags[0]]}, but {' and '.join(kinds)}; choose"
+            " another interface or export it again"
+            if kinds and interface
+            else f"{where}: neither a Co-Simulation nor a Model Exchange FMU (it offers"
+            f" {' and '.join(kinds) or 'nothing'}); export it again for Co-Simulation"
         )
     reader = (_Fmi2 if version.startswith("2.") else _Fmi3)(root, limits)
     try:
@@ -130,6 +140,7 @@ class _Reader:
             self.annotate(own)
         structure = root.find("ModelStructure")
         self.at = simulation
+        exchanged = simulation.tag == INTERFACES["me"]
         result = Description(
             name=root.get("modelName", ""),
             variables=self.variables,
@@ -141,12 +152,15 @@ class _Reader:
             can_save=_flag(simulation, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
             can_serialize=_flag(simulation, "canSerializeFMUstate", "canSerializeFMUState"),
             only_once=_flag(simulation, "canBeInstantiatedOnlyOncePerProcess"),
-            variable_step=_flag(simulation, "canHandleVariableCommunicationStepSize"),
+            variable_step=exchanged or _flag(simulation, "canHandleVariableCommunicationStepSize"),
             directional_derivatives=_flag(
                 simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
             ),
             log_categories=[c.get("name") for c in root.iterfind("LogCategories/Category")],
             model_exchange=root.find("ModelExchange") is not None,
+            co_simulation=root.find("CoSimulation") is not None,
+            interface="me" if exchanged else "cs",
+            completed_steps=exchanged and self.completed_steps(simulation),
             needs_tool=_flag(simulation, "needsExecutionTool"),
             aliases=self.aliases,
             event_mode=_flag(simulation, "hasEventMode"),
@@ -266,11 +280,15 @@ class _Reader:
     def pair_states(self, pairs: list[tuple[Variable, Variable | None]], result: Description) -> None:
         result.states = [state for _, state in pairs if state is not None]
         result.derivatives = [derivative for derivative, state in pairs if state is not None]
+        result.unpaired = next((derivative.name for derivative, state in pairs if state is None), "")
 
     def read_variables(self) -> None:
         raise NotImplementedError
 
     def read_structure(self, structure: Any, result: Description) -> None:
+        raise NotImplementedError
+
+    def completed_steps(self, simulation: Any) -> bool:
         raise NotImplementedError
 
     def annotation(self) -> Any:
@@ -310,6 +328,12 @@ class _Fmi2(_Reader):
             position = self.derivative_of.get(derivative.name)
             pairs.append((derivative, self.named(str(position), "derivative")[0] if position else None))
         self.pair_states(pairs, result)
+        result.event_indicators = _whole(
+            self.root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", 0, self.limits.variables
+        )
+
+    def completed_steps(self, simulation: Any) -> bool:
+        return not _flag(simulation, "completedIntegratorStepNotNeeded")
 
     def annotation(self) -> Any:
         return self.root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Component")
@@ -396,6 +420,14 @@ class _Fmi3(_Reader):
                 raise _Unreadable(f"'{derivative.declared}' has more elements than its state '{state[0].declared}'")
             pairs.append((derivative, state[derivative.index] if state else None))
         self.pair_states(pairs, result)
+        indicators = self.each(structure.iterfind("EventIndicator"))
+        result.event_indicators = sum(len(self.named(e.get("valueReference"), "valueReference")) for e in indicators)
+
+        if result.event_indicators > self.limits.variables:
+            raise _Unreadable(f"ModelStructure has {result.event_indicators} event indicators, more than variables")
+
+    def completed_steps(self, simulation: Any) -> bool:
+        return _flag(simulation, "needsCompletedIntegratorStep")
 
     def annotation(self) -> Any:
         return self.root.find(f"Annotations/Annotation[@type='{TOOL}']/Component")

@@ -41,7 +41,7 @@ class SavedStates:
 
 
 class FmuState:
-    """The saved state of one FMU: number `number` of `saved`. `events`: of its clocks."""
+    """The saved state of one FMU: number `number` of `saved`. `events`: of its clocks, or of its integrator."""
 
     __slots__ = ("events", "number", "saved")
 
@@ -59,14 +59,15 @@ class FmuState:
 
     def pack(self) -> bytes:
         """The state as bytes. Raises CosimError saying why the FMU does not give them."""
+        more = self.events if isinstance(self.events, bytes) else b""
         if self.pointer:
-            return self.saved.pool.fmus[self.number].pack_pointer(self.pointer)
+            return self.saved.pool.fmus[self.number].pack_pointer(self.pointer) + more
         packed = self.saved.packed.get(self.number)
         if packed is None:
             raise CosimError("this saved state was freed, or lost when its FMU failed")
         if isinstance(packed, CosimError):
             raise packed
-        return packed
+        return packed + more
 
 
 class StatePool:

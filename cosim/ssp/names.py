@@ -35,6 +35,8 @@ ENTRY = "SystemStructure.ssd"
 VERSIONS = ("1.0", "2.0")
 FMI_OF = {"1.0": "2", "2.0": "3"}
 """Which version of FMI goes into an SSP of which version."""
+IMPLEMENTATIONS = {"any": None, "CoSimulation": "cs", "ModelExchange": "me"}
+"""Interfaces of a component, as System.add has them."""
 
 
 def version_of(version: str) -> str:

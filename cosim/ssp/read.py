@@ -87,7 +87,7 @@ class _Reader:
         name = self.named[path]
         with self.named_in(f"component '{'.'.join(path)}'"):
             fmu, kind = c.fmu, c.own.get("kind")
-            about = self.wiring._component(fmu, self.strict)
+            about = self.wiring._component(fmu, self.strict, c.interface)
             given = [p for p in self.steps if glob(p)(name)]
             own = c.own.get("step")
             sampled = about.description.sample_time if (kind or about.description.kind) == "discrete" else None

@@ -114,6 +114,7 @@ class Component(Element):
     """A component: an FMU in a system."""
 
     fmu: Path
+    interface: str | None = None  # "cs", "me", or either
     hint: Fraction | None = None  # for its step [s]
     own: dict[str, str] = field(default_factory=dict)  # what our annotation says
     initial: frozenset[str] = frozenset()  # values that are there for other tools
@@ -317,17 +318,18 @@ class _File:
                 element, f"component '{name}' is of type {one_line(kind, 80)!r}; cosim runs {', '.join(known)}"
             )
         implementation = element.get("implementation", "any")
-        if implementation not in ("any", "CoSimulation"):
+        if implementation not in names.IMPLEMENTATIONS:
             raise self.error(
                 element,
-                f"component '{name}' has the implementation {one_line(implementation, 40)}; cosim runs Co-Simulation"
-                " FMUs",
+                f"component '{name}' has the implementation {one_line(implementation, 40)}; cosim runs FMUs by"
+                " Co-Simulation and Model Exchange",
             )
         hint = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
         own = self.own.get(name)
         return Component(
             **self.element(element),
             fmu=self.package.file(source, self.file, f"component '{name}'"),
+            interface=names.IMPLEMENTATIONS[implementation],
             hint=None if hint is None else self.time(hint, "value", above_zero=True),
             own={} if own is None else dict(own.attrib),
             initial=frozenset(i.get("name", "") for i in (() if own is None else own.iterfind(f"{OWN}Initial"))),

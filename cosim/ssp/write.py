@@ -25,6 +25,7 @@ from cosim.core.errors import SspError, WiringError
 from cosim.core.time import gcd
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
+from cosim.fmu.model_description import INTERFACES
 from cosim.picture.layout import Picture, arrange
 from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSC, SSD, version_of
@@ -279,7 +280,7 @@ class _Exporter:
             name=self.ids[m.name],
             type=names.FMU,
             source=self.sources[fmu.path],
-            implementation="CoSimulation",
+            implementation=INTERFACES[m.description.interface],
         )
         if m.description.text:
             element.set("description", m.description.text)

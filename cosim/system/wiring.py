@@ -22,6 +22,7 @@ from cosim.fmu.file import FmuFile
 from cosim.fmu.find import find
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
+from cosim.fmu.model_exchange import ModelExchange
 from cosim.system import terminal_wires
 from cosim.system.components import Connection, Group, SystemComponent, article
 from cosim.system.names import SystemComponents, elements, fits_any
@@ -38,7 +39,7 @@ class Wiring:
         self.components = SystemComponents()
         self.connections: dict[str, Connection] = {}
         self.groups: dict[str, Group] = {}
-        self._fmus: dict[Path, FmuFile] = {}
+        self._fmus: dict[tuple[Path, str | None], FmuFile] = {}
 
     def __getitem__(self, name: str) -> SystemComponent:
         return self.components[name]
@@ -59,6 +60,7 @@ class Wiring:
         isolated: bool = False,
         step_timeout: float | None = None,
         memory_limit: int | None = None,
+        interface: Literal["cs", "me"] | ModelExchange | None = None,
     ) -> SystemComponent:
         """Add a component.
 
@@ -72,7 +74,9 @@ class Wiring:
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
         FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
         refuses an FMU that deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
-        `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`.
+        `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`. `interface` chooses between Co-Simulation
+        ("cs", the default where an FMU offers it) and Model Exchange ("me", or `ModelExchange` with tolerance and
+        solver), in which the master integrates the FMU.
         """
         if not all(name.split(".")) or any(c.isspace() for c in name) or NO_XML.search(name):
             raise WiringError(
@@ -85,7 +89,7 @@ class Wiring:
         if other is not None:
             raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
         source = PythonSource.of(fmu)
-        implementation = self._component(fmu if source is None else source.added, strict)
+        implementation = self._component(fmu if source is None else source.added, strict, interface)
         about = implementation.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
@@ -132,18 +136,26 @@ class Wiring:
         for component in chosen:
             _isolate(component, limits)
 
-    def _component(self, fmu: Any, strict: bool) -> Component:
+    def _component(self, fmu: Any, strict: bool, interface: str | ModelExchange | None) -> Component:
+        exchange = interface if isinstance(interface, ModelExchange) else None
+        kind = "me" if isinstance(interface, ModelExchange) else interface
+        if isinstance(fmu, FmuFile) and kind not in (None, fmu.description.interface):
+            fmu = fmu.path
         if isinstance(fmu, str | os.PathLike):
             file = find(fmu)
-            path = file.absolute()
-            if path not in self._fmus:
-                self._fmus[path] = FmuFile(file, strict=strict)
-            fmu = self._fmus[path]
+            key = file.absolute(), kind
+            if key not in self._fmus:
+                self._fmus[key] = FmuFile(file, strict=strict, interface=kind)
+            fmu = self._fmus[key]
         if isinstance(fmu, FmuFile):
             if strict:
                 fmu.require_standard()
             fmu.check_platform()
-            return FmuComponent(fmu)
+            return FmuComponent(fmu, exchange=exchange)
+        if interface is not None:
+            raise WiringError(
+                "interface chooses an interface of an FMU, and this component is not an FMU: leave it out"
+            )
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
             raise WiringError(
                 f"cannot use {fmu!r}: give the path of an .fmu file, the name of a built FMU, an Fmu or a Component"
@@ -397,7 +409,7 @@ class Wiring:
     @property
     def fmu_files(self) -> list[Path]:
         """The FMU files behind its components."""
-        return sorted(self._fmus)
+        return sorted({path for path, _ in self._fmus})
 
     def canonical(self, full: str) -> str:
         """`component.variable` with the variable's own name where that is an alias; other texts as they are."""

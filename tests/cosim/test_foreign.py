@@ -165,7 +165,7 @@ def rewritten(source, target, component, replacements):
     "replacements",
     [
         [(b'fmiVersion="2.0"', b'fmiVersion="1.0"')],
-        [(b"CoSimulation", b"ModelExchange")],
+        [(b"CoSimulation", b"ScheduledExecution")],
         [(b"</fmiModelDescription>", b"")],
         [(b'valueReference="0"', b'valueReference="x"')],
     ],

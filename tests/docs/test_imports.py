@@ -23,6 +23,7 @@ CORE = (
 BELOW = (
     "build_fmus/base/",
     "build_fmus/compile.py",
+    "cosim/engine/library.py",  # C alone, the integrator of Model Exchange
     "cosim/export/",  # which builds, and is asked for by one function of `System`
     "cosim/scenes/",  # what its pages show
 )

@@ -37,15 +37,19 @@ static uint32_t seen(Component *m, uint32_t status) {
 #define CALL(two, three) seen(m, (uint32_t)(m->version == 2 ? m->f2->two : m->f3->three))
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources) {
+    const bool integrated = m->exchange != NULL;
+    m->say = message3;
     if (m->version == 2) {
         char uri[4096];
         (void)snprintf(uri, sizeof uri, "file://%s%s", *resources == '/' ? "" : "/", resources);
         m->callbacks = (fmi2CallbackFunctions){message2, calloc, free, NULL, m};
-        m->instance = m->f2->Instantiate(name, fmi2CoSimulation, token, uri, &m->callbacks, fmi2False, fmi2False);
-    } else {
+        m->instance = m->f2->Instantiate(
+            name, integrated ? fmi2ModelExchange : fmi2CoSimulation, token, uri, &m->callbacks, fmi2False, fmi2False);
+    } else if (!integrated) {
         m->instance = m->f3->InstantiateCoSimulation(
             name, token, resources, false, false, false, false, NULL, 0, m, message3, NULL);
     }
+    if (integrated) return m->exchange->make(m, name, token, resources);
     return m->instance != NULL;
 }
 
@@ -55,11 +59,14 @@ void component_free(Component *m) {
         else m->f3->FreeInstance(m->instance);
     }
     m->instance = NULL;
+    free(m->integrator);
+    m->integrator = NULL;
     if (m->library && !m->dead) m->close(m->library);
     m->library = NULL;
 }
 
 uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
+    m->begin = start;
     if (m->version == 3)
         return seen(
             m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
@@ -69,29 +76,36 @@ uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, dou
 }
 
 uint32_t component_exit(Component *m) {
-    return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
+    const uint32_t status = CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
+    return m->exchange && status <= fmi3Warning ? seen(m, m->exchange->begin(m)) : status;
 }
 uint32_t component_reset(Component *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
 uint32_t component_terminate(Component *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
 uint32_t component_save(Component *m, void **state) {
+    if (m->exchange) return seen(m, m->exchange->save(m, state));
     return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state));
 }
 uint32_t component_restore(Component *m, void *state) {
+    if (m->exchange) return seen(m, m->exchange->restore(m, state));
     return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state));
 }
 uint32_t component_forget(Component *m, void **state) {
+    if (m->exchange) return seen(m, m->exchange->forget(m, state));
     return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state));
 }
 
 uint32_t component_size(Component *m, void *state, size_t *size) {
+    if (m->exchange) return seen(m, m->exchange->size(m, state, size));
     return CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
 }
 
 uint32_t component_serialize(Component *m, void *state, void *bytes, size_t size) {
+    if (m->exchange) return seen(m, m->exchange->serialize(m, state, bytes, size));
     return CALL(SerializeFMUstate(m->instance, state, bytes, size), SerializeFMUState(m->instance, state, bytes, size));
 }
 
 uint32_t component_deserialize(Component *m, const void *bytes, size_t size, void **state) {
+    if (m->exchange) return seen(m, m->exchange->deserialize(m, bytes, size, state));
     return CALL(
         DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
 }
@@ -168,6 +182,11 @@ uint32_t component_set_text(Component *m, uint32_t reference, const char *text) 
 }
 
 bool component_asked_to_end(Component *m) {
+    if (m->exchange) {
+        uint32_t number;
+        double time;
+        return !m->exchange->why(m, &number, &time);
+    }
     fmi2Boolean ended = fmi2False;
     return m->version == 2 && m->f2->GetBooleanStatus &&
            m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning && ended;

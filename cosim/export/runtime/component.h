@@ -58,15 +58,38 @@ typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
 #define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_STATE_CALLS(NAMED2)}
 #define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_STATE_CALLS(NAMED3)}
 
+/* Any function. */
+typedef void (*ExchangeCall)(void);
+
 /* An FMU of others: its library below the resources of the system's FMU. Returns NULL, with the reason, where that
  * fails. */
 void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions,
-    char *reason, size_t n_reason);
+    bool exchange, char *reason, size_t n_reason);
+ExchangeCall foreign_find(void *library, int version, const char *name);
 void foreign_close(void *library);
+
+/* What is otherwise in components that are integrated (Model Exchange): exchange.c, which only systems with such have.
+ * The step functions get the integrator. */
+typedef struct Component Component;
+typedef struct {
+    bool (*make)(Component *m, const char *name, const char *token, const char *resources);
+    uint32_t (*begin)(Component *m);
+    uint32_t (*save)(Component *m, void **state);
+    uint32_t (*restore)(Component *m, const void *state);
+    uint32_t (*forget)(Component *m, void **state);
+    uint32_t (*size)(Component *m, const void *state, size_t *size);
+    uint32_t (*serialize)(Component *m, const void *state, unsigned char *bytes, size_t size);
+    uint32_t (*deserialize)(Component *m, const unsigned char *bytes, size_t size, void **state);
+    const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asked to end */
+    EngineStep2 step2;
+    EngineStep3 step3;
+} Exchange;
+extern const Exchange exchange;
+enum { EXCHANGE_CALLS = 12 }; /* those of the integrator, and InstantiateModelExchange */
 
 typedef void (*ComponentLog)(void *context, int status, const char *message);
 
-typedef struct {
+struct Component {
     int version;
     const Functions2 *f2;
     const Functions3 *f3;
@@ -77,7 +100,15 @@ typedef struct {
     ComponentLog log;
     void *context;
     fmi2CallbackFunctions callbacks;
-} Component;
+    const Exchange *exchange; /* NULL: it steps itself */
+    const void *setup;        /* IntegratorSetup */
+    const uint32_t *references;
+    const ExchangeCall *linked;
+    ExchangeCall (*find)(void *library, int version, const char *name);
+    void *integrator;
+    double begin;
+    fmi3LogMessageCallback say;
+};
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources);
 void component_free(Component *m);

@@ -207,10 +207,18 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         const PlanComponent *p = &P->components[i];
         Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
+        if (p->setup) {
+            m->exchange = P->exchange;
+            m->setup = p->setup;
+            m->references = p->exchange_references;
+            m->linked = p->exchange_calls;
+            m->find = P->find;
+        }
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
-            m->library = P->open(path, p->folder, p->identifier, p->version, functions, reason, sizeof reason);
+            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup != NULL, reason,
+                sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
         if (!component_instantiate(m, p->name, p->token, own))
@@ -359,13 +367,15 @@ static void bind(FmuInstance *self) {
             .first = p->first,
             .n_outputs = p->n_outputs,
             .instance = m->instance,
+            .stepped = m->exchange ? m->integrator : m->instance,
             .flags = self->flags + 4 * i,
             .last = self->last + i,
             .foreign = p->folder != NULL,
             .no_set_prior = 0,
             .n_sets = p->n_sets,
             .n_gets = p->n_gets};
-        if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
+        if (m->exchange) e->step2 = m->exchange->step2, e->step3 = m->exchange->step3;
+        else if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
         else e->step3 = (EngineStep3)m->f3->DoStep;
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
@@ -392,7 +402,15 @@ static void bind(FmuInstance *self) {
 /* A call of component i that the engine has made has failed. */
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     const int32_t call = self->engine.call;
+    const Component *m = &self->components[i];
     if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
+    if (m->exchange && !call) {
+        uint32_t number;
+        double time;
+        const char *why = m->exchange->why(m, &number, &time);
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': its integration failed at %.9g s: %s %u",
+            P->components[i].name, time, why ? why : "", (unsigned)number);
+    }
     return component_failed(self, i,
         call > 0   ? "setting its inputs"
         : call < 0 ? "getting its outputs"
@@ -610,7 +628,7 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                                 fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
     }
     const bool asked = self->engine.call == 0 &&
-                       (P->components[i].version == 3
+                       (P->components[i].version == 3 && !P->components[i].setup
                                ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
                                : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]));
     if (asked) {

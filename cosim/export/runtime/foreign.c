@@ -55,17 +55,20 @@ __asm__(".symver dlerror,dlerror@GLIBC_2.17");
     {                                                                                                                  \
         void *found = FIND(library, "fmi2" #name);                                                                     \
         memcpy(&f2->name, &found, sizeof found);                                                                       \
-        if (!found) missing = "fmi2" #name;                                                                            \
+        if (!found && !(exchange && steps(#name))) missing = "fmi2" #name; \
     }
 #define FIND3(name)                                                                                                    \
     {                                                                                                                  \
         void *found = FIND(library, "fmi3" #name);                                                                     \
         memcpy(&f3->name, &found, sizeof found);                                                                       \
-        if (!found) missing = "fmi3" #name;                                                                            \
+        if (!found && !(exchange && steps(#name))) missing = "fmi3" #name; \
     }
 
+/* Whether a function is only of Co-Simulation. */
+static bool steps(const char *name) { return !strcmp(name, "DoStep") || !strcmp(name, "InstantiateCoSimulation"); }
+
 void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions,
-    char *reason, size_t n_reason) {
+    bool exchange, char *reason, size_t n_reason) {
     char path[4096 + 512];
     (void)snprintf(path, sizeof path, "%s/%s/binaries/%s/%s%s", resources, folder, version == 2 ? PLATFORM2 : PLATFORM3,
         identifier, SUFFIX);
@@ -100,6 +103,15 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
     (void)snprintf(reason, n_reason, "its library lacks %s", missing);
     CLOSE(library);
     return NULL;
+}
+
+ExchangeCall foreign_find(void *library, int version, const char *name) {
+    char full[64];
+    (void)snprintf(full, sizeof full, "fmi%d%s", version, name);
+    void *const found = FIND(library, full);
+    ExchangeCall call;
+    memcpy(&call, &found, sizeof found);
+    return call;
 }
 
 void foreign_close(void *library) { CLOSE(library); }

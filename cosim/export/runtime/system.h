@@ -52,6 +52,9 @@ typedef struct {
     uint32_t n_starts;
     bool has_tolerance;
     double tolerance;
+    const void *setup;               /* IntegratorSetup of a component that is integrated (Model Exchange), or NULL */
+    const uint32_t *exchange_references;
+    const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
 
 /* A variable of the system's FMU; its value reference is its index. */
@@ -81,8 +84,10 @@ typedef struct {
     int32_t n_variables;
     bool can_save;
     void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
-        char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
+        bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
+    ExchangeCall (*find)(void *library, int version, const char *name);
+    const Exchange *exchange; /* NULL: no component is integrated */
 } Plan;
 
 extern const Plan plan;

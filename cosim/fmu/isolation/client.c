@@ -428,7 +428,8 @@ int link_load(Link *l, const char *library, const char *functions, int version) 
 const char *link_said(const Link *l) { return l->region.reply; }
 
 /* Whether there is an instance. `texts`: name, token, resources. */
-bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, LinkLogger log) {
+bool link_instantiate(
+    Link *l, const char *name, const char *token, const char *resources, bool exchange, LinkLogger log) {
     const char *texts[3] = {name, token, resources};
     l->log = log;
     size_t used = 0;
@@ -439,7 +440,7 @@ bool link_instantiate(Link *l, const char *name, const char *token, const char *
         used += n;
     }
     l->waiting = used;
-    return simple(l, LINK_INSTANTIATE) <= LINK_WARNING;
+    return with(l, LINK_INSTANTIATE, exchange, 0) <= LINK_WARNING;
 }
 
 static uint32_t reset(Link *l) {
@@ -529,6 +530,27 @@ static uint32_t derivative(Link *l, const uint32_t *of, size_t n_of, const uint3
     if (n_result > l->region.area / 8 || !record(l, LINK_Float64, of, n_of, n_result, 0)) return too_much(l);
     const uint32_t status = simple(l, LINK_DERIVATIVE);
     if (status <= LINK_WARNING) memcpy(result, l->region.reply, n_result * 8);
+    return status;
+}
+
+/* A Model Exchange FMU gets its integrator: the bytes of its setup, then value references (integrator.h). */
+uint32_t link_integrate(Link *l, const char *setup, size_t size, double t) {
+    FLUSH
+    if (size > l->region.area) return too_much(l);
+    memcpy(l->region.request, setup, size);
+    l->waiting = size;
+    l->region.ask->t = t;
+    return simple(l, LINK_INTEGRATE);
+}
+
+/* The integrator's memory from `bytes`, or its memory and report into them. */
+uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set) {
+    FLUSH
+    if (set) memcpy(l->region.request, bytes, size), l->waiting = size;
+    const bool fresh = l->fresh;
+    const uint32_t status = with(l, LINK_INTEGRATOR, set, 0);
+    l->fresh = fresh && !set;
+    if (!set && !l->end && status <= LINK_WARNING) memcpy(bytes, l->region.reply, size);
     return status;
 }
 

@@ -35,7 +35,9 @@ typedef enum {
     LINK_DESERIALIZE,
     LINK_READ_BYTES,
     LINK_WRITE_BYTES,
-    LINK_DERIVATIVE
+    LINK_DERIVATIVE,
+    LINK_INTEGRATE,
+    LINK_INTEGRATOR
 } LinkOp;
 
 /* How an isolated FMU was lost. */

@@ -31,6 +31,7 @@ from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.core.errors import FmuError
 from cosim.core.interrupt import CANCELLERS
 from cosim.core.memory import physical_memory
+from cosim.engine.library import INTEGRATOR
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.environment import what_changed
 
@@ -54,7 +55,10 @@ uint32_t link_environment(const Link *l);
 uint32_t link_no_memory(const Link *l);
 int link_load(Link *l, const char *library, const char *functions, int version);
 const char *link_said(const Link *l);
-bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, LinkLogger log);
+bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange,
+                      LinkLogger log);
+uint32_t link_integrate(Link *l, const char *setup, size_t size, double t);
+uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set);
 """
 
 
@@ -102,8 +106,8 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     try:
         toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
-        sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c"]
-        worker = cache.program(toolchain, sources, [_FOLDER, ENVIRONMENT.parent])
+        sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c", INTEGRATOR.with_suffix(".c")]
+        worker = cache.program(toolchain, sources, [_FOLDER, ENVIRONMENT.parent, INTEGRATOR.parent])
         loaded = ffi.dlopen(str(client))
         os.register_at_fork(after_in_child=loaded.link_forked)
         return ffi, loaded, client, worker
@@ -162,11 +166,11 @@ class IsolatedLibrary:
     ends its process.
     """
 
-    def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
+    def __init__(self, version: str, interface: str, library: Path, folder: Path, isolation: Isolation):
         self.folder = folder
         self.isolation = isolation
         self.cancelled = False  # a second Ctrl-C ended it
-        self._version = version
+        self._version, self._exchange = version, interface == "me"
         self._last_words: tuple[str | None, str, str] | None = (
             None  # of `lost`, `failing_function` and `failure_detail`, once it is released
         )
@@ -207,7 +211,7 @@ class IsolatedLibrary:
         # Holders may still call and get the error that the process is lost; so the link lives as long.
         weakref.finalize(self, _forget, ffi, client, self._link, buffer, region)
         result = client.link_load(
-            self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version)
+            self._link, os.fsencode(library), " ".join(fmi.declared(version, interface)).encode(), int(version)
         )
         if result:
             lost = self.lost()
@@ -220,7 +224,8 @@ class IsolatedLibrary:
                 )
             raise WorkerCrashed(lost) if lost else FmuError(said)
         missing = frozenset(self._reply().split())
-        self.missing = [name for name in fmi.required(version) if name in missing]
+        self.missing = [name for name in fmi.required(version, interface) if name in missing]
+        self.absent = missing
         self.handle = _Handle(version, missing)
 
     def _reply(self) -> str:
@@ -235,9 +240,23 @@ class IsolatedLibrary:
             log(status, fmi.text(ffi, category), fmi.text(ffi, message))
 
         keep.append(logger)
-        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), logger)
+        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), self._exchange, logger)
         types = fmi.ffi3 if self._version == "3" else fmi.ffi2
         return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
+
+    def integrate(self, setup: bytes, t: float) -> int:
+        """Make the integrator of a Model Exchange FMU at the end of its initialization; returns a status."""
+        return int(self._client.link_integrate(self._link, setup, len(setup), t))
+
+    def remembered(self, size: int) -> bytes | None:
+        """Memory and report of the integrator; None when the process is lost."""
+        data = self._ffi.new("char[]", size)
+        status = self._client.link_integrator(self._link, data, size, False)
+        return bytes(self._ffi.buffer(data)) if status <= fmi.WARNING else None
+
+    def remember(self, memory: bytes) -> None:
+        """Replace the memory of the integrator."""
+        self._client.link_integrator(self._link, self._ffi.from_buffer("char[]", memory), len(memory), True)
 
     def reusable(self, isolation: Isolation | None) -> bool:
         """Whether its instance will do for one that is isolated so: not in a process that was forked since."""

@@ -9,6 +9,7 @@
 #include "shared.h"
 
 #include "environment.h"
+#include "integrator.h"
 #include "launcher.h"
 
 #include <dlfcn.h>
@@ -39,6 +40,7 @@ static void *library, *instance;
 static void *setters[LINK_TYPES], *getters[LINK_TYPES], *do_step;
 static Planned plan[LINK_PLANNED];
 static int n_plan;
+static Integrator *integrator;   /* of a Model Exchange FMU */
 static char *blob;
 static size_t blob_size;
 
@@ -198,13 +200,19 @@ static uint32_t load(void) {
 
 static uint32_t instantiate(void) {
     const char *name = region.request, *token = name + strlen(name) + 1, *resources = token + strlen(token) + 1;
-    void *make = function(version == 2 ? "Instantiate" : "InstantiateCoSimulation");
+    const bool exchange = region.ask->a != 0;
+    void *make = function(version == 2   ? "Instantiate"
+                          : exchange ? "InstantiateModelExchange"
+                                     : "InstantiateCoSimulation");
     if (!make) return LINK_ERROR;
     if (version == 2) {
         static Callbacks2 callbacks;
         callbacks = (Callbacks2){(void *)say2, (void *)calloc, (void *)free, NULL, NULL};
         instance = ((void *(*)(const char *, int, const char *, const char *, const Callbacks2 *, int, int))make)(
-            name, 1, token, resources, &callbacks, 0, 1);
+            name, !exchange, token, resources, &callbacks, 0, 1);
+    } else if (exchange) {
+        instance = ((void *(*)(const char *, const char *, const char *, bool, bool, void *, void *))make)(
+            name, token, resources, false, true, NULL, (void *)say3);
     } else {
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
             size_t, void *, void *, void *))make)(
@@ -295,7 +303,10 @@ static uint32_t step(void) {
     uint32_t status;
     memset(h->flags, 0, sizeof h->flags);
     h->last = t;
-    if (version == 2) {
+    if (integrator) {
+        status = integrator_step2(integrator, t, length, prior);
+        h->last = integrator->memory.time;
+    } else if (version == 2) {
         status = ((uint32_t(*)(void *, double, double, int))do_step)(instance, t, length, prior);
     } else {
         bool event = false, terminate = false, early = false;
@@ -404,6 +415,31 @@ static uint32_t derivative(void) {
         (instance, r_of, of->n_references, r_by, by->n_references, seed, by->n_values, result, of->n_values));
 }
 
+/* An integrator for the instance, at the end of its initialization. */
+static uint32_t integrate(void) {
+    IntegratorSetup setup;
+    if (region.ask->used < sizeof setup) return LINK_ERROR;
+    memcpy(&setup, region.request, sizeof setup);
+    const size_t size = integrator_size(&setup);
+    if (!size || region.ask->used < sizeof setup + 8 * (size_t)setup.n_references) return LINK_ERROR;
+    void *memory = realloc(integrator, size), *calls[INTEGRATOR_FUNCTIONS];
+    if (!memory) return say(LINK_ERROR, "", "no memory for its integrator"), LINK_ERROR;
+    for (uint32_t i = 0; i < INTEGRATOR_FUNCTIONS; i++) calls[i] = function(integrator_function(setup.version, i));
+    integrator = integrator_make(
+        memory, &setup, (const uint32_t *)(const void *)(region.request + sizeof setup), instance, calls);
+    return integrator_begin(integrator, region.ask->t);
+}
+
+/* What the integrator remembers is replaced, or told together with its report. */
+static uint32_t remember(void) {
+    if (!integrator) return LINK_ERROR;
+    if (region.ask->a) return memcpy(&integrator->memory, region.request, sizeof integrator->memory), LINK_OK;
+    memcpy(region.reply, &integrator->memory, sizeof integrator->memory);
+    memcpy(region.reply + sizeof integrator->memory, &integrator->report, sizeof integrator->report);
+    region.answer->reply_used = (uint32_t)(sizeof integrator->memory + sizeof integrator->report);
+    return LINK_OK;
+}
+
 static uint32_t tell_status(void) {
     const int kind = (int)region.ask->a;
     int yes = 0;
@@ -449,6 +485,8 @@ static uint32_t dispatch(const char *rest) {
             memcpy(blob + region.ask->a, region.request, region.ask->used);
             return LINK_OK;
         case LINK_DERIVATIVE: return derivative();
+        case LINK_INTEGRATE: return integrate();
+        case LINK_INTEGRATOR: return remember();
     }
     return LINK_ERROR;
 }

@@ -1,0 +1,241 @@
+"""FMUs that are integrated by the master: Model Exchange of FMI 2.0 and 3.0 by `engine/integrator.c`.
+
+The integrator has the step function of a Co-Simulation FMU, so that the engine, recordings and saved states make no
+difference between the two. Between communication steps the FMU is in event mode, where all its inputs may be set;
+within them inputs keep their values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NoReturn, Protocol
+
+from build_fmus.base.checks import number, unknown
+from cosim.core.component import EndRequested
+from cosim.core.description import Description
+from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
+from cosim.core.time import seconds_text
+from cosim.engine.library import interface, library
+from cosim.fmu.calls import WARNING, full_name
+from cosim.fmu.isolation import IsolatedLibrary
+
+Solver = Literal["auto", "explicit", "implicit"]
+SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
+LARGEST_TOLERANCE = 1e-8  # unless the user says otherwise
+LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
+
+
+@dataclass(frozen=True)
+class ModelExchange:
+    """How a Model Exchange FMU is integrated.
+
+    Args:
+        tolerance: relative error of a state in one step of the integrator; multiplied by its nominal value it is the
+            absolute one. None: that of the FMU's default experiment, at most 1e-8.
+        solver: "explicit" is Dormand-Prince 5(4), "implicit" is the Rosenbrock method RODAS 4(3) for stiff models;
+            "auto" begins explicitly and changes to the implicit method when the model proves to be stiff.
+    """
+
+    tolerance: float | None = None
+    solver: Solver = "auto"
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None:
+            number("tolerance", self.tolerance, above=0.0, most=0.1)
+        if self.solver not in SOLVERS:
+            raise WiringError(unknown("solver", self.solver, SOLVERS))
+
+
+def refusal(about: Description) -> str:
+    """Why an FMU cannot be integrated; empty if it can."""
+    if about.clocks:
+        return (
+            f"its clock '{about.clocks[0].name}' is not supported in Model Exchange: use interface=\"cs\" if the FMU"
+            " offers Co-Simulation"
+        )
+    if about.unpaired:
+        return f"its derivative '{about.unpaired}' names no state (attribute derivative); export the FMU again"
+    return ""
+
+
+def function_names(version: int) -> list[str]:
+    """Names of the functions that the integrator calls, without their prefix, in its order."""
+    ffi, compiled = interface(), library()
+    pointers = (compiled.cosim_integrator_function(version, i) for i in range(compiled.INTEGRATOR_FUNCTIONS))
+    return [ffi.string(p).decode() for p in pointers]
+
+
+def integrator_setup(about: Description, options: ModelExchange) -> tuple[list[float], list[int]]:
+    """Fields of `IntegratorSetup` in their order; value references of the states, then of their derivatives.
+
+    Raises FmuError for too many states.
+    """
+    n = len(about.states)
+    if options.solver == "implicit" and n > LARGEST_IMPLICIT:
+        raise FmuError(
+            f"'{about.name}' has {n} states, and the implicit solver supports at most {LARGEST_IMPLICIT}: use"
+            ' solver="explicit"'
+        )
+    states, derivatives = (list(dict.fromkeys(v.reference for v in s)) for s in (about.states, about.derivatives))
+    tolerance = options.tolerance or min(about.tolerance or math.inf, LARGEST_TOLERANCE)
+    counts = [n, about.event_indicators, len(states)]
+    flags = [int(about.completed_steps), int(about.directional_derivatives), 0]
+    return [int(about.fmi_version[0]), SOLVERS[options.solver], *counts, *flags, tolerance], [*states, *derivatives]
+
+
+class Instance(Protocol):
+    """What is needed of an instance of an FMU."""
+
+    name: str
+    description: Description
+    _instance: Any
+    _library: Any
+    _get_outputs: Callable[[], None]
+
+    def _function(self, name: str) -> Callable[..., int]: ...
+
+    def _address(self, pointer: Any) -> int: ...
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None: ...
+
+    def _recent_log(self) -> list[str]: ...
+
+
+class Integration:
+    """The integrator of one instance."""
+
+    def __init__(self, component: Instance, options: ModelExchange):
+        self._component, self._ffi, self._library = component, interface(), library()
+        self._about = about = component.description
+        ffi, compiled = self._ffi, self._library
+        fields, self._references = integrator_setup(about, options)
+        self._setup = setup = ffi.new("IntegratorSetup*", fields)
+        self._names = function_names(int(about.fmi_version[0]))
+        size = compiled.cosim_integrator_size(setup)
+        if not size:
+            raise FmuError(f"component '{component.name}' has too many states for Model Exchange: {len(about.states)}")
+        references = ffi.new("uint32_t[]", self._references)
+        self._packed = bytes(ffi.buffer(setup)) + bytes(ffi.buffer(references))
+        self._memory, self._report = ffi.new("IntegratorMemory*"), ffi.new("IntegratorReport*")
+        needed = [n for i, n in enumerate(self._names) if compiled.cosim_integrator_needs(setup, i)]
+        self._isolated = component._library if isinstance(component._library, IsolatedLibrary) else None
+        if self._isolated is not None:
+            missing = [n for name in needed if (n := full_name(about.fmi_version[0], name)) in self._isolated.absent]
+            if missing:
+                raise FmuError(f"component '{component.name}': its library lacks {', '.join(missing)}")
+            return
+        calls = ffi.new("void*[]", len(self._names))
+        for i, name in enumerate(self._names):
+            if name in needed:
+                calls[i] = ffi.cast("void*", component._address(component._function(name)))
+        self._space = ffi.new("double[]", (size + 7) // 8)
+        instance = ffi.cast("void*", component._address(component._instance))
+        self._integrator = compiled.cosim_integrator_make(self._space, setup, references, instance, calls)
+        self._memory, self._report = (ffi.addressof(self._integrator, n) for n in ("memory", "report"))
+
+    @property
+    def here(self) -> bool:
+        """Whether the integrator is in this process; an isolated FMU has it beside it, behind its `DoStep`."""
+        return self._isolated is None
+
+    @property
+    def step(self) -> tuple[Any, Any]:
+        """The step function and its first argument, for Python."""
+        return getattr(self._library, self._step_name), self._integrator
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """The same as addresses."""
+        function = self._ffi.addressof(self._library, self._step_name)
+        return tuple(int(self._ffi.cast("uintptr_t", p)) for p in (function, self._integrator))  # type: ignore[return-value]
+
+    @property
+    def _step_name(self) -> str:
+        return f"cosim_integrator_step{self._setup.version}"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What it has done since the start: steps, rejected steps, evaluations of the derivatives, events."""
+        self._fetch()
+        return {k: int(getattr(self._report, k)) for k in ("steps", "rejected", "evaluations", "events")}
+
+    def begin(self, t: float) -> None:
+        """After initialization, in event mode."""
+        if self._isolated is not None:
+            status = self._isolated.integrate(self._packed, t)
+        else:
+            status = self._library.cosim_integrator_begin(self._integrator, t)
+        if status > WARNING:
+            self.fail(status, "its first event iteration")
+
+    def saved(self) -> bytes:
+        """What continues from step to step, apart from the state of the FMU."""
+        self._fetch()
+        return bytes(self._ffi.buffer(self._memory))
+
+    def restore(self, saved: bytes) -> None:
+        """Continue from what `saved` returned. Raises CosimError for anything else."""
+        if len(saved) != self.saved_size:
+            raise CosimError(f"the state of '{self._component.name}' does not hold the memory of its integrator")
+        self._ffi.buffer(self._memory)[:] = saved
+        if self._isolated is not None:
+            self._isolated.remember(saved)
+
+    @property
+    def saved_size(self) -> int:
+        """Bytes of `saved`."""
+        return int(self._ffi.sizeof("IntegratorMemory"))
+
+    def _fetch(self) -> bool:
+        """Memory and report of an isolated integrator; False when its process is lost."""
+        if self._isolated is None:
+            return True
+        size = self.saved_size
+        data = self._isolated.remembered(size + self._ffi.sizeof("IntegratorReport"))
+        if data is not None:
+            self._ffi.buffer(self._memory)[:], self._ffi.buffer(self._report)[:] = data[:size], data[size:]
+        return data is not None
+
+    def step_failed(self, status: int, t: float, h: float) -> NoReturn:
+        """Raise the exception for a step that failed."""
+        self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", until=t + h * (1.0 - 1e-9))
+
+    def fail(self, status: int, where: str, *, until: float = math.inf) -> NoReturn:
+        """Raise the exception for what the integrator reports; from `until` [s] on the step is complete."""
+        component = self._component
+        if not self._fetch():
+            component._fail("DoStep", status, where)
+        report, ends = self._report, self._ffi.typeof("IntegratorEnd").elements
+        why, at = ends[report.end].removeprefix("INTEGRATOR_"), float(report.time)
+        complete = at >= until
+        if why in ("CALL_FAILED", "FINE"):
+            component._fail(self._names[report.index] if why != "FINE" else "DoStep", status, where)
+        if why == "TERMINATED":
+            text = f"component '{component.name}' asked to end the simulation (at {at:.9g} s; {where})"
+            said = component._recent_log()[-1:]
+            if complete:
+                component._get_outputs()
+            raise EndRequested(component.name, text + (f"; its message: {said[0]}" if said else ""), complete=complete)
+        states = self._about.states
+        state = states[report.index].name if report.index < len(states) else "?"
+        why = self._sentence(why, state, int(report.index))
+        raise IntegrationFailed(component.name, why, at, component._recent_log())
+
+    def _sentence(self, why: str, state: str, index: int) -> str:
+        tolerance = f"{self._setup.tolerance:.3g}"
+        return {
+            "BAD_STATE": f"state '{state}' is NaN or infinite after an event",
+            "BAD_DERIVATIVE": f"the derivative of state '{state}' is NaN or infinite; check its inputs and parameters",
+            "BAD_INDICATOR": f"event indicator {index + 1} is NaN or infinite; check its inputs and parameters",
+            "TOO_SMALL": f"the error of state '{state}' exceeds the tolerance {tolerance} even with the smallest step:"
+            " the state diverges, or the model jumps without an event; a larger tolerance may help"
+            " (interface=ModelExchange(tolerance=...))",
+            "TOO_MANY_STEPS": "more than 1000000 steps of the integrator in one communication step; a larger tolerance"
+            ' or the implicit solver may help (interface=ModelExchange(tolerance=..., solver="implicit"))',
+            "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
+            f" (fmi{self._setup.version}{self._names[7]}); correct the model's event equations",
+            "TOO_MANY_EVENTS": "more than 10000 events in one communication step: the model switches back and forth"
+            " (chattering), or its next time event is never later; add hysteresis to its conditions",
+        }[why]

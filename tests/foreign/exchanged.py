@@ -1,0 +1,89 @@
+"""`exchanged.c` as FMUs of FMI 2.0 and 3.0 that offer Model Exchange only."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+
+from build_fmus.compile import find_toolchain, host
+from cosim.check.binary import required
+from cosim.fmu.calls import platform_folder
+
+_VARIABLES = (  # name, causality, variability, further attributes of the type; value references as in exchanged.c
+    ("u", "input", "continuous", 'start="0"'),
+    ("x", "output", "continuous", 'start="1"'),
+    ("der(x)", "local", "continuous", 'derivative="{x}"'),
+    ("v", "output", "continuous", 'start="0"'),
+    ("der(v)", "local", "continuous", 'derivative="{v}"'),
+    ("k", "parameter", "tunable", 'start="1"'),
+    ("kind", "parameter", "tunable", 'start="0"'),
+    ("count", "output", "discrete", ""),
+    ("steps", "output", "discrete", ""),
+    ("last", "output", "discrete", ""),
+)
+_SCHEDULED = tuple(
+    f"fmi3{n}"
+    for n in ("ActivateModelPartition", "InstantiateScheduledExecution", "SetShiftDecimal", "SetShiftFraction")
+)
+INDICATOR = 1  # value reference of x
+
+
+def description(version: int) -> str:
+    """modelDescription.xml."""
+    three, variables = version == 3, []
+    for reference, (name, causality, variability, more) in enumerate(_VARIABLES):
+        attributes = more.format(x=1 if three else 2, v=3 if three else 4)
+        exact = ' initial="exact"' if name in ("x", "v") else ""
+        common = (
+            f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"{exact}'
+        )
+        variables.append(
+            f"<Float64 {common} {attributes}/>"
+            if three
+            else f"<ScalarVariable {common}><Real {attributes}/></ScalarVariable>"
+        )
+    if three:
+        variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
+        outputs = "".join(f'<Output valueReference="{i}"/>' for i in (1, 3, 7, 8, 9))
+        rates = "".join(f'<ContinuousStateDerivative valueReference="{i}"/>' for i in (2, 4))
+        initial = "".join(f'<InitialUnknown valueReference="{i}"/>' for i in (2, 4, 7, 8, 9))
+        structure = f'{outputs}{rates}{initial}<EventIndicator valueReference="{INDICATOR}"/>'
+        head = 'fmiVersion="3.0" instantiationToken="exchanged"'
+        can = 'needsCompletedIntegratorStep="true" canGetAndSetFMUState="true" canSerializeFMUState="true"'
+    else:
+        unknowns = {"Outputs": (2, 4, 8, 9, 10), "Derivatives": (3, 5), "InitialUnknowns": (3, 5, 8, 9, 10)}
+        structure = "".join(
+            f"<{group}>{''.join(f'<Unknown index={chr(34)}{i}{chr(34)}/>' for i in members)}</{group}>"
+            for group, members in unknowns.items()
+        )
+        head = 'fmiVersion="2.0" guid="exchanged" numberOfEventIndicators="1"'
+        can = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"'
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {head} modelName="Exchanged{version}">'
+        f'<ModelExchange modelIdentifier="exchanged" {can}/>'
+        f"<ModelVariables>{''.join(variables)}</ModelVariables>"
+        f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
+    )
+
+
+def build(version: int, folder: Path) -> Path:
+    """The FMU for this machine, in a folder."""
+    path = folder / f"Exchanged{version}.fmu"
+    where, suffix = platform_folder(str(version))
+    library = folder / f"exchanged{version}{suffix}"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    others = folder / f"others{version}.c"  # FMPy looks for every function, those of Co-Simulation included
+    names = [*required(str(version), {"cs", "me"}), *(_SCHEDULED if version == 3 else ())]
+    others.write_text("".join(f"__attribute__((weak)) int {n}(void) {{ return 3; }}\n" for n in names))
+    command = [
+        *(*find_toolchain(host()).command, "-O2", "-shared", "-fPIC", "-std=c99", f"-DFMI={version}", f"-I{headers}"),
+        *(Path(__file__).with_name("exchanged.c"), others, "-o", library, "-lm"),
+    ]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", description(version))
+        archive.write(library, f"binaries/{where}/exchanged{suffix}")
+    return path
