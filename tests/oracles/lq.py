@@ -1,17 +1,8 @@
-"""Theorem 2 of paper 004, the loop of a sampled controller and its plant, and means of squares.
-
-Theorem 2 is for an index in outputs with a known error; no component uses it. Where the print is incomplete or damaged,
-this is what is implemented:
-
-* (A5): N_d is C' Q1 D Rd^-1 N' + N Rd^-1 D' Q1 C + N Rd^-1 N'.
-* (A6) is r = lambda - P x; the first term of (A9) is A_d' P; (A10) ends at r = -P x for a horizon without a terminal
-  weight, hence at 0 in the limit of a long one; (21): K2 is -Rd^-1 B'.
-* (20): w drives the states and v, the measurement error, enters y through F; Appendix A has the two names exchanged.
-"""
+"""The loop of a sampled controller and its plant, and means of squares."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,101 +11,8 @@ from scipy import linalg
 
 from build_fmus.base.checks import number, whole_number
 from fmu_sources.controllers.design_checks import Array
-from fmu_sources.controllers.lq.design.continuous import ContinuousLq, continuous_lq
-from fmu_sources.controllers.lq.design.matrices import even, matrix, scaled_lowest, symmetric
-from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex, index_from_outputs
-
-
-@dataclass(frozen=True, eq=False)
-class OutputErrorLq:
-    """Theorem 2: u = K1 x + K2 r + K3 v for an index in y = C x + D u + F v with a known error v. (A12), (21).
-
-    r(t) is the integral over s from 0 on of exp(A_G' s) [road_drive w(t + s) + error_drive v(t + s)]; leave out what
-    is not known ahead. `law` is the same law in the form of Theorem 1, its disturbances being [w, v].
-    """
-
-    K1: Array  # (nu, n)
-    K2: Array  # (nu, n)
-    K3: Array  # (nu, nv)
-    P: Array
-    A_d: Array  # (A5)
-    B_d: Array
-    C_d: Array
-    R_d: Array
-    A_G: Array  # (A11), the closed loop
-    road_drive: Array  # (n, nw), of (A10)
-    error_drive: Array  # (n, nv)
-    residual: float  # |left side of (A9)| / |P|
-    law: ContinuousLq
-
-
-def theorem2_lq(
-    plant: LinearPlant,
-    Q1y: npt.ArrayLike,
-    N: npt.ArrayLike,
-    R: npt.ArrayLike,
-    Q12: npt.ArrayLike,
-    *,
-    error: npt.ArrayLike | None = None,
-    errors: Sequence[str] | None = None,
-) -> OutputErrorLq:
-    """Minimize the mean of y' Q1y y + 2 x' N u + u' R u + 2 x' Q12 w, (19), for y = C x + D u + F w + error v.
-
-    `error` (ny, nv) is F of (20), the way of the measurement error v into y; without it there is no v. `plant.F`, the
-    direct way of the road into y, is 0 in the paper and is allowed here. N (n, nu), R (nu, nu) and Q12 (n, nw).
-    """
-    n, nu, nw, ny = *plant.B.shape, plant.E.shape[1], len(plant.C)
-    Q = symmetric("Q1y", matrix("Q1y", Q1y, (ny, ny), "outputs x outputs"))
-    if scaled_lowest(Q) < -1e-10:
-        raise ValueError(f"Q1y is not nonnegative definite: eigenvalue {linalg.eigvalsh(Q)[0]:.3g}")
-    cross = matrix("N", N, (n, nu), "states x controls")
-    R_own = symmetric("R", matrix("R", R, (nu, nu), "controls x controls"))
-    Q12_own = matrix("Q12", Q12, (n, nw), "states x disturbances")
-    F = matrix("error", np.zeros((ny, 0)) if error is None else error, (ny, None), "outputs x errors")
-    nv = F.shape[1]
-    names = tuple(f"error[{k + 1}]" for k in range(nv)) if errors is None else tuple(errors)
-    if len(names) != nv:
-        raise ValueError(f"errors has {len(names)} names; error has {nv} columns")
-
-    both = LinearPlant(
-        plant.A,
-        plant.B,
-        np.hstack([plant.E, np.zeros((n, nv))]),
-        plant.C,
-        plant.D,
-        np.hstack([plant.F, F]),
-        plant.states,
-        plant.controls,
-        (*plant.disturbances, *names),
-        plant.outputs,
-    )
-    from_outputs = index_from_outputs(both, Q, R_own)
-    index = QuadraticIndex(
-        Q1=from_outputs.Q1,
-        N=from_outputs.N + cross,
-        R=from_outputs.R,
-        Q12=from_outputs.Q12 + np.hstack([Q12_own, np.zeros((n, nv))]),
-        Q2=from_outputs.Q2,
-        Nuw=from_outputs.Nuw,
-    )
-    law = continuous_lq(both, index)
-    R_d, B = index.R, plant.B
-    R_d_inverse_N = linalg.solve(R_d, index.N.T, assume_a="pos")  # Rd^-1 (D' Q1y C + N')
-    return OutputErrorLq(
-        K1=-law.K,
-        K2=-law.preview_gain,
-        K3=law.direct[:, nw:],
-        P=law.P,
-        A_d=plant.A - B @ R_d_inverse_N,
-        B_d=B @ law.preview_gain,
-        C_d=even(index.Q1 - index.N @ R_d_inverse_N),
-        R_d=R_d,
-        A_G=law.A_c,
-        road_drive=law.drive[:, :nw],
-        error_drive=law.drive[:, nw:],
-        residual=law.residual,
-        law=law,
-    )
+from fmu_sources.controllers.lq.design.matrices import matrix
+from fmu_sources.controllers.lq.design.plant import LinearPlant
 
 
 @dataclass(frozen=True, eq=False)

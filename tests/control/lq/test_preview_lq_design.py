@@ -1,4 +1,4 @@
-"""Preview LQ design: Riccati solutions, feed-forward weights, sampled design, Theorem 2 (Marzbanrad et al.).
+"""Preview LQ design: Riccati solutions, feed-forward weights, sampled design (Marzbanrad et al.).
 
 The car with seven degrees of freedom is derived here from its energies, independently of the component that the FMUs
 are built from.
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles.lq import mean_squares, sampled_loop, theorem2_lq
+from oracles.lq import mean_squares, sampled_loop
 from scipy import integrate, linalg
 
 from fmu_sources.controllers.lq.design import (
@@ -24,6 +24,7 @@ from fmu_sources.controllers.lq.design import (
     sampled_lq,
 )
 from fmu_sources.controllers.lq.design.modes import hidden_mode
+from fmu_sources.controllers.lq.design.plant import index_from_outputs
 
 CORNERS = ("fl", "rl", "fr", "rr")  # the paper's order
 STATES = (
@@ -487,101 +488,69 @@ def test_mean_squares_of_a_sine():
     )
 
 
-# --------------------------------------------------------------------------------------------------------- Theorem 2
+# -------------------------------------------------------------------------------------------- every term of the index
 
 
-def theorem2_case(seed):
-    rng = np.random.default_rng(seed)
-    plant = replace(random_plant(seed), F=np.zeros((4, 3)))
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_law_of_an_index_with_every_cross_term(seed):
+    """The matrices of Appendix A by hand: an index in outputs with D and F, and N and Q12 beside it."""
+    plant, rng = random_plant(seed), np.random.default_rng(seed)
     root = rng.standard_normal((4, 4))
-    N = (
-        0.1 * plant.C.T @ rng.standard_normal((4, 2)) / max(1.0, np.linalg.norm(plant.D, 2))
-    )  # the index stays nonnegative
-    return plant, root.T @ root + np.eye(4), N, np.diag([2.0, 3.0]), rng.standard_normal((5, 3))
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.integers(0, 10_000))
-def test_theorem_2_without_d_and_f_is_theorem_1(seed):
-    plant, Q, N, R, Q12 = theorem2_case(seed)
-    plant = replace(plant, D=np.zeros((4, 2)))
-    second = theorem2_lq(plant, Q, N, R, Q12)
-    first = continuous_lq(plant, QuadraticIndex(plant.C.T @ Q @ plant.C, N, R, Q12, np.zeros((3, 3))))
-    np.testing.assert_array_equal(second.K1, -first.K)
-    np.testing.assert_array_equal(second.P, first.P)
-    np.testing.assert_array_equal(second.A_G, first.A_c)
-    np.testing.assert_array_equal(second.road_drive, first.drive)
-    np.testing.assert_allclose(second.road_drive, first.P @ plant.E + Q12, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(
-        second.A_d, plant.A - plant.B @ np.linalg.solve(R, N.T), rtol=1e-12, atol=1e-14
-    )  # A_n of (14)
-    assert second.K3.shape == (2, 0)
-    assert not np.any(theorem2_lq(plant, Q, N, R, Q12, error=np.ones((4, 1))).K3)  # without D, v does not act on u
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.integers(0, 10_000))
-def test_theorem_2_matrices_of_appendix_a(seed):
-    plant, Q, N, R, Q12 = theorem2_case(seed)
-    F = np.random.default_rng(seed + 1).standard_normal((4, 2))
-    law = theorem2_lq(plant, Q, N, R, Q12, error=F)
-    A, B, C, D, E = plant.A, plant.B, plant.C, plant.D, plant.E
+    N = 0.1 * plant.C.T @ rng.standard_normal((4, 2)) / max(1.0, np.linalg.norm(plant.D, 2))  # it stays nonnegative
+    Q, R, Q12 = root.T @ root + np.eye(4), np.diag([2.0, 3.0]), rng.standard_normal((5, 3))
+    index = index_from_outputs(plant, Q, R)
+    law = continuous_lq(plant, replace(index, N=index.N + N, Q12=index.Q12 + Q12))
+    A, B, C, D, E, F = plant.A, plant.B, plant.C, plant.D, plant.E, plant.F
     inverse = np.linalg.inv(R + D.T @ Q @ D)
     Q_d = Q - Q @ D @ inverse @ D.T @ Q
     N_d = C.T @ Q @ D @ inverse @ N.T + N @ inverse @ D.T @ Q @ C + N @ inverse @ N.T
     A_d, B_d, C_d = A - B @ inverse @ (D.T @ Q @ C + N.T), B @ inverse @ B.T, C.T @ Q_d @ C - N_d
-    close = {"rtol": 1e-9, "atol": 1e-9}
-    np.testing.assert_allclose(law.A_d, A_d, **close)
-    np.testing.assert_allclose(law.B_d, B_d, **close)
-    np.testing.assert_allclose(law.C_d, C_d, **close)
-    P = law.P
+    P, close = law.P, {"rtol": 1e-9, "atol": 1e-9}
     assert np.linalg.norm(A_d.T @ P + P @ A_d - P @ B_d @ P + C_d) <= 1e-8 * np.linalg.norm(P)  # (A9)
-    np.testing.assert_allclose(law.A_G, A_d - B_d @ P, **close)  # (A11)
-    np.testing.assert_allclose(law.K1, -inverse @ (B.T @ P + D.T @ Q @ C + N.T), **close)  # (21)
-    np.testing.assert_allclose(law.K2, -inverse @ B.T, **close)
-    np.testing.assert_allclose(law.K3, -inverse @ D.T @ Q @ F, **close)
-    np.testing.assert_allclose(law.road_drive, P @ E + Q12, **close)  # (A10)
-    np.testing.assert_allclose(
-        law.error_drive, (C.T @ Q_d - N @ inverse @ D.T @ Q) @ F - P @ B @ inverse @ D.T @ Q @ F, rtol=1e-8, atol=1e-8
-    )
+    np.testing.assert_allclose(law.A_c, A_d - B_d @ P, **close)  # (A11)
+    np.testing.assert_allclose(law.K, inverse @ (B.T @ P + D.T @ Q @ C + N.T), **close)  # (21)
+    np.testing.assert_allclose(law.preview_gain, inverse @ B.T, **close)
+    np.testing.assert_allclose(law.direct, -inverse @ D.T @ Q @ F, **close)
+    drive = P @ E + Q12 + (C.T @ Q_d - N @ inverse @ D.T @ Q) @ F - P @ B @ inverse @ D.T @ Q @ F  # (A10)
+    np.testing.assert_allclose(law.drive, drive, rtol=1e-8, atol=1e-8)
 
 
-def test_theorem_2_gains_from_knowing_the_measurement_error():
-    """Leaving out K3 v costs what the completed square says; r of the error's own future gains the rest.
+def test_gains_from_knowing_the_measurement_error():
+    """Leaving out direct v costs what the completed square says; r of the error's own future gains the rest.
 
     A body on a strut; its measured acceleration, which has a direct term, carries a known periodic error.
     """
     plant = LinearPlant(
         A=[[0, 1], [-40, -1]],
         B=[[0], [1]],
-        E=[[0], [40]],
+        E=[[0, 0], [40, 0]],
         C=[[1, 0], [-40, -1]],
         D=[[0], [1]],
-        F=[[0], [0]],
+        F=[[0, 0], [0, 1]],
         states=["z", "vz"],
         controls=["force"],
-        disturbances=["road"],
+        disturbances=["road", "error"],
         outputs=["z", "az"],
     )
-    law = theorem2_lq(plant, np.diag([100.0, 1.0]), np.zeros((2, 1)), [[0.1]], np.zeros((2, 1)), error=[[0], [1]])
+    law = continuous_lq(plant, output_index(plant, [100.0, 1.0], [0.1]))
     period, omega, settle = 1e-4, 2 * np.pi * 5, 60_000
     steps = settle + 20_001  # ten periods of the error after the start has died out
     t = period * np.arange(steps)
     v = np.cos(omega * t)
-    r = -np.linalg.solve(law.A_G.T + 1j * omega * np.eye(2), law.error_drive[:, 0])[:, None] * np.exp(1j * omega * t)
-    w = 0.01 * np.sin(np.pi * t)[:, None]
+    r = -np.linalg.solve(law.A_c.T + 1j * omega * np.eye(2), law.drive[:, 1])[:, None] * np.exp(1j * omega * t)
+    w = np.column_stack([0.01 * np.sin(np.pi * t), v])
 
     def index(u_ff):
-        run = sampled_loop(plant, period, w, K=-law.K1, feed_forward=u_ff)
-        y = run.y + np.outer(v, [0, 1])
+        run = sampled_loop(plant, period, w, K=law.K, feed_forward=u_ff)
         tail = slice(settle, None)
-        return mean_squares(y[tail]) @ [100, 1] + mean_squares(run.u[tail])[0] * 0.1
+        return mean_squares(run.y[tail]) @ [100, 1] + mean_squares(run.u[tail])[0] * 0.1
 
-    direct, future = np.outer(v, law.K3[:, 0]), (law.K2 @ r.real).T
+    direct, future = np.outer(v, law.direct[:, 1]), (-law.preview_gain @ r.real).T
     ignored, now, all_known = index(0 * direct), index(direct), index(direct + future)
     assert ignored > 1.5 * now > 1.5 * all_known
-    assert now - all_known == pytest.approx(law.R_d[0, 0] * np.mean(future**2), rel=0.02)
-    assert ignored - all_known == pytest.approx(law.R_d[0, 0] * np.mean((direct + future) ** 2), rel=0.02)
+    assert now - all_known == pytest.approx(law.index.R[0, 0] * np.mean(future**2), rel=0.02)
+    assert ignored - all_known == pytest.approx(law.index.R[0, 0] * np.mean((direct + future) ** 2), rel=0.02)
 
 
 # --------------------------------------------------------------------------------------------------------- bad input

@@ -25,7 +25,7 @@ horizon that ends earlier takes the disturbance to be 0 beyond its end, or with 
 known.
 
 In (17) the driving term is printed as (P E + Q12) w; here it is (P E + Q12 - K' Nuw) w, which differs when D' W F is
-not 0. Theorem 2, of an index in outputs with a known error, is used by no component: `tests/oracles/lq.py`.
+not 0. So Theorem 2, of an index in outputs with a known error, is Theorem 1 with that error among the disturbances.
 
 - `plant`: linear plants and quadratic indices
 - `continuous`: Theorem 1, with preview of a disturbance that is linear between nodes
