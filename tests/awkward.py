@@ -43,7 +43,7 @@ def description(
     if structure is None:
         structure = _outputs(version) if variables is None else ""
     if variables is None:
-        variables = "".join(_variable(version, *v) for v in _VARIABLES)
+        variables = "".join(variable(version, *v) for v in _VARIABLES)
     token, version_text = ("guid", "2.0") if version == 2 else ("instantiationToken", "3.0")
     save = "canGetAndSetFMUstate" if version == 2 else "canGetAndSetFMUState"
     return (
@@ -63,9 +63,10 @@ def _outputs(version: int) -> str:
     return f"<Outputs>{listed}</Outputs>"
 
 
-def _variable(
+def variable(
     version: int, name: str, kind: str, reference: int, causality: str, variability: str, start: str | None
 ) -> str:
+    """An element below ModelVariables."""
     common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"'
     value = "" if start is None else f'start="{start}"'
     if version == 2:

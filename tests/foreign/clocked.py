@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
-
-from build_fmus.compile import find_toolchain, host
-from cosim.fmu.calls import platform_folder
+from foreign import making
 
 KINDS = ("constant", "fixed", "tunable", "changing", "countdown", "early", "endless")
 CLOCK = {
@@ -65,26 +60,7 @@ def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bo
 
     `kind`: that of its clock, or "early", which returns early though it may not, or "endless".
     """
-    path = folder / f"Clocked{kind.capitalize()}.fmu"
-    where, suffix = platform_folder("3")
-    library = folder / f"clocked_{kind}{suffix}"
-    headers, sources = Path(fmpy.__file__).parent / "c-code", Path(__file__).with_name("clocked.c")
     number = KINDS.index(kind) if kind in KINDS else 0
-    command = [
-        *find_toolchain(host()).command,
-        "-O1",
-        "-shared",
-        "-fPIC",
-        "-std=c99",
-        f"-DKIND={number}",
-        f"-I{headers}",
-        sources,
-        "-lm",
-        "-o",
-        library,
-    ]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", description(kind, variable_step=variable_step, event_mode=event_mode))
-        archive.write(library, f"binaries/{where}/clocked{suffix}")
-    return path
+    library = making.compile_library(folder, f"clocked_{kind}", 3, [making.HERE / "clocked.c"], f"-DKIND={number}")
+    text = description(kind, variable_step=variable_step, event_mode=event_mode)
+    return making.pack(folder / f"Clocked{kind.capitalize()}.fmu", making.contents(3, "clocked", text, library))

@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import fmpy
+from foreign import making
 
-from build_fmus.compile import find_toolchain, host
 from cosim.check.binary import required
-from cosim.fmu.calls import platform_folder
 
 BOTH = (2, 3)
 
@@ -531,48 +527,26 @@ def reference(factor: float = 1.0) -> str:
 def compile_library(version: int, folder: Path, macros: tuple[str, ...] = ()) -> Path:
     """The library for this machine. Functions that `faulty.c` lacks return an error."""
     name = re.sub(r"\W", "_", "_".join(macros))
-    library = folder / f"faulty{version}{name}{platform_folder(str(version))[1]}"
-    if not library.is_file():
-        headers = Path(fmpy.__file__).parent / "c-code"
-        left_out = {"fmi2GetStatus", "fmi3GetClock"} if "LACKING" in macros else set()
-        stubs = folder / f"stubs{version}{name}.c"
-        stubs.write_text(
-            "".join(
-                f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n"
-                for f in required(str(version), {"cs", "me"})
-                if f not in left_out
-            )
+    left_out = {"fmi2GetStatus", "fmi3GetClock"} if "LACKING" in macros else set()
+    stubs = folder / f"stubs{version}{name}.c"
+    stubs.write_text(
+        "".join(
+            f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n"
+            for f in required(str(version), {"cs", "me"})
+            if f not in left_out
         )
-        given = [f"-D{m}" for m in macros if "=" not in m]
-        given.append('-DVERSION="1.0"' if any(m.startswith("VERSION") for m in macros) else f'-DVERSION="{version}.0"')
-        command = [
-            *find_toolchain(host()).command,
-            "-O1",
-            "-shared",
-            "-fPIC",
-            "-std=gnu99",
-            "-w",
-            f"-DFMI={version}",
-            *given,
-            f"-I{headers}",
-            Path(__file__).with_name("faulty.c"),
-            stubs,
-            "-o",
-            library,
-            "-lm",
-        ]
-        subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    return library
+    )
+    given = [f"-D{m}" for m in macros if "=" not in m]
+    given.append('-DVERSION="1.0"' if any(m.startswith("VERSION") for m in macros) else f'-DVERSION="{version}.0"')
+    sources = [making.HERE / "faulty.c", stubs]
+    return making.compile_library(folder, f"faulty{version}{name}", version, sources, "-std=gnu99", *given)
 
 
 def build(version: int, folder: Path, fault: str = "") -> Path:
     """The FMU with this fault; without, it has none."""
     about = {**FAULTS, **ODDITIES}.get(fault)
-    where, suffix = platform_folder(str(version))
     library = compile_library(version, folder, about.macros if about else ())
-    files = {
-        "modelDescription.xml": description(version).encode(),
-        f"binaries/{where}/faulty{suffix}": library.read_bytes(),
+    files = making.contents(version, "faulty", description(version), library) | {
         "documentation/index.html": b"<!DOCTYPE html><title>Faulty</title>",
         "documentation/Faulty_ref.csv": reference().encode(),
         "resources/fault.txt": f"{fault or 'none'}\n".encode(),
@@ -581,8 +555,4 @@ def build(version: int, folder: Path, fault: str = "") -> Path:
         about.spoil(files, version)
         if not about.coded:
             files["resources/fault.txt"] = b"none\n"
-    path = folder / f"Faulty{version}_{fault or 'none'}.fmu"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return path
+    return making.pack(folder / f"Faulty{version}_{fault or 'none'}.fmu", files)

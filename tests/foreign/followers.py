@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
-
-from build_fmus.compile import find_toolchain, host
-from cosim.fmu.calls import platform_folder
+from foreign import making
 
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
 SAVING = {
@@ -89,26 +84,8 @@ def description(version: int, name: str) -> str:
 
 def build(version: int, folder: Path, *, units: bool = True) -> Path:
     """The FMU for this machine, in a folder. Without `units` values are exchanged as they are."""
-    path = folder / f"Follower{version}.fmu"
-    where, suffix = platform_folder(str(version))
-    library = folder / f"follower{version}{suffix}"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    sources = [Path(__file__).with_name(name) for name in ("follower.c", "not_offered.c")]
-    command = [
-        *find_toolchain(host()).command,
-        "-O2",
-        "-shared",
-        "-fPIC",
-        "-std=c99",
-        f"-DFMI={version}",
-        f"-I{headers}",
-        *sources,
-        "-o",
-        library,
-    ]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    sources = [making.HERE / name for name in ("follower.c", "not_offered.c")]
+    library = making.compile_library(folder, f"follower{version}", version, sources)
     text = description(version, f"Follower{version}")
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", text if units else re.sub(r' unit="\w+"', "", text))
-        archive.write(library, f"binaries/{where}/follower{suffix}")
-    return path
+    text = text if units else re.sub(r' unit="\w+"', "", text)
+    return making.pack(folder / f"Follower{version}.fmu", making.contents(version, "follower", text, library))

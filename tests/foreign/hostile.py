@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
-
-from build_fmus.compile import find_toolchain, host
-from cosim.fmu.calls import platform_folder
+import awkward
+from foreign import making
 
 STEPPING = ("set", "step", "get")
 PHASES = (
@@ -61,69 +57,35 @@ LIES = {
 HARMLESS = ("chatter", "nothing")
 
 
+VARIABLES = (("u", "input", "0"), ("y", "output", None))  # name, causality, start
+
+
 def description(version: int) -> str:
     """modelDescription.xml."""
-    variables = [("u", 0, "input", 'start="0"'), ("y", 1, "output", "")]
-    saving = " ".join(f'{n}="true"' for n in ("canGetAndSetFMU{}", "canSerializeFMU{}")).format(
-        *2 * ["State" if version == 3 else "state"]
-    )
-    if version == 3:
-        listed = "".join(
-            f'<Float64 name="{n}" valueReference="{r}" causality="{c}" {more}/>' for n, r, c, more in variables
-        )
-        head, structure = (
-            'fmiVersion="3.0" instantiationToken="hostile"',
-            '<Output valueReference="1"/><InitialUnknown valueReference="1"/>',
-        )
-    else:
-        listed = "".join(
-            f'<ScalarVariable name="{n}" valueReference="{r}" causality="{c}" variability="continuous"><Real'
-            f" {more}/></ScalarVariable>"
-            for n, r, c, more in variables
-        )
-        head = 'fmiVersion="2.0" guid="hostile"'
-        structure = '<Outputs><Unknown index="2"/></Outputs><InitialUnknowns><Unknown index="2"/></InitialUnknowns>'
-    return (
-        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {head} modelName="Hostile">'
-        f'<CoSimulation modelIdentifier="hostile" canHandleVariableCommunicationStepSize="true" {saving}/>'
-        f'<DefaultExperiment stepSize="0.001"/><ModelVariables>{listed}</ModelVariables>'
-        f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
-    )
+    three, unknown = version == 3, '<Unknown index="2"/>'
+    u, y = (awkward.variable(version, n, "Real", i, c, "continuous", s) for i, (n, c, s) in enumerate(VARIABLES))
+    return awkward.description(
+        version,
+        u + y,
+        name="Hostile",
+        identifier="hostile",
+        simulation=f'canHandleVariableCommunicationStepSize="true" canSerializeFMU{"S" if three else "s"}tate="true"',
+        experiment='stepSize="0.001"',
+        structure='<Output valueReference="1"/><InitialUnknown valueReference="1"/>'
+        if three
+        else f"<Outputs>{unknown}</Outputs><InitialUnknowns>{unknown}</InitialUnknowns>",
+    ).decode()
 
 
 def compile_library(version: int, folder: Path) -> Path:
     """The library for this machine, in a folder."""
-    library = folder / f"hostile{version}{platform_folder(str(version))[1]}"
-    if not library.is_file():
-        headers = Path(fmpy.__file__).parent / "c-code"
-        source = Path(__file__).with_name("hostile.c")
-        command = [
-            *find_toolchain(host()).command,
-            "-O1",
-            "-shared",
-            "-fPIC",
-            "-std=c99",
-            "-w",
-            f"-DFMI={version}",
-            f"-I{headers}",
-            source,
-            "-o",
-            library,
-            "-lm",
-            "-ldl",
-            "-lpthread",
-        ]
-        subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    return library
+    return making.compile_library(
+        folder, f"hostile{version}", version, [making.HERE / "hostile.c"], "-ldl", "-lpthread"
+    )
 
 
 def build(version: int, folder: Path, phase: str, deed: str) -> Path:
     """The FMU that does this deed in this phase."""
-    path = folder / f"Hostile{version}_{phase}_{deed}.fmu"
-    where, suffix = platform_folder(str(version))
-    library = compile_library(version, folder)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", description(version))
-        archive.write(library, f"binaries/{where}/hostile{suffix}")
-        archive.writestr("resources/deed.txt", f"{phase} {deed}\n")
-    return path
+    files = making.contents(version, "hostile", description(version), compile_library(version, folder))
+    files["resources/deed.txt"] = f"{phase} {deed}\n".encode()
+    return making.pack(folder / f"Hostile{version}_{phase}_{deed}.fmu", files)
