@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import random
+import re
 import struct
 import tempfile
 import warnings
@@ -71,44 +72,23 @@ _NAMES = (
 )
 _NUMBERS = (0, 1, 2, 7, 8, 9, 12, 14, 45, 63, 97, 0x800, 0x2000, 0xFFFE, 0xFFFF)
 _WIDE = (0, 1, 22, 46, 1000, 2**20, 2**28, 2**31 - 1, 2**31, 2**32 - 2, 2**32 - 1)
-_LOCAL = {
-    "signature": (0, 4),
-    "version": (4, 2),
-    "flags": (6, 2),
-    "method": (8, 2),
-    "time": (10, 2),
-    "crc": (14, 4),
-    "packed": (18, 4),
-    "size": (22, 4),
-    "name": (26, 2),
-    "extra": (28, 2),
-}
-_CENTRAL = {
-    "signature": (0, 4),
-    "version": (6, 2),
-    "flags": (8, 2),
-    "method": (10, 2),
-    "crc": (16, 4),
-    "packed": (20, 4),
-    "size": (24, 4),
-    "name": (28, 2),
-    "extra": (30, 2),
-    "comment": (32, 2),
-    "disk": (34, 2),
-    "attributes": (38, 4),
-    "offset": (42, 4),
-}
-_END = {
-    "signature": (0, 4),
-    "disk": (4, 2),
-    "first": (6, 2),
-    "here": (8, 2),
-    "count": (10, 2),
-    "size": (12, 4),
-    "offset": (16, 4),
-    "comment": (20, 2),
-}
-_HEADERS = ((b"PK\x03\x04", _LOCAL), (b"PK\x01\x02", _CENTRAL), (b"PK\x05\x06", _END))
+_BOTH = {"flags": (6, 8, 2), "method": (8, 10, 2), "crc": (14, 16, 4), "packed": (18, 20, 4), "size": (22, 24, 4)}
+"""Fields that an entry has in both of its headers: their places there, and bytes."""
+
+
+def _fields(form: str) -> list[tuple[int, int]]:
+    """(place, bytes) of the numbers of a header, by its format."""
+    sizes = [
+        struct.calcsize(f"<{sign}") for count, sign in re.findall(r"(\d*)([HI])", form) for _ in range(int(count or 1))
+    ]
+    return [(sum(sizes[:i]), size) for i, size in enumerate(sizes)]
+
+
+_HEADERS = (
+    (b"PK\x03\x04", _fields("I5H3I2H")),
+    (b"PK\x01\x02", _fields("I6H3I5H2I")),
+    (b"PK\x05\x06", _fields("I4H2IH")),
+)
 
 
 @cache
@@ -220,20 +200,20 @@ def _field(rng: random.Random, data: bytes) -> bytes:
     if not places:
         return data
     at = rng.choice(places)
-    offset, size = rng.choice(list(fields.values()))
+    offset, size = rng.choice(fields)
     value = rng.choice((*_NUMBERS, rng.getrandbits(16)) if size == 2 else (*_WIDE, rng.getrandbits(32), len(data), at))
     return data[: at + offset] + value.to_bytes(size, "little") + data[at + offset + size :]
 
 
 def _both(rng: random.Random, data: bytes) -> bytes:
     """The same field of an entry is changed in both of its headers: encrypted, packed otherwise, larger, smaller."""
-    name = rng.choice(("flags", "method", "crc", "packed", "size"))
+    name = rng.choice(list(_BOTH))
+    *offsets, size = _BOTH[name]
     changed = bytearray(data)
-    value = rng.choice(_NUMBERS if name in ("flags", "method") else _WIDE)
+    value = rng.choice(_NUMBERS if size == 2 else _WIDE)
     which = rng.random()
-    for signature, fields in _HEADERS[:2]:
+    for (signature, _), offset in zip(_HEADERS, offsets, strict=False):
         if places := _places(data, signature):
-            offset, size = fields[name]
             at = places[int(which * len(places))] + offset
             changed[at : at + size] = value.to_bytes(size, "little")
     return bytes(changed)

@@ -26,102 +26,25 @@ from . import mutate
 ALLOWED = (CosimError,)
 ROOT = Path(__file__).parents[2]
 LARGEST_SEED = 20_000  # bytes
-_TAGS = (
-    "ScalarVariable",
-    "Real",
-    "Integer",
-    "Boolean",
-    "String",
-    "Enumeration",
-    "Float64",
-    "Float32",
-    "Int8",
-    "Int32",
-    "UInt64",
-    "Binary",
-    "Clock",
-    "Dimension",
-    "Start",
-    "Alias",
-    "Annotations",
-    "Annotation",
-    "Unknown",
-    "Outputs",
-    "Output",
-    "Derivatives",
-    "InitialUnknowns",
-    "ContinuousStateDerivative",
-    "Unit",
-    "BaseUnit",
-    "DisplayUnit",
-    "SimpleType",
-    "Float64Type",
-    "Item",
-    "CoSimulation",
-    "ModelExchange",
-    "ModelVariables",
-    "ModelStructure",
-    "TypeDefinitions",
-    "UnitDefinitions",
-    "VendorAnnotations",
-    "Tool",
-    "LogCategories",
-    "Category",
-    "DefaultExperiment",
-    "SourceFiles",
-    "File",
-    "Component",
-    "Input",
-    "Variable",
-    "nonsense",
-)
-_ATTRIBUTES = (
-    "name",
-    "valueReference",
-    "causality",
-    "variability",
-    "initial",
-    "start",
-    "min",
-    "max",
-    "unit",
-    "declaredType",
-    "derivative",
-    "index",
-    "dependencies",
-    "dependenciesKind",
-    "description",
-    "factor",
-    "offset",
-    "kg",
-    "m",
-    "s",
-    "fmiVersion",
-    "modelName",
-    "guid",
-    "instantiationToken",
-    "modelIdentifier",
-    "stepSize",
-    "tolerance",
-    "stopTime",
-    "canGetAndSetFMUstate",
-    "canGetAndSetFMUState",
-    "relativeQuantity",
-    "generationTool",
-    "mustEqual",
-    "constant",
-    "sampleTime",
-    "kind",
-    "source",
-    "previous",
-    "intermediateUpdate",
-    "quantity",
-    "nominal",
-    "{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
-    "{http://www.w3.org/2001/XMLSchema-instance}type",
-    "{http://www.w3.org/XML/1998/namespace}base",
-)
+_SCHEMAS = "cosim/fmu/third_party/*/*.xsd"
+_OWN = {
+    "element": ("Component", "Input", "Variable", "nonsense"),
+    "attribute": (
+        *("mustEqual", "constant", "sampleTime", "kind", "source"),
+        "{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
+        "{http://www.w3.org/2001/XMLSchema-instance}type",
+        "{http://www.w3.org/XML/1998/namespace}base",
+    ),
+}
+"""Names that are not in the schemas: of our annotations, and of what XML itself knows."""
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+@cache
+def names(kind: str) -> tuple[str, ...]:
+    """Names of elements or of attributes, those of the schemas of the standard first."""
+    found = (e for path in ROOT.glob(_SCHEMAS) for e in etree.parse(path).iter(f"{{*}}{kind}"))
+    return (*sorted({e.get("name") for e in found} - {None}), *_OWN[kind])
 
 
 @cache
@@ -213,7 +136,7 @@ def _valid(text: str) -> str:
 
 
 def _set(rng: random.Random, element: Any, elements: list[Any]) -> None:
-    name = rng.choice([*element.attrib, rng.choice(_ATTRIBUTES)])
+    name = rng.choice([*element.attrib, rng.choice(names("attribute"))])
     other = rng.choice(elements)
     values = [
         *other.attrib.values(),
@@ -259,13 +182,13 @@ def _move(rng: random.Random, element: Any, elements: list[Any]) -> None:
 
 
 def _rename(rng: random.Random, element: Any, elements: list[Any]) -> None:
-    element.tag = rng.choice((*_TAGS, rng.choice(elements).tag, "{urn:x}Real"))
+    element.tag = rng.choice((*names("element"), rng.choice(elements).tag, "{urn:x}Real"))
 
 
 def _new(rng: random.Random, element: Any, _elements: list[Any]) -> None:
-    made = etree.SubElement(element, rng.choice(_TAGS))
+    made = etree.SubElement(element, rng.choice(names("element")))
     for _ in range(rng.randint(0, 5)):
-        made.set(rng.choice(_ATTRIBUTES), _valid(mutate.odd(rng)))
+        made.set(rng.choice(names("attribute")), _valid(mutate.odd(rng)))
 
 
 def _dimension(rng: random.Random, element: Any, elements: list[Any]) -> None:
