@@ -133,12 +133,12 @@ def page(studies: list[Summary]) -> str:
     parts = [
         "# Results of the studies",
         _wrapped(
-            "This page lists every claim of the papers with its verdict. A claim is one published sentence. It is judged"
-            " as the paper states it: whether the statement holds and, if the paper gives a number, whether the number"
-            " of this project is in a tolerance band around it. A claim that holds because a parameter was chosen with"
-            " it in view is calibrated, not reproduced. A claim that was judged under several conditions, of which none"
-            " is the paper's, is open if it holds under one and not under another. Additional checks, which no paper"
-            " states, are counted separately."
+            "This page lists every claim of the papers with its verdict. A claim is one published sentence. It is"
+            " judged as the paper states it: whether the statement holds and, if the paper gives a number, whether"
+            " the number of this project is in a tolerance band around it. A claim that holds because a parameter"
+            " was chosen with it in view is calibrated, not reproduced. A claim that was judged under several"
+            " conditions, of which none is the paper's, is open if it holds under one and not under another."
+            " Additional checks, which no paper states, are counted separately."
             " `make studies` creates the reports with figures and tables."
         ),
         table(studies),

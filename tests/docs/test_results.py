@@ -128,7 +128,8 @@ def test_every_published_claim_is_in_the_one_table() -> None:
     }
     assert {name: WRITER["paper"](name) for name in NAMES} == papers
     expected = {
-        (papers[name], c["claim"], c["source"], c["published"], WRITER["_result"](c), c["verdict"]) for name, c in claims
+        (papers[name], c["claim"], c["source"], c["published"], WRITER["_result"](c), c["verdict"])
+        for name, c in claims
     }
     assert {tuple(row[:6]) for row in rows} == expected
     anchors = headings(ROOT / "docs" / "results.md")
@@ -138,6 +139,8 @@ def test_every_published_claim_is_in_the_one_table() -> None:
         assert anchor in anchors
     said = {
         v: int(n)
-        for n, v in re.findall(r"(\d+) (reproduced|calibrated|open|not reproduced|trend reproduced, magnitude differs)[;.]", text)
+        for n, v in re.findall(
+            r"(\d+) (reproduced|calibrated|open|not reproduced|trend reproduced, magnitude differs)[;.]", text
+        )
     }
     assert said == {v: sum(c["verdict"] == v for _, c in claims) for v in WRITER["OUTCOMES"]}
