@@ -178,7 +178,7 @@ class Comparison:
                 return float(row[above] / row[below])
             if other is None:
                 return float(row[self.quantity])
-            ratio = row[self.quantity] / other[self.quantity]
+            ratio = _over(row[self.quantity], other[self.quantity])
             return float(
                 ratio if self.form == "ratio" else 100 * (1 - ratio if self.form == "reduction" else ratio - 1)
             )
@@ -197,6 +197,11 @@ class Comparison:
         unit = f" {self.unit}" if self.unit else ""
         base = f" {self.to}'s" if self.form == "ratio" else "" if self.to in ("", "passive") else f" from {self.to}'s"
         return f"{self.what} of {self.of} {span}{unit}{base}"
+
+
+def _over(above: float, below: float) -> float:
+    """A quotient; from nothing, such as the roll of a symmetric car on one profile, everything is infinitely more."""
+    return above / below if below else math.inf if above else math.nan
 
 
 _WORDS = {

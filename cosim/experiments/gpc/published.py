@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from cosim.experiments.gpc.matching import match_weight
-from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Case
+from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Case, Reading, passive, read_as
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 
@@ -29,14 +29,31 @@ REFINEMENTS: dict[str, dict[str, Any]] = {  # words -> fields of a case
 
 def plan(seeds: Sequence[int] = SEEDS, speeds: Sequence[float] = SPEEDS_KMH) -> list[Task | Search]:
     """The whole study, or that of fewer seeds and speeds; on the curb also `CURB_SPEED`."""
-    on = {road: (*speeds, CURB_SPEED) if road == "curb" else tuple(speeds) for road in ROADS}
-    searches = [Comparison(road, v, seed) for road in ROADS for v in on[road] for seed in seeds]
     histories = [History(road, v, seeds[0]) for road, v in HISTORIES]
-    cases = [Case(road, v, "passive") for road in ROADS for v in on[road]]
-    cases += [swept(v, w, seed) for v in speeds for seed in seeds for w in WEIGHTS]
-    cases += [Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
-    cases += [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
-    return [*searches, *histories, *(Task(c, cost=_seconds(c.speed_kmh)) for c in dict.fromkeys(cases))]
+    refined = [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
+    return [*searches(seeds, speeds), *histories, *tasks([*cases(seeds, speeds), *refined])]
+
+
+def searches(seeds: Sequence[int], speeds: Sequence[float], reading: Reading = ()) -> list[Comparison]:
+    """Comparisons of the controllers on every road at every speed, with every identification seed."""
+    return [Comparison(road, v, seed, reading) for road in ROADS for v in on(road, speeds) for seed in seeds]
+
+
+def cases(seeds: Sequence[int], speeds: Sequence[float], reading: Reading = ()) -> list[Case]:
+    """What the claims need besides: the passive car, and preview over the weights."""
+    found = [read_as(reading, road, v, "passive") for road in ROADS for v in on(road, speeds)]
+    found += [swept(v, w, seed, reading) for v in speeds for seed in seeds for w in WEIGHTS]
+    return found + [read_as(reading, "sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
+
+
+def tasks(cases: Iterable[Case]) -> list[Task]:
+    """A task for every case, once."""
+    return [Task(c, cost=_seconds(c.speed_kmh)) for c in dict.fromkeys(cases)]
+
+
+def on(road: str, speeds: Sequence[float]) -> tuple[float, ...]:
+    """Speeds on a road [km/h]."""
+    return (*speeds, CURB_SPEED) if road == "curb" else tuple(speeds)
 
 
 def _seconds(speed: float) -> float:
@@ -44,9 +61,9 @@ def _seconds(speed: float) -> float:
     return 540 / speed
 
 
-def swept(speed: float, weight: float, seed: int) -> Case:
+def swept(speed: float, weight: float, seed: int, reading: Reading = ()) -> Case:
     """Preview on the sine road with a weight of figure 6."""
-    return Case("sine", speed, "preview", R=weight, seed=seed)
+    return read_as(reading, "sine", speed, "preview", R=weight, seed=seed)
 
 
 def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Case]:
@@ -73,23 +90,28 @@ class Comparison:
     road: str
     speed_kmh: float
     seed: int
+    reading: Reading = ()
 
     @property
     def label(self) -> str:
         """For people."""
-        return f"comparison-{self.road}-{self.speed_kmh:g}kmh-seed{self.seed}"
+        reading = "".join(f"-{name.replace('_', '-')}-{value}" for name, value in self.reading)
+        return f"comparison-{self.road}-{self.speed_kmh:g}kmh-seed{self.seed}{reading}"
 
     @property
     def cost(self) -> float:
         """Rough time."""
         return 8 * _seconds(self.speed_kmh)
 
+    def case(self, controller: str) -> Case:
+        """The case of a controller at R = 1e-7."""
+        return read_as(self.reading, self.road, self.speed_kmh, controller, seed=self.seed)
+
     def __call__(self, runner: Any) -> dict[str, list[Row]]:
         """Run the controllers at their weights."""
-        explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
-        controllers = [replace(explicit, controller=c) for c in MATCHED]
+        explicit, *controllers = (self.case(c) for c in ("explicit", *MATCHED))
         return {
-            "compared": [row(runner, explicit), *(matched_row(runner, controller) for controller in controllers)],
+            "compared": [row(runner, explicit), *(matched_row(runner, c, explicit) for c in controllers)],
             "unmatched": [row(runner, controller) for controller in controllers],
         }
 
@@ -117,7 +139,7 @@ class History:
         explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
         controllers = [replace(explicit, controller=c) for c in MATCHED]
         cases = [replace(explicit, controller="passive"), explicit]
-        cases += [replace(controller, R=matched_row(runner, controller)["R"]) for controller in controllers]
+        cases += [replace(c, R=matched_row(runner, c, explicit)["R"]) for c in controllers]
         return [{**values(c), **runner.entry(c, signals=True)["signals"]} for c in cases]
 
 
@@ -126,12 +148,10 @@ def row(runner: Any, case: Case) -> Row:
     return {**values(case), **runner.metrics(case)}
 
 
-def matched_row(runner: Any, case: Case) -> Row:
+def matched_row(runner: Any, case: Case, explicit: Case) -> Row:
     """The controller of a case at the weight at which its response equals explicit's; see `Comparison`."""
-    explicit, passive = (
-        runner.metrics(Case(case.road, case.speed_kmh, c, seed=s)) for c, s in (("explicit", case.seed), ("passive", 0))
-    )
-    if explicit["diverged"] or explicit["response"] >= passive["response"]:
+    of_explicit, of_passive = runner.metrics(explicit), runner.metrics(passive(explicit))
+    if of_explicit["diverged"] or of_explicit["response"] >= of_passive["response"]:
         return {**row(runner, case), "matched": False, "runs": 1}
-    m = match_weight(lambda R: runner.metrics(replace(case, R=R)), explicit["response"])
+    m = match_weight(lambda R: runner.metrics(replace(case, R=R)), of_explicit["response"])
     return {**values(replace(case, R=m.R)), **m.metrics, "matched": m.found, "runs": m.runs}

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from cosim import Recording, StopWhen, System
+from cosim import PythonComponent, Recording, StopWhen, System
 from cosim.core.signals import peak, rms
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.gpc.component import gain_parameters
+from fmu_sources.controllers.gpc.component import SAMPLE_TIME, gain_parameters
 from fmu_sources.controllers.gpc.identification import (
+    DISTURBANCES,
     DesignSettings,
     IdentificationSettings,
     IdentifiedModels,
+    connect_road,
+    disturbance_of,
     identify,
 )
 from fmu_sources.models.corners import CORNERS
@@ -35,11 +39,67 @@ FMUS = (PLANT, SPEED, *ROADS.values(), *(c for c in CONTROLLERS.values() if c))
 R_PUBLISHED = 1e-7  # 1/N2
 TRAVEL = 150.0  # m, length of every run
 SAMPLE_RATE = 100.0  # Hz, of all metrics
+ROAD_INPUTS = tuple(
+    f"{name}{index}"
+    for k in CORNERS
+    for name, index in ((f"road.{k}.height", ""), *((f"preview.{k}", f"[{i}]") for i in range(1, 9)))
+)
+"""What explicit and preview may measure of the road, corner by corner: under the wheel and ahead of it."""
 EXCHANGE = Fraction(1, 1000)  # s, between car, road and controller
 
 
+_CONTROLLED = (lambda c: c.controller != "passive", "a controlled car")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenCase(Stepped):
+    """What the paper leaves open; the defaults are the reading of the main study."""
+
+    hold: bool = option(
+        False,
+        help="explicit only: let the last road height continue ahead",
+        only=(lambda c: c.controller == "explicit", "the explicit controller"),
+    )
+    disturbance: str = option(
+        "height",
+        choices=DISTURBANCES,
+        help="what explicit and preview measure of the road",
+        label="d-is-{}",
+        only=(lambda c: c.controller in ("explicit", "preview"), "the explicit and the preview controller"),
+    )
+    from_rest: bool = option(
+        False,
+        help="identify from rest, with the leading zeros of equation (4)",
+        only=_CONTROLLED,
+    )
+    excitation: float = option(
+        IdentificationSettings().excitation,
+        unit="N",
+        within=(1.0, 1e5),
+        help="standard deviation of each actuator's force in the identification run",
+        label="excited-{:g}N",
+        only=_CONTROLLED,
+    )
+    roll_off: float = option(
+        0.0,
+        unit="Hz",
+        within=(0.0, 50.0),
+        help="corner frequency of the excitation; 0: white up to 50 Hz",
+        label="roll-off-{:g}Hz",
+        only=_CONTROLLED,
+    )
+    horizon: int = option(
+        DesignSettings().h_p,
+        choices=(DesignSettings().h_p, 2 * DesignSettings().h_p),
+        help="prediction horizon in samples; only 8 is the paper's",
+        label="horizon-{}",
+        only=(lambda c: c.controller in ("implicit", "explicit"), "the implicit and the explicit controller"),
+    )
+    one_track: bool = option(False, help="one road profile under both sides of the car, that of the left")
+
+
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(OpenCase):
     """One run; `R` and `seed` matter for controlled runs only."""
 
     road: str = option("sine", choices=ROADS, files=".fmu", help="road under the wheels", always=True)
@@ -57,16 +117,26 @@ class Case(Stepped):
         R_PUBLISHED, unit="1/N2", within=(1e-30, 1e30), name="weight", help="control weight R", label="R{:g}"
     )
     seed: int = option(0, within=(0, 2**31 - 1), help="seed of the identification run", label="seed{}")
-    hold: bool = option(
-        False,
-        help="explicit only: let the last road height continue ahead",
-        only=(lambda c: c.controller == "explicit", "the explicit controller"),
-    )
+
+
+OPEN = tuple(f for f in dataclasses.fields(OpenCase) if f.name not in Stepped.__dataclass_fields__)
+"""Fields of a case that the paper leaves open."""
+
+Reading = tuple[tuple[str, Any], ...]  # values of open fields by name, those that are not the main study's
+
+
+def read_as(reading: Reading, road: str, speed_kmh: float, controller: str, **others: Any) -> Case:
+    """A case in a reading of the paper, of which that is kept which means something for the controller."""
+    case, rules = Case(road, speed_kmh, controller, **others), {f.name: f.metadata["option"].only for f in OPEN}
+    kept = {name: value for name, value in reading if rules[name] is None or rules[name][0](case)}
+    return dataclasses.replace(case, **kept)
 
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    return replace(case, controller="passive", R=R_PUBLISHED, seed=0, hold=False)
+    parts = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
+    reading = tuple((f.name, getattr(case, f.name)) for f in OPEN)
+    return read_as(reading, case.road, case.speed_kmh, "passive", **parts)
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -74,7 +144,7 @@ def passive(case: Case) -> Case:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return case.road, case.controller, case.exchange_parts
+    return case.road, case.controller, case.exchange_parts, case.one_track, case.disturbance
 
 
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
@@ -95,20 +165,62 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.connect("speed.speed", "car.target.speed")
     system.connect("car.x", "road.x")
     system.connect("car.speed", "road.speed")
-    system.connect_matching("road", "car", "road.*")
+    connect_road(system, "car", one_track=case.one_track)
     if name := CONTROLLERS[case.controller]:
         system.add("controller", fmus.path(name))
         system.connect_matching("car", "controller", "body.*")
-        if case.controller != "implicit":
-            system.connect_matching("road", "controller")
+        if case.disturbance != "height":
+            system.add("disturbance", MeasuredRoad(case.disturbance))
+            connect_road(system, "disturbance", "*", one_track=case.one_track)
+            system.connect("car.speed", "disturbance.speed")
+            inputs = system["controller"].description.inputs
+            for name in (n for n in ROAD_INPUTS if n in inputs):
+                system.connect(f"disturbance.measured.{name}", f"controller.{name}")
+            if "preview.step" in inputs:
+                system.connect("road.preview.step", "controller.preview.step")
+        elif case.controller != "implicit":
+            connect_road(system, "controller", "*", one_track=case.one_track)
         system.connect_matching("controller", "car", "force.*")
     return system
 
 
+class MeasuredRoad(PythonComponent):
+    """Gives a controller the rate or the slope of the road in place of its height; units stay those of its inputs."""
+
+    inputs: ClassVar[Sequence[str]] = (*(f"{n} [m]" for n in ROAD_INPUTS), "speed [m/s]")
+    outputs: ClassVar[Sequence[str]] = tuple(f"measured.{n} [m]" for n in ROAD_INPUTS)
+    kind: ClassVar[str] = "discrete"
+    default_step = SAMPLE_TIME
+
+    def __init__(self, disturbance: str) -> None:
+        super().__init__()
+        self.disturbance = disturbance
+
+    def begin(self) -> None:
+        """Before the first sample the road was level."""
+        self.last: np.ndarray | None = None
+
+    def step(self, t: float, h: float, u: np.ndarray, y: np.ndarray) -> None:  # noqa: ARG002
+        """Difference to the sample before, of the height under a wheel and of those ahead of it."""
+        heights, speed = u[:-1].reshape(len(CORNERS), -1), float(u[-1])
+        now = heights[:, 0]
+        past = now if self.last is None else self.last
+        under = disturbance_of(np.array([past, now]), self.disturbance, speed)[1]
+        ahead = disturbance_of(np.column_stack([past, heights[:, 1:]]).T, self.disturbance, speed)[1:].T
+        self.last = now.copy()
+        y[:] = np.column_stack([under, ahead]).ravel()
+
+
 @cache
-def models(plant: Path, road: Path, speed: Path, seed: int) -> IdentifiedModels:
-    """Models identified from these FMUs with the excitation of a seed."""
-    return identify(plant, road, speed, IdentificationSettings(seed=seed))
+def models(plant: Path, road: Path, speed: Path, settings: IdentificationSettings) -> IdentifiedModels:
+    """Models identified from these FMUs."""
+    return identify(plant, road, speed, settings)
+
+
+def identification(case: Case) -> IdentificationSettings:
+    """The identification run of a case."""
+    names = ("seed", "from_rest", "excitation", "roll_off", "one_track", "disturbance")
+    return IdentificationSettings(**{name: getattr(case, name) for name in names})
 
 
 def configure(system: System, case: Case) -> None:
@@ -118,8 +230,9 @@ def configure(system: System, case: Case) -> None:
     if case.controller == "passive":
         return
     fmus = _wired_from[system]
-    identified = models(fmus.path(PLANT), road_file(fmus, "perryman3"), fmus.path(SPEED), case.seed)
-    system["controller"].set(gain_parameters(identified.law(case.controller, DesignSettings(R=case.R))))  # type: ignore[arg-type]
+    identified = models(fmus.path(PLANT), road_file(fmus, "perryman3"), fmus.path(SPEED), identification(case))
+    design = DesignSettings(R=case.R, h_p=case.horizon, h_c=case.horizon)
+    system["controller"].set(gain_parameters(identified.law(case.controller, design)))
     if case.controller == "explicit":
         system["controller"].set({"hold_height": case.hold})
 

@@ -135,12 +135,14 @@ def identify_arx(
     order: int,
     samples: int | None = None,
     rcond: float | None = None,
+    from_rest: bool = False,
 ) -> ArxIdentification:
     """Observer Markov parameters from a recorded run, by least squares on (2) with V of (4), with d that of (16).
 
     u (n, rc), y (n, m) and d (n, rd) hold one row per sample. The last `samples` = L rows are used (all rows if it
     is None), so that a run may begin with a stretch of settling. The columns of V that reach back before the first
-    of them are left out: the zeros printed there hold only for a run that starts from rest with no disturbance.
+    of them are left out: the zeros printed there hold only for a run that starts from rest with no disturbance. With
+    `from_rest` the first of them is the start of such a run, and these columns are used as printed.
 
     The rows of V differ by many orders of magnitude (newtons beside degrees), so each is scaled to length 1 before
     the singular value decomposition, and of all exact fits the one of smallest norm in these units is taken. Singular
@@ -160,6 +162,9 @@ def identify_arx(
     if length > len(u_run):
         raise ValueError(f"samples = {length}, but only {len(u_run)} were recorded")
     u_run, y_run, d_run = (run[len(run) - length :] for run in (u_run, y_run, d_run))
+    if from_rest:
+        u_run, y_run, d_run = (np.vstack([np.zeros((p, run.shape[1])), run]) for run in (u_run, y_run, d_run))
+        length += p
 
     m, rc, rd = y_run.shape[1], u_run.shape[1], d_run.shape[1]
     unknowns = rd + rc + (rd + rc + m) * p
@@ -191,7 +196,7 @@ def identify_arx(
     )
     return ArxIdentification(
         model=model,
-        samples=length,
+        samples=length - p if from_rest else length,
         equations=length - p,
         singular_values=singular,
         rank=rank,

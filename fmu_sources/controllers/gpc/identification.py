@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
+from scipy.signal import butter, sosfilt
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import number, whole_number
@@ -39,9 +40,16 @@ from fmu_sources.registration import component, needs
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
 
+DISTURBANCES = ("height", "rate", "slope")
+
+
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """The identification run. Defaults: Table 2 of the paper; the excitation level and the settling are assumed."""
+    """The identification run. Defaults: Table 2 of the paper; the excitation level and the settling are assumed.
+
+    The paper leaves open whether the run starts `from_rest`, with the leading zeros of (4), where its excitation rolls
+    off, whether both tracks of the road have one profile, and what of the road is measured as disturbance.
+    """
 
     seed: int = 0
     order: int = 8
@@ -49,12 +57,32 @@ class IdentificationSettings:
     settling_samples: int = 200  # unexcited running first
     excitation: float = 2000.0  # N, standard deviation per actuator
     speed: float = 40 / 3.6  # m/s
+    from_rest: bool = False  # without settling
+    roll_off: float = 0.0  # Hz, of the excitation (Butterworth, fourth order); 0: white up to 50 Hz
+    one_track: bool = False
+    disturbance: str = "height"  # one of DISTURBANCES
 
     def __post_init__(self) -> None:
         for name in ("order", "samples"):
             whole_number(f"identification: {name}", getattr(self, name))
         number("identification: excitation", self.excitation, "N", above=0)
         number("identification: speed", self.speed, "m/s", above=0)
+        number("identification: roll_off", self.roll_off, "Hz", least=0, most=0.5 / SAMPLE_TIME)
+        if self.disturbance not in DISTURBANCES:
+            raise ValueError(f"identification: unknown disturbance {self.disturbance!r}")
+
+    @property
+    def unexcited_samples(self) -> int:
+        """Samples before the excitation begins."""
+        return 0 if self.from_rest else self.settling_samples
+
+    def excite(self) -> np.ndarray:
+        """The forces (samples, 4) [N]: Gaussian, the same standard deviation with and without roll-off."""
+        white = np.random.default_rng(self.seed).normal(0.0, self.excitation, (self.samples, len(CORNERS)))
+        if not self.roll_off:
+            return white
+        low = sosfilt(butter(4, self.roll_off, fs=1 / SAMPLE_TIME, output="sos"), white, axis=0)
+        return np.asarray(low * (self.excitation / np.std(low)))
 
 
 @dataclass(frozen=True)
@@ -129,11 +157,9 @@ def record_identification(
 ) -> IdentificationData:
     """Run the excited vehicle and sample it as the controller would."""
     s = settings or IdentificationSettings()
-    n = s.settling_samples + s.samples
+    n = s.unexcited_samples + s.samples
     sequence = np.zeros((n + 1, len(CORNERS)))
-    sequence[s.settling_samples : n] = np.random.default_rng(s.seed).normal(
-        0.0, s.excitation, (s.samples, len(CORNERS))
-    )
+    sequence[s.unexcited_samples : n] = s.excite()
     with System(allow_unconnected=True) as system:  # the driver keeps y = 0
         system.add("speed", speed, parameters={"start.speed": s.speed})
         system.add("road", road)
@@ -142,10 +168,10 @@ def record_identification(
         system.connect("speed.speed", "car.target.speed")
         for signal in ("x", "speed"):
             system.connect(f"car.{signal}", f"road.{signal}")
-        system.connect_matching("road", "car", "road.*")
+        connect_road(system, "car", one_track=s.one_track)
         system.connect_matching("excitation", "car")
         responses = [f"car.{name}" for name, *_ in RESPONSES]
-        heights = [f"road.road.{k}.height" for k in CORNERS]
+        heights = [f"road.road.{track_of(k, s.one_track)}.height" for k in CORNERS]
         recording = system.run(
             n * Fraction(TICKS_PER_SAMPLE, 1000),
             record=Record([*responses, *heights], Fraction(1, 1000)),
@@ -153,15 +179,43 @@ def record_identification(
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])
     at = np.arange(n) * TICKS_PER_SAMPLE
-    return IdentificationData(sequence[:n], (y - y[0])[at + RESPONSE_TICK], (d - d[0])[at])
+    d = disturbance_of((d - d[0])[at], s.disturbance, s.speed)
+    return IdentificationData(sequence[:n], (y - y[0])[at + RESPONSE_TICK], d)
+
+
+def track_of(corner: str, one_track: bool) -> str:
+    """The corner whose road is under a wheel: its own, or that on the left where both tracks have one profile."""
+    return f"{corner[0]}l" if one_track else corner
+
+
+def connect_road(system: System, target: str, pattern: str = "road.*", *, one_track: bool = False) -> None:
+    """Connect what lies under (and ahead of) each wheel to a component; with `one_track` that on the left to both."""
+    for name in system[target].description.inputs if one_track else ():
+        first, _, rest = name.partition(".")
+        corner = next((k for k in CORNERS if rest.startswith(k) and k.endswith("r")), "")
+        if first in ("road", "preview") and corner:
+            left = f"{first}.{track_of(corner, one_track)}{rest.removeprefix(corner)}"
+            system.connect(f"road.{left}", f"{target}.{name}")
+    system.connect_matching("road", target, pattern)
+
+
+def disturbance_of(heights: np.ndarray, kind: str, speed: float) -> np.ndarray:
+    """The measured disturbance from heights (n, k) [m] at 100 Hz.
+
+    "rate" [m/s] is their backward difference over a sample, "slope" [-] that over the way of a sample at `speed` [m/s].
+    """
+    if kind == "height":
+        return heights
+    rate = np.diff(heights, axis=0, prepend=heights[:1]) / SAMPLE_TIME
+    return rate if kind == "rate" else rate / speed
 
 
 def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None) -> IdentifiedModels:
     """Record and identify both ARX models (with and without the measured road)."""
     s = settings or IdentificationSettings()
     data = record_identification(plant, road, speed, s)
-    implicit = identify_arx(data.u, data.y, order=s.order, samples=s.samples)
-    explicit = identify_arx(data.u, data.y, data.d, order=s.order, samples=s.samples)
+    implicit = identify_arx(data.u, data.y, order=s.order, samples=s.samples, from_rest=s.from_rest)
+    explicit = identify_arx(data.u, data.y, data.d, order=s.order, samples=s.samples, from_rest=s.from_rest)
     provenance = {
         "identification": asdict(s),
         "plant": plant.stem,
