@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Annotated, Any
+from typing import Any
 
+import click
 import numpy as np
-import typer
 
 from cosim.experiments import gpc
 from cosim.experiments.gpc.judge import CLAIMS, Judge
@@ -57,11 +57,6 @@ SMOOTH = ("sine-same-force", "implicit-power", "perryman-same", "perryman-implic
 """Two blocks of claims: what explicit costs on the curb, and that it costs no more than preview on smooth roads."""
 HOLDS = ("reproduced", "calibrated", "trend reproduced, magnitude differs")
 
-Full = Annotated[
-    bool,
-    typer.Option(help=f"all combinations too, {len(SEEDS)} identification seeds, and as many to confirm what is found"),
-]
-
 
 @dataclass(frozen=True)
 class StaticGain:
@@ -96,7 +91,12 @@ class StaticGain:
         return found
 
 
-def plan(full: Full = False) -> list[Task | Search]:
+@click.option(
+    "--full/--no-full",
+    default=False,
+    help=f"all combinations too, {len(SEEDS)} identification seeds, and as many to confirm what is found",
+)
+def plan(full: bool = False) -> list[Task | Search]:
     """One assumption at a time with two seeds; or everything."""
     seeds = (*SEEDS, *HELD_OUT) if full else SHORT_SEEDS
     found: list[Task | Search] = []
@@ -344,8 +344,6 @@ EXPERIMENT: Experiment = replace(
     gpc.EXPERIMENT,
     name="gpc-readings",
     title="Full car under generalized predictive control: other readings (paper 000)",
-    plan=plan,
-    claims=None,
-    report=report,
+    study=replace(gpc.EXPERIMENT.study, plan=plan, claims=None, report=report),
     module=__name__,
 )

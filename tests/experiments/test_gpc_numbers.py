@@ -150,10 +150,10 @@ def test_what_is_recorded_until_where() -> None:
 
 def test_cases(raises) -> None:
     case = Case("curb", 72.0, "explicit", R=5e-7, seed=3, hold=True, solver_parts=2)
-    assert case.label == "curb-72kmh-explicit-R5e-07-seed3-hold-solver-in-2"
+    assert case.label == "curb-72kmh-explicit-R5e-07-seed3-solver-in-2-hold"
     assert Case().label == "sine-50kmh-preview"
     assert passive(case) == Case("curb", 72.0, "passive", solver_parts=2)
-    assert runs.structure(case) == ("curb", "explicit", 1)
+    assert runs.structure(case) == ("curb", "explicit", 1, False, "height")
     assert runs.compared({"response": 1.2}, {"response": 4.0}) == {"improvement": pytest.approx(0.7)}
     assert Case(seed=2**31 - 1).seed == 2**31 - 1
     with pytest.raises(ValueError, match="2147483647"):
@@ -190,7 +190,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet, monkeypatch: pytest.MonkeyPatch) -
 
     def models(*found: Any) -> Identified:
         asked.append(found)
-        return Identified(fmus, found[-1])
+        return Identified(fmus, found[-1].seed)
 
     monkeypatch.setattr(runs, "models", models)
     with Runner(EXPERIMENT, fmus) as runner:
@@ -1011,6 +1011,10 @@ def test_parameters_and_provenance(page: Report) -> None:
         "order": 8,
         "samples": 400,
         "settling_samples": 200,
+        "from_rest": False,
+        "roll_off": 0.0,
+        "one_track": False,
+        "disturbance": "height",
         "excitation": 2000.0,
         "speed": 40 / 3.6,
     }
@@ -1103,9 +1107,15 @@ def test_names_of_the_options() -> None:
         "controller",
         "weight",
         "seed",
-        "hold",
         "solver-parts",
         "exchange-parts",
+        "hold",
+        "disturbance",
+        "from-rest",
+        "excitation",
+        "roll-off",
+        "horizon",
+        "one-track",
     ]
 
 

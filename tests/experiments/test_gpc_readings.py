@@ -1,0 +1,186 @@
+"""Paper 000 under other readings: what each changes, and how the claims are judged in each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gpc_studies
+import made_up
+import numpy as np
+import pytest
+
+from cosim.experiments import gpc, gpc_readings
+from cosim.experiments.gpc.published import MATCHED, Comparison
+from cosim.experiments.gpc.runs import ROAD_INPUTS, Case, MeasuredRoad, read_as
+from cosim.experiments.gpc_readings import (
+    COMBINATIONS,
+    CURB,
+    PRINTED,
+    READINGS,
+    SMOOTH,
+    Judged,
+    StaticGain,
+    plan,
+    report,
+)
+from cosim.study import FmuSet, Results, Row, Runner, Task
+from cosim.study.case import values
+from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx
+from fmu_sources.controllers.gpc.identification import IdentificationSettings, disturbance_of
+
+
+def test_the_printed_reading_is_the_main_study() -> None:
+    """The same cases and searches, so the same runs bit for bit, but for refinements and drawn histories."""
+    main = gpc.EXPERIMENT.study.plan(seeds=gpc_readings.SHORT_SEEDS)
+    searches = [t for t in main if isinstance(t, Comparison)]
+    assert [t for t in plan() if isinstance(t, Comparison) and not t.reading] == searches
+    at_refinements = {(*h, 1e-7) for h in gpc.published.HISTORIES}
+    cases = {t.case for t in main if isinstance(t, Task)}
+    left_out = cases - {t.case for t in plan() if isinstance(t, Task)}
+    assert {(c.road, c.speed_kmh, c.R) for c in left_out} == at_refinements
+
+
+def test_the_plan_has_every_reading_and_the_full_one_holds_seeds_out() -> None:
+    short, full = ([t for t in plan(full) if isinstance(t, StaticGain)] for full in (False, True))
+    assert {t.reading for t in short} == set(READINGS.values())
+    assert len(short) == 2 * len(READINGS)
+    assert {t.reading for t in full} == {*READINGS.values(), *COMBINATIONS.values()}
+    assert len({t.reading for t in full}) == len(READINGS) + 2**4 - 5
+    assert {t.seed for t in full} == set(range(16))
+    labels = [t.label for t in plan(True) if not isinstance(t, Task)]
+    assert len(set(labels)) == len(labels)
+
+
+def test_a_field_is_set_where_it_means_something() -> None:
+    everything = tuple(dict(pair for reading in READINGS.values() for pair in reading).items())
+    assert read_as(everything, "sine", 50.0, "passive") == Case("sine", 50.0, "passive", one_track=True)
+    implicit = read_as(everything, "sine", 50.0, "implicit")
+    assert (implicit.hold, implicit.disturbance, implicit.horizon, implicit.from_rest) == (False, "height", 16, True)
+    explicit = read_as(everything, "sine", 50.0, "explicit")
+    assert (explicit.hold, explicit.disturbance, explicit.roll_off) == (True, "slope", 20.0)
+    assert read_as(everything, "sine", 50.0, "preview").horizon == 8
+    assert gpc.runs.passive(replace(explicit, solver_parts=2)) == Case(
+        "sine", 50.0, "passive", one_track=True, solver_parts=2
+    )
+
+
+def test_one_profile_lies_under_both_sides(fmus: FmuSet) -> None:
+    for controller in ("passive", "preview"):
+        with Runner(gpc.EXPERIMENT, fmus) as runner:
+            system = runner.system(Case("perryman3", 50.0, controller, one_track=True))
+            sources = {target: str(c) for target, c in system.connections.items() if target.startswith("c")}
+        right = {t: s for t, s in sources.items() if (".fr" in t or ".rr" in t) and "road" in s}
+        assert right
+        assert all(".fl" in s or ".rl" in s for s in right.values())
+
+
+def test_rate_and_slope_of_the_road() -> None:
+    """Of a road that rises by 0.1 m from sample to sample at 20 m/s, 10 m/s and 1/2."""
+    heights = 0.1 * np.arange(5)[:, None] * np.ones(2)
+    np.testing.assert_allclose(disturbance_of(heights, "rate", 20.0)[1:], 10.0)
+    np.testing.assert_allclose(disturbance_of(heights, "slope", 20.0)[1:], 0.5)
+    assert disturbance_of(heights, "rate", 20.0)[0].tolist() == [0.0, 0.0]
+    assert disturbance_of(heights, "height", 20.0) is heights
+
+
+def test_what_a_controller_is_given_in_place_of_heights() -> None:
+    """At each sample the difference to the one before, of the heights ahead too."""
+    measured = MeasuredRoad("rate")
+    measured.begin()
+    y, road = np.zeros(len(ROAD_INPUTS)), lambda t: 0.02 * t**2
+    for k in range(4):
+        ahead = [road(0.01 * (k + i)) for i in (0, *range(8))]
+        measured.step(0.01 * k, 0.01, np.array([*np.tile(ahead, 4), 20.0]), y)
+    under, *preview = y[:9]
+    assert under == pytest.approx((road(0.03) - road(0.02)) / 0.01)
+    assert preview == pytest.approx([(road(0.01 * (3 + i)) - road(0.01 * (2 + i))) / 0.01 for i in range(8)])
+
+
+def test_a_run_from_rest_has_the_leading_zeros_of_equation_4() -> None:
+    """Its first samples determine a model of order 2 that a run in the middle would not, being too short."""
+    rng = np.random.default_rng(1)
+    model = ArxModel(np.array([[[0.5]], [[-0.2]]]), np.array([[[1.0]], [[0.3]], [[0.1]]]))
+    u = rng.normal(size=(6, 1))
+    found = identify_arx(u, model.simulate(u), order=2, from_rest=True)
+    assert (found.samples, found.equations) == (6, 6)
+    np.testing.assert_allclose(found.model.alpha, model.alpha, atol=1e-9)
+    np.testing.assert_allclose(found.model.beta, model.beta, atol=1e-9)
+    assert IdentificationSettings(from_rest=True).unexcited_samples == 0
+
+
+def test_an_excitation_that_rolls_off_is_as_strong() -> None:
+    white, low = (IdentificationSettings(seed=1, roll_off=f).excite() for f in (0.0, 10.0))
+    assert np.std(low) == pytest.approx(2000.0)
+    power = [np.abs(np.fft.rfft(x, axis=0)[100:]) ** 2 for x in (white, low)]  # above 25 Hz
+    assert power[1].sum() < 1e-2 * power[0].sum()
+
+
+def test_identification_of_a_case(fmus: FmuSet) -> None:
+    case = Case("sine", 50.0, "explicit", seed=3, excitation=1e3, disturbance="rate", one_track=True)
+    found = gpc.runs.identification(case)
+    assert found == IdentificationSettings(seed=3, excitation=1e3, disturbance="rate", one_track=True)
+    models = gpc.runs.models(
+        fmus.path(gpc.runs.PLANT),
+        gpc.runs.road_file(fmus, "perryman3"),
+        fmus.path(gpc.runs.SPEED),
+        IdentificationSettings(samples=120, order=2),
+    )
+    assert models.explicit.samples == 120
+
+
+# ------------------------------------------------------------------------------------------------------- judging
+
+
+def as_published(case: Case) -> Row:
+    """As the paper has it, but that explicit costs what preview does on no curb unless the last height is held."""
+    row = gpc_studies._run(replace(case, R=1e-7)) if case.R == 1e-7 else gpc_studies._swept(case.speed_kmh, case.R, 0)
+    row = {k: v for k, v in row.items() if k not in Case.__dataclass_fields__}
+    if case.controller == "explicit" and case.road == "curb" and case.hold:
+        row["force"], row["power"] = 100.0, 50.0
+    if case.controller == "explicit" and case.road != "curb" and not case.hold:
+        row["force"], row["power"] = 5e4, 2e4
+    return row
+
+
+class Run:
+    metrics = staticmethod(as_published)
+
+
+def found(search: object) -> object:
+    if isinstance(search, StaticGain):
+        return {"explicit": 100.0 if dict(search.reading).get("hold") else 3e4 + 1e3 * search.seed, "preview": 200.0}
+    assert isinstance(search, Comparison)
+    explicit, *others = (search.case(c) for c in ("explicit", *MATCHED))
+    rows = [{**values(c), **as_published(c), "matched": True, "runs": 1} for c in (explicit, *others)]
+    return {"compared": rows, "unmatched": rows[1:]}
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    return made_up.study(gpc_readings.EXPERIMENT, as_published, found=found)
+
+
+def test_the_blocks_exclude_each_other(results: Results) -> None:
+    judged = Judged.of(results)
+    assert list(judged.claims) == list(READINGS)
+    assert judged.holding(PRINTED, CURB) == list(CURB)
+    assert judged.holding(PRINTED, SMOOTH) == []
+    assert judged.holding("last height held", SMOOTH) == list(SMOOTH)
+    assert judged.holding("last height held", CURB) == ["curb-preview-200"]
+    assert judged.count(judged.claims[PRINTED]) == 12  # two seeds decide no strict claim, one alone does
+    assert judged.seeds == (0, 1)
+
+
+def test_tables_and_sentences(results: Results, fmus: FmuSet) -> None:
+    page = report(results, fmus)
+    tables = {t.id: {row[0]: list(row[1:]) for row in t.rows} for t in page.tables}
+    assert tables["blocks"][PRINTED] == [3, 0, "none"]
+    assert tables["blocks"]["last height held"] == [1, 4, ", ".join(SMOOTH)]
+    assert tables["static-gain"][PRINTED] == [30.0, 31.0, 0.2, 0.2]
+    assert tables["static-gain"]["last height held"] == [0.1, 0.1, 0.2, 0.2]
+    assert tables["counts"][PRINTED] == [12, 13, 13, None]
+    assert tables["map"]["sine-same-force"][:1] == ["no 0/2"]
+    words = {s.title: " ".join(s.paragraphs) for s in page.sections}
+    assert "No reading holds both." in words["Two blocks that exclude each other"]
+    assert page.figure is not None
+    assert page.figure.panels[0].series[0].y[0] == 12
