@@ -312,7 +312,7 @@ class Claims(list[Claim]):
     """Claims of a report in their order.
 
     `evidence` holds the distributions that they were judged on. `passed` says of each claim with which samples of the
-    random design it holds in full, if these were judged one by one.
+    random design it holds in full, if each of them was judged alone.
     """
 
     def __init__(self, claims: Iterable[Claim] = ()) -> None:

@@ -31,7 +31,7 @@ def fitting(words: list[str]) -> list[str] | None:
 @pytest.mark.parametrize(
     ("typed", "found"),
     [
-        (["run", "g"], ["gpc"]),
+        (["run", "g"], ["gpc", "gpc-readings"]),
         (["run", ""], sorted(EXPERIMENTS)),
         (["run", "my_"], FILES),
         (["run", "gpc", "--road", ""], ROADS),
@@ -81,7 +81,7 @@ def test_bash_completes(program, tmp_path):
         check=True,
         env={**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"},
     )
-    assert done.stdout.split() == ["gpc"]
+    assert done.stdout.split() == ["gpc", "gpc-readings"]
 
 
 def test_a_shell_that_is_none(tmp_path, sentence):

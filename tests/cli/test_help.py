@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Collection
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -60,9 +61,15 @@ def test_units_are_in_the_help() -> None:
     assert "sample time of the controller of --weights [s]" in help_of(app=fmu_sources.cli.app)
 
 
+GPC: dict[str, Collection[str]] = {
+    "--road": [*gpc.ROADS, "FILE.fmu"],
+    "--controller": gpc.CONTROLLERS,
+    "--disturbance": gpc.DISTURBANCES,
+}
 CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},
-    "gpc": {"--road": [*gpc.ROADS, "FILE.fmu"], "--controller": gpc.CONTROLLERS},
+    "gpc": GPC,
+    "gpc-readings": GPC,
     "hmmwv": {
         "--road": hmmwv.ROADS,
         "--controller": hmmwv.CONTROLLERS,

@@ -12,17 +12,8 @@ import pytest
 from cosim.experiments import gpc, gpc_readings
 from cosim.experiments.gpc.published import MATCHED, Comparison
 from cosim.experiments.gpc.runs import ROAD_INPUTS, Case, MeasuredRoad, read_as
-from cosim.experiments.gpc_readings import (
-    COMBINATIONS,
-    CURB,
-    PRINTED,
-    READINGS,
-    SMOOTH,
-    Judged,
-    StaticGain,
-    plan,
-    report,
-)
+from cosim.experiments.gpc_readings import COMBINATIONS, PRINTED, READINGS, StaticGain, plan
+from cosim.experiments.gpc_readings.report import CURB, SMOOTH, Judged, report
 from cosim.study import FmuSet, Results, Row, Runner, Task
 from cosim.study.case import values
 from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx

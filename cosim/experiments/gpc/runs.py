@@ -63,7 +63,7 @@ class OpenCase(Stepped):
     disturbance: str = option(
         "height",
         choices=DISTURBANCES,
-        help="what explicit and preview measure of the road",
+        help="quantity of the road that explicit and preview measure",
         label="d-is-{}",
         only=(lambda c: c.controller in ("explicit", "preview"), "the explicit and the preview controller"),
     )
