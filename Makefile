@@ -26,6 +26,7 @@ studies: run
 	$(BIN)/cosim study three-axle
 	$(BIN)/cosim study trench
 	$(BIN)/cosim study hmmwv
+	$(BIN)/cosim study gpc-readings
 	$(BIN)/cosim study ride
 
 test: $(VENV)/.test
