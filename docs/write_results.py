@@ -48,7 +48,7 @@ FEATURED = {
     "000": ("Brown et al.", "GPC of a HMMWV", "response cut, sine road", "gpc", "sine-gain"),
     "001": ("Donahue, Hedrick", "preview MPC", "gain by preview, unlimited pump", "hmmwv", "bump-preview"),
     "002": ("Das, Vinodh Kumar", "MPC of a quarter car", "force", "bench", "force-limit"),
-    "003": ("Kale", "6x6 over trenches", "passive crossings", "trench", "passive-verdicts"),
+    "003": ("Kale", "6x6 over trenches", "crossings", "trench", "passive-verdicts"),
     "004": ("Marzbanrad et al.", "preview LQ", "comfort index", "preview-lq", "index-both-preview"),
 }
 """The README's row of each paper: authors, subject, quantity, and the experiment and claim that the numbers are of."""
@@ -121,7 +121,7 @@ def section(studies: list[Summary]) -> str:
         calibrated = sum(c["verdict"] == "calibrated" for c in claims)
         reproduced = f"{sum(c['verdict'] == 'reproduced' for c in claims)} of {len(claims)}"
         reproduced += f", {calibrated} calibrated" if calibrated else ""
-        names = ", ".join(f"`{s['experiment']}`" for s in own)
+        names = ", ".join(f"`{s['experiment']}`" for s in own if s["claims"])
         title = f"{number} {authors}"
         rows += [[title, subject, quantity, c["published"], _ours(c), reproduced, names] for c in featured]
     lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]

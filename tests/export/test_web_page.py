@@ -238,12 +238,12 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
     page, first = layout.page, layout.cases[0]
     assert (first.case.controller, dict(first.values)) == ("passive", {})
     with Runner(TRENCH, FmuSet(FMUS)) as runner:
-        expected = TRENCH.measure(runner.run(TRENCH.case(controller="passive", speed_kmh=speed)))
+        expected = TRENCH.measures.measure(runner.run(TRENCH.case(controller="passive", speed_kmh=speed)))
         system = runner.system(first.case)
         recording = system.run(
-            TRENCH.stop_time(system, first.case),
+            TRENCH.run.stop_time(system, first.case),
             record=Record(["car.x", *(n for m in page.measures for n in m.names)], page.interval),
-            stop_when=TRENCH.stop_when(system, first.case),
+            stop_when=TRENCH.run.stop_when(system, first.case),
         )
         car = system["car"]
         own = {
@@ -269,6 +269,6 @@ def test_pages_of_the_fmus_that_there_are(built_fmus: BuiltFmus, tmp_path: Path)
     assert set(shown_experiments()) == {"hmmwv", "preview-lq", "ride", "trench"}
     fmus = FmuSet(FMUS)
     assert write_pages(fmus, tmp_path / "none", ["SpeedProfile"]) == []
-    (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].fmus)
+    (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].wiring.fmus)
     assert path == tmp_path / "one" / "trench.html"
     assert [s["title"] for s in json.loads(block(path, "data"))["systems"]] == ["Passive", "LQR", "MPC"]
