@@ -53,12 +53,15 @@ FEATURED = {
 }
 """The README's row of each paper: authors, subject, quantity, and the experiment and claim that the numbers are of."""
 
+JUDGED = [n for n in NAMES if import_module(EXPERIMENTS[n]).EXPERIMENT.study.claims]
+"""Experiments whose study judges claims."""
+
 Summary = dict[str, Any]
 
 
 def missing(studies: list[Summary]) -> str:
     """A sentence that names the experiments whose verdicts are not kept yet; nothing when all are."""
-    names = sorted(set(NAMES) - {s["experiment"] for s in studies})
+    names = sorted(set(JUDGED) - {s["experiment"] for s in studies})
     commands = ", ".join(f"`cosim study {n}`" for n in names)
     return f"Not in this table, because they were not run with the current FMUs: {commands}." if names else ""
 
@@ -71,7 +74,8 @@ def condense(summary: Summary) -> Summary:
 
 def collect(results: Path) -> list[Summary]:
     """Condensed summaries of the studies below a folder of results, by name of the experiment."""
-    return [condense(json.loads(p.read_text(encoding="utf-8"))) for p in sorted(results.glob("*/summary.json"))]
+    found = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(results.glob("*/summary.json"))]
+    return [condense(s) for s in found if s["experiment"] in JUDGED]
 
 
 def kept() -> list[Summary]:
@@ -121,7 +125,7 @@ def section(studies: list[Summary]) -> str:
         calibrated = sum(c["verdict"] == "calibrated" for c in claims)
         reproduced = f"{sum(c['verdict'] == 'reproduced' for c in claims)} of {len(claims)}"
         reproduced += f", {calibrated} calibrated" if calibrated else ""
-        names = ", ".join(f"`{s['experiment']}`" for s in own if s["claims"])
+        names = ", ".join(f"`{s['experiment']}`" for s in own)
         title = f"{number} {authors}"
         rows += [[title, subject, quantity, c["published"], _ours(c), reproduced, names] for c in featured]
     lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]

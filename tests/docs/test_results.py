@@ -22,7 +22,8 @@ STUDIES = WRITER["kept"]()
 def test_every_experiment_is_there_or_said_to_be_missing() -> None:
     there = [s["experiment"] for s in STUDIES]
     assert there == sorted(set(there))
-    for name in NAMES:
+    assert set(NAMES) - set(WRITER["JUDGED"]) == {"gpc-readings"}
+    for name in WRITER["JUDGED"]:
         assert (f"`cosim study {name}`" in WRITER["missing"](STUDIES)) == (name not in there)
     assert WRITER["missing"]([{"experiment": name} for name in NAMES]) == ""
 
@@ -51,7 +52,7 @@ def test_the_readme_shows_one_number_of_each_paper_and_its_reproduced_claims() -
         number, _, authors = title.partition(" ")
         assert all(name in PAPERS[number] for name in authors.removesuffix(" et al.").split(", "))
         own = [s for s in STUDIES if f"`{s['experiment']}`" in names]
-        assert [s for s in STUDIES if WRITER["paper"](s["experiment"]) == number and s["claims"]] == own
+        assert [s for s in STUDIES if WRITER["paper"](s["experiment"]) == number] == own
         claims = [c for s in own for c in s["claims"] if not c["own"]]
         counts = {v: sum(c["verdict"] == v for c in claims) for v in ("reproduced", "calibrated")}
         assert reproduced.startswith(f"{counts['reproduced']} of {len(claims)}")
