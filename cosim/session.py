@@ -150,6 +150,7 @@ class System(Wiring):
             stop_time=stop_time,
             state=state,
             allow_nan=how.allow_nan,
+            loop_tolerance=how.loop_tolerance,
         )
         if how.check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
@@ -236,8 +237,7 @@ class System(Wiring):
         `cosim.linear.statespace` says (`car.body.az` is `car_body_az`), and its `names` lead back. As in a run,
         components are reset and initialized with their parameters and start values first. Raises CosimError naming the
         component or connection that has no linear model, with the reason, LoopError for an algebraic loop without a
-        solution (of continuous components at the start; else for every one, as in a run), WiringError for names that do
-        not fit.
+        solution, WiringError for names that do not fit.
         """
         from cosim.linear.statespace import LinearModel
 
@@ -253,13 +253,12 @@ class System(Wiring):
         from cosim.linear import linearization as linear
 
         sampled, after = discrete is not False, rational(settle, "settle")
-        # The linear model solves the loops of a system, a run of it does not.
-        schedule = self._make_schedule(loops_are_solved=not sampled and not after)
+        schedule = self.schedule()
         chosen_in = linear.choose_inputs(self.components, schedule, sampled, inputs)
         chosen_out = linear.choose_outputs(self.components, schedule, sampled, outputs)
         period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
         if sampled:
-            schedule = self._make_schedule(period)
+            schedule = self.schedule(period)
         self.end_simulation()
         interval = period if sampled else None
         with self._begin(schedule, record=chosen_out, record_interval=interval) as simulation:

@@ -170,6 +170,9 @@ class PythonComponent:
     Parameters become attributes before `start`. `feedthrough` maps an output to the inputs it depends on directly;
     an output missing there depends on all. Exceptions raised in `step` end the run like an FMU's Error.
 
+    Where `start` gives the outputs of any state and inputs, not only the initial ones, say `computes_on_get = True`: an
+    algebraic loop through the component then reads outputs between steps instead of repeating steps.
+
     Each run executes a copy of the object that was added (`cosim.system.renewal`), so attributes that `__init__` sets
     are as new in every run.
     """
@@ -180,6 +183,7 @@ class PythonComponent:
     feedthrough: ClassVar[Mapping[str, Sequence[str]]] = {}
     kind: ClassVar[str] = "continuous"
     default_step: ClassVar[TimeLike | None] = None
+    computes_on_get: ClassVar[bool] = False
 
     def __init__(self) -> None:
         variables = [
@@ -252,6 +256,8 @@ class PythonComponent:
                 setattr(self, variable.name, value)
 
     def get(self, variables: Sequence[Variable]) -> list[Any]:
+        if self.computes_on_get:
+            self._started()
         return [self._value(v) for v in variables]
 
     def _value(self, variable: Variable) -> Any:
@@ -288,7 +294,7 @@ class PythonComponent:
                 raise CallFailed(self._name, "step", 3, detail) from error
 
         def get_outputs() -> None:
-            if self._initializing:
+            if self._initializing or self.computes_on_get:
                 self._started()
             own_y.take(source, 0, y, "clip")
 

@@ -56,6 +56,7 @@ class Variable:
     tolerance: float = 0.0  # difference from `must_equal` that passes
     display: DisplayUnit | None = None  # the unit in which the FMU wants it displayed
     source: str | None = None  # where its value comes from, in words, if the FMU says so
+    nominal: float = 1.0  # its typical size, positive
     clocks: tuple[int, ...] = ()  # value references of the clocks that it belongs to: it changes when one of them ticks
 
     @property

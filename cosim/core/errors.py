@@ -35,13 +35,13 @@ class WiringError(CosimError, ValueError):
 
 
 class LoopError(WiringError):
-    """An algebraic loop: values that depend on themselves at the same instant."""
+    """An algebraic loop that cannot be solved: values that depend on themselves at the same instant."""
 
 
 class AlgebraicLoopWarning(UserWarning):
-    """There may be an algebraic loop, which the master does not solve.
+    """There may be an algebraic loop, which is not solved.
 
-    Not all components in it declare their direct dependencies.
+    Not all components in it declare their direct dependencies, and initialization has measured none.
     """
 
 
@@ -130,6 +130,29 @@ class IntegrationFailed(CallFailed):
     def _text(self, time: float | None) -> str:  # noqa: ARG002
         text = f"component '{self.component}': its integration failed at t = {self.at:.9g} s: {self.why}"
         return text + "".join(f"\n    {line}" for line in self.messages)
+
+
+class LoopNotSolved(CallFailed):
+    """An algebraic loop has no solution at `at` [s], or jumps there.
+
+    `values`: name, value and residual of each unknown; `path`: the connections of the loop, as text.
+    """
+
+    def __init__(
+        self, component: str, values: Sequence[tuple[str, float, float]], tolerance: float, at: float, path: str
+    ):
+        self.values, self.tolerance, self.at, self.path = values, tolerance, at, path
+        super().__init__(component, "algebraic loop", 3)
+        self.status = "not solved"
+
+    def _text(self, time: float | None) -> str:  # noqa: ARG002
+        found = ", ".join(f"{n} = {z:.9g} (residual {r:.3g})" for n, z, r in self.values[:8])
+        more = f" and {len(self.values) - 8} more" if len(self.values) > 8 else ""
+        return (
+            f"the algebraic loop through '{self.component}' has no solution at t = {self.at:.9g} s, or its solution"
+            f" jumps there: {found}{more}, tolerance {self.tolerance:g}\n{self.path}\nGive one of these connections"
+            " delay=True (one step of delay), or the run a larger execution=Execution(loop_tolerance=...)."
+        )
 
 
 class IsolationCrashed(CallFailed):

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.core.component import FmiCalls, Transfer
-from cosim.core.errors import NotFinite
+from cosim.core.component import Array, FmiCalls, Transfer
+from cosim.core.errors import LoopNotSolved, NotFinite
 from cosim.engine.library import interface, library
-from cosim.engine.plan import ComponentPlan, Copy, Setup, make_plan
+from cosim.engine.plan import ComponentPlan, Copy, LoopPlan, Setup, make_plan
 from cosim.engine.stops import Stop, StopWhen, Timed
+from cosim.recording.recording import LoopEffort
 from cosim.system.components import SystemComponent
 
 SlotStop = tuple[StopWhen, int, float, float]
@@ -46,8 +47,8 @@ class BoundEngine:
         self._failure: BaseException | None = None
         self._rows: Any = None  # the recorder's chunk that the engine writes to
         ffi = self._ffi
-        names = ("AT_END", "FULL", "STOPPED", "NOT_FINITE", "BACK_FAILED", "UNSETTLED")
-        self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.BACK_FAILED, self.UNSETTLED = (
+        names = ("AT_END", "FULL", "STOPPED", "NOT_FINITE", "BACK_FAILED", "UNSETTLED", "NO_SOLUTION")
+        self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.BACK_FAILED, self.UNSETTLED, self.NO_SOLUTION = (
             getattr(self._library, f"ENGINE_{name}") for name in names
         )
         self.plan = plan = make_plan(setup)
@@ -65,6 +66,10 @@ class BoundEngine:
             self._new(f"EngineComponent*[{e.n_components}]"),
             self._new(f"EnginePiece[{e.n_components}]"),
         )
+        self._named = setup.loops
+        self._work = [np.zeros(loop.work) for loop in plan.loops]
+        self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work)])
+        e.loops, e.n_loops = self._loops, len(plan.loops)
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -99,11 +104,36 @@ class BoundEngine:
             failure, self._failure = self._failure, None
             assert failure is not None
             raise failure
-        component, t = setup.schedule.components[e.component], setup.base.seconds(self.tick)
+        t = setup.base.seconds(self.tick)
+        if result == self.NO_SOLUTION:
+            self._raise_no_solution(e.component, t)
+        component = setup.schedule.components[e.component]
         if result == self.NOT_FINITE:
             culprit = setup.layout.not_finite([component], t)
             raise culprit or NotFinite(component.name, "?", float("nan"), t)
         self.fail(component, e.call, e.status, t)
+
+    def _raise_no_solution(self, number: int, t: float) -> None:
+        loop, work = self._named[number], self._work[number]
+        culprit = self._setup.layout.not_finite(loop.components, t)
+        if culprit is not None:
+            raise culprit
+        n = len(loop.unknowns)
+        values = [(f"{m.name}.{v.name}", z, r) for (m, v), z, r in zip(loop.unknowns, work[:n], work[n:], strict=False)]
+        raise LoopNotSolved(loop.components[0].name, values, self._setup.loop_tolerance, t, str(loop))
+
+    @property
+    def loop_effort(self) -> list[LoopEffort]:
+        """What the solution of each algebraic loop has cost so far."""
+        return [
+            LoopEffort(
+                tuple(f"{m.name}.{v.name}" for m, v in loop.unknowns),
+                struct.n_solutions,
+                struct.n_evaluations,
+                struct.most_evaluations,
+            )
+            for loop, struct in zip(self._named, self._loops or (), strict=True)
+        ]
 
     def fail(self, component: SystemComponent, call: int, status: int, t: float) -> None:
         """Raise the exception for an FMI call of a component with this status, in an instant at `t` [s].
@@ -204,6 +234,20 @@ class BoundEngine:
         self._calls.append(ports.fmi)
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
+
+    def _loop(self, plan: LoopPlan, work: Array) -> dict[str, Any]:
+        return {
+            "components": self._pointer("int32_t*", np.array(plan.components, dtype=np.int32)),
+            "n_components": len(plan.components),
+            "clock": plan.clock,
+            "follows_discrete": plan.follows_discrete,
+            "n": len(plan.nominal),
+            "published": self._slots(plan.published),
+            "computed": self._slots(plan.computed),
+            "nominal": self._pointer("double*", np.array(plan.nominal)),
+            "tolerance": self._setup.loop_tolerance,
+            "work": self._pointer("double*", work),
+        }
 
     def _bind(self, m: Any, calls: FmiCalls) -> None:
         ffi = self._ffi

@@ -6,14 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-#if defined(_MSC_VER) && !defined(__clang__)
-#pragma fp_contract(off)
-#elif defined(__clang__) || !defined(__GNUC__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__FP_FAST_FMA)
-#pragma GCC optimize("fp-contract=off")
-#endif
-
 /* An instant is one function without calls but those of the components. What calls save on the stack are stores, and a
  * processor whose store buffer is full waits, instead of computing one component while it finishes another: a
  * third of the time of a chain of small FMUs. */
@@ -38,10 +30,10 @@ double engine_time(const Engine *e, int64_t tick) {
 
 /* ------------------------------------------------------------------ values */
 
-/* Extrapolate inputs, and convert them to their units. */
+/* Extrapolate inputs (not where t is NaN), and convert them to their units. */
 NOINLINE void convert(const double *values, const EngineComponent *m, double t) {
     double *u = m->u;
-    for (size_t i = 0; i < m->n_extrapolations; i++) {
+    for (size_t i = 0; i < m->n_extrapolations && !isnan(t); i++) {
         const EngineExtrapolation *l = &m->extrapolations[i];
         u[l->input] += (values[l->now] - values[l->before]) * ((t + l->shift - values[l->sample_time]) / l->period);
     }
@@ -196,6 +188,8 @@ INLINE bool all_finite(const double *y, size_t n) {
     return !(found >> 63);
 }
 
+bool engine_finite(const double *y, size_t n) { return all_finite(y, n); }
+
 /* Whether the outputs of the components that are due are finite, of those from number `first` to before `end` in their
  * list. */
 COLD int check_outputs_finite(Engine *e, int32_t first, int32_t end) {
@@ -227,7 +221,17 @@ INLINE void copy(double *values, const EngineCopy *c) {
         for (uint32_t i = 0; i < c->n; i++) values[c->to + i] = values[c->from + i];
 }
 
-INLINE void arrive(Engine *e, double t) {
+/* Solve the loops that are due, or those of them that follow discrete components. */
+COLD int solve_due(Engine *e, bool after_discrete) {
+    for (int32_t i = 0; i < e->n_loops; i++) {
+        if (!e->due[e->loops[i].clock] || (after_discrete && !e->loops[i].follows_discrete)) continue;
+        const int result = engine_solve(e, i);
+        if (result) return result;
+    }
+    return ENGINE_AT_END;
+}
+
+INLINE int arrive(Engine *e, double t) {
     double *values = e->values;
     if (e->saves_previous)
         for (int32_t k = 0; k < e->n_due; k++) { /* what was visible until now */
@@ -236,6 +240,7 @@ INLINE void arrive(Engine *e, double t) {
             for (int32_t c = 0; c < m->n_copies_before; c++) copy(values, &m->copies[c]);
         }
     for (int32_t k = 0; k < e->n_published; k++) copy(values, &e->published[k]);
+    return RARELY(e->n_loops) ? solve_due(e, false) : ENGINE_AT_END;
 }
 
 INLINE bool holds(const EngineStop *s, const double *values) {
@@ -263,6 +268,10 @@ INLINE int sample(Engine *e, double t) {
         int result = run_component(e, e->list[k], t);
         if (!result) result = check_outputs_finite(e, k, k + 1);
         if (RARELY(result)) return failed_at(e, k, result);
+    }
+    if (RARELY(e->n_loops) && e->n_due_discrete) {
+        const int result = solve_due(e, true);
+        if (result) return failed_at(e, e->n_due_discrete - 1, result);
     }
     if (e->due[e->n_clocks - 1]) {
         double *row = e->rows + (size_t)e->count * e->n_recorded;
@@ -304,7 +313,7 @@ INLINE int advance(Engine *e, double t) {
     return check_computed_finite(e);
 }
 
-void engine_arrive(Engine *e, double t) { arrive(e, t); }
+int engine_arrive(Engine *e, double t) { return arrive(e, t); }
 int engine_sample(Engine *e, double t) { return sample(e, t); }
 int engine_advance(Engine *e, double t) { return advance(e, t); }
 
@@ -319,13 +328,24 @@ void engine_publish(Engine *e) {
         }
 }
 
-/* Inputs and outputs of a component without a step. */
-static int exchange(Engine *e, const EngineComponent *m) {
-    gather(e->values, m, 0.0);
+void engine_publish_outputs(Engine *e, const EngineComponent *m) {
+    for (int32_t c = m->n_copies_before; c < m->n_copies; c++) copy(e->values, &m->copies[c]);
+}
+
+int engine_exchange(Engine *e, const EngineComponent *m, double t) {
+    gather(e->values, m, t);
     int result = m->fmi ? engine_set(e, m) : run_back(e, m, NAN);
     if (m->fmi && !result) result = engine_get(e, m);
     if (m->foreign) put_back(e, m);
+    if (result) e->component = (int32_t)(m - e->components);
     return result;
+}
+
+static bool is_in_loop(const Engine *e, int32_t component) {
+    for (int32_t i = 0; i < e->n_loops; i++)
+        for (int32_t k = 0; k < e->loops[i].n_components; k++)
+            if (e->loops[i].components[k] == component) return true;
+    return false;
 }
 
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
@@ -333,12 +353,14 @@ int engine_settle(Engine *e, const bool *settles, double *before, size_t n_value
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
         for (int32_t i = 0; i < e->n_components; i++) {
-            if (settles && !settles[i]) continue;
-            const int result = exchange(e, &e->components[i]);
-            if (result) {
-                e->component = i;
-                return result;
-            }
+            if ((settles && !settles[i]) || is_in_loop(e, i)) continue;
+            const int result = engine_exchange(e, &e->components[i], 0.0);
+            if (result) return result;
+            engine_publish(e);
+        }
+        for (int32_t i = 0; i < e->n_loops; i++) {
+            const int result = engine_solve(e, i);
+            if (result) return result;
             engine_publish(e);
         }
         bool moved = false;
@@ -425,8 +447,8 @@ int engine_run(Engine *e, int64_t end) {
         int result = *recorded && e->count == e->room ? ENGINE_FULL : ENGINE_AT_END;
         if (!result) {
             const double t = engine_time(e, tick);
-            arrive(e, t);
-            result = sample(e, t);
+            result = arrive(e, t);
+            if (!result) result = sample(e, t);
             if (!result) result = advance(e, t);
         }
         if (result) {

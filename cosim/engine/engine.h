@@ -10,6 +10,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#if defined(_MSC_VER) && !defined(__clang__)
+#pragma fp_contract(off)
+#elif defined(__clang__) || !defined(__GNUC__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__FP_FAST_FMA)
+#pragma GCC optimize("fp-contract=off")
+#endif
+
 /* C types of the values that FMI functions move. */
 typedef enum {
     ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16, ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32,
@@ -24,7 +32,8 @@ typedef enum {
     ENGINE_NOT_FINITE,  /* an output of the component is NaN or infinite */
     ENGINE_CALL_FAILED, /* `call` of the component returned `status`, or its step ended early or requests termination */
     ENGINE_UNSETTLED,   /* initial values still change after many rounds: there is a loop among them */
-    ENGINE_BACK_FAILED  /* `back` returned another value than 0, called for a component or for a check (-1) */
+    ENGINE_BACK_FAILED, /* `back` returned another value than 0, called for a component or for a check (-1) */
+    ENGINE_NO_SOLUTION  /* no values solve algebraic loop number `component` */
 } EngineResult;
 
 /* Statuses that are no failure are 0 and 1 in FMI 2.0 and 3.0; as unsigned numbers all others are larger. */
@@ -93,6 +102,22 @@ typedef struct {
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineComponent;
 
+/* Components whose outputs depend directly on each other: an algebraic loop. Its unknowns z are the outputs at which it
+ * is cut: the components, computed in their order from z, give G(z), and z = G(z) is solved. */
+typedef struct {
+    const int32_t *components;
+    int32_t n_components;
+    int32_t clock;              /* of all its components */
+    bool follows_discrete;      /* a discrete component drives it: it is solved again after those */
+    int32_t n;                  /* unknowns */
+    const uint32_t *published, *computed; /* of n: their slots */
+    const double *nominal;      /* of n */
+    double tolerance;           /* of |G(z) - z| / max(nominal, |z|) */
+    double *work;               /* of 2 n^2 + 5 n; first the unknowns, then their residuals */
+    int64_t n_solutions, n_evaluations;
+    int64_t most_evaluations;   /* for one solution */
+} EngineLoop;
+
 /* Calls of an FMU that save, restore and free its state; the same in FMI 2.0 and 3.0. */
 typedef uint32_t (*EngineState)(void *instance, void **state);
 typedef uint32_t (*EngineStateSet)(void *instance, void *state);
@@ -138,6 +163,8 @@ typedef struct {
     int32_t n_published;
     EnginePiece *computed;      /* of n_components: where the outputs are that continuous ones compute */
     int32_t n_computed;
+    EngineLoop *loops;          /* in the order in which they are solved */
+    int32_t n_loops;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool check_finite;          /* an output that is NaN or infinite ends the run */
@@ -160,8 +187,9 @@ typedef struct {
 int engine_run(Engine *e, int64_t end);
 
 /* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. When sample or
- * advance is called again after a component has failed, it continues behind that component. */
-void engine_arrive(Engine *e, double t);
+ * advance is called again after a component has failed, it continues behind that component. Algebraic loops are solved
+ * at the end of an arrival, and again where discrete components have changed what drives them. */
+int engine_arrive(Engine *e, double t);
 int engine_sample(Engine *e, double t);
 int engine_advance(Engine *e, double t);
 
@@ -170,6 +198,14 @@ void engine_look_up(Engine *e, int64_t tick);
 /* Hand inputs over, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
 int engine_set(Engine *e, const EngineComponent *m);
 int engine_get(Engine *e, const EngineComponent *m);
+/* Set inputs and get outputs of a component without a step; where t is NaN, no input is extrapolated. */
+int engine_exchange(Engine *e, const EngineComponent *m, double t);
+/* What a continuous component has computed is published. */
+void engine_publish_outputs(Engine *e, const EngineComponent *m);
+bool engine_finite(const double *y, size_t n);
+/* Solve a loop by Newton's method with a Jacobian of differences and Broyden's updates, from the published values on.
+ * Published values that solve it are left as they are. */
+int engine_solve(Engine *e, int32_t loop);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
 void engine_publish(Engine *e);
 /* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of

@@ -39,6 +39,7 @@ from cosim.core.component import EndRequested
 from cosim.engine.bound import BoundEngine, SlotStop
 from cosim.engine.plan import Setup
 from cosim.engine.stops import Reader, Stop, StopCondition, StopWhen, Timed, stop_check
+from cosim.recording.recording import LoopEffort
 from cosim.system.names import SystemComponents
 
 
@@ -63,6 +64,7 @@ class Exchange(Setup):
     _stops: Sequence[SlotStop] = ()
     _check: Timed | None = None
     _engine: BoundEngine | None = None
+    _effort: Sequence[LoopEffort] = ()  # of engines that were bound before
 
     @property
     def time(self) -> float:
@@ -96,8 +98,16 @@ class Exchange(Setup):
             self._stops = [(c, *k) for c, k in zip(plain, known, strict=True) if k]
 
     def forget(self) -> None:
-        """Ports or checks have changed: bind the engine again."""
-        self._engine = None
+        """Ports, loops or checks have changed: bind the engine again."""
+        self._effort, self._engine = self.loop_effort, None
+
+    @property
+    def loop_effort(self) -> Sequence[LoopEffort]:
+        """What the solution of each algebraic loop has cost so far."""
+        if self._engine is None:
+            return self._effort
+        known = {effort.unknowns: effort for effort in self._effort}
+        return [e + known[e.unknowns] if e.unknowns in known else e for e in self._engine.loop_effort]
 
     def next_instant(self, tick: int) -> int:
         """The first tick at or after `tick` at which something is due."""
@@ -111,7 +121,9 @@ class Exchange(Setup):
 
     def arrive(self) -> None:
         """Show what has been reached at the present tick, and take a provisional sample if one is due."""
-        self.engine.instant(self.tick, self.time, arrives=True)
+        result = self.engine.instant(self.tick, self.time, arrives=True)
+        if result != self.engine.AT_END:
+            self.engine.raise_failure(result)
         if self.clocks[-1].due(self.tick):
             self.recorder.sample(self.time)
         self.phase = Phase.ARRIVED

@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from build_fmus.base.checks import number
+from cosim.core.errors import WiringError
 from cosim.core.time import TimeLike
+from cosim.engine.plan import LOOP_TOLERANCE
 
 if TYPE_CHECKING:
     from cosim.system.wiring import Wiring
@@ -50,6 +53,7 @@ class Execution:
         real_time: pace, 1.0 for that of the clock, 2.0 for twice as fast, see `Simulation.advance`; None: none.
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run.
+        loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
     """
 
     isolate: tuple[str, ...] = ()
@@ -58,6 +62,10 @@ class Execution:
     real_time: float | None = None
     check_stability: bool = False
     allow_nan: bool = False
+    loop_tolerance: float = LOOP_TOLERANCE
+
+    def __post_init__(self) -> None:
+        number("loop_tolerance", self.loop_tolerance, above=0.0, most=1.0, error=WiringError)
 
     def prepare(self, system: Wiring, *, every: bool = True) -> None:
         """Isolate the FMUs of a system that are to be isolated.

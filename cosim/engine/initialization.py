@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.core.errors import CosimError, NotFinite, WiringError
 from cosim.engine.exchange import Exchange, Phase
-from cosim.engine.loops import check_loops
+from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
 from cosim.system.components import SystemComponent
 from cosim.system.renewal import renewed
@@ -42,6 +42,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
+    possible = undeclared(exchange.schedule)
+    measured = measure(exchange.schedule, [m for m in possible if m in restored])
     for m in restored:
         m.implementation.exit_initialization()
         saved = state.components[m.name]  # type: ignore[union-attr]
@@ -55,8 +57,12 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             exchange.values[slot] = float(m.implementation.get([variable])[0])
     exchange.engine.publish()
     fresh = [m for m in components if m not in restored]
+    if possible:
+        _settle(exchange, [m for m in fresh if m not in possible])
+        measured |= measure(exchange.schedule, [m for m in possible if m in fresh])
+        exchange.loops = loops_of(exchange.schedule, measured)
+        exchange.forget()
     unsettled = _settle(exchange, fresh)
-    check_loops(exchange.schedule, fresh)
     if unsettled:
         warnings.warn(
             f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
@@ -66,6 +72,10 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         m.implementation.exit_initialization()
         exchange.ports[m].get_outputs()
     exchange.engine.publish()
+    exchange.repeated = repeated_steps(exchange.loops, exchange.ports)
+    if exchange.repeated:
+        exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
+        exchange.forget()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)

@@ -15,8 +15,8 @@ EXPORT int cosim_engine_run(Engine *e, int64_t end) { return engine_run(e, end);
 EXPORT int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances) {
     e->environment = environment_bits();
     if (!resumed) engine_look_up(e, e->tick);
-    if (arrives) engine_arrive(e, t);
-    const int result = samples ? engine_sample(e, t) : ENGINE_AT_END;
+    int result = arrives ? engine_arrive(e, t) : ENGINE_AT_END;
+    if (!result && samples) result = engine_sample(e, t);
     return result || !advances ? result : engine_advance(e, t);
 }
 EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
@@ -24,7 +24,7 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
     return engine_settle(e, settles, before, n_values);
 }
 EXPORT size_t cosim_engine_size(void) {
-    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(Table) + sizeof(Integrator);
+    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(Table) + sizeof(Integrator);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {

@@ -16,7 +16,10 @@ HEADER = Path(__file__).with_name("engine.h")
 TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
-SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c", "integrator.c", "library.c"))
+SOURCES = tuple(
+    Path(__file__).with_name(f"{name}.c") for name in ("engine", "algebraic_loop", "table", "integrator", "library")
+)
+_STRUCTS = ("Engine", "EngineComponent", "EngineLoop", "Table", "Integrator")
 
 _EXPORTED = """
 int cosim_engine_run(Engine *e, int64_t end);
@@ -88,6 +91,6 @@ def library() -> Any:
             loaded = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
-    if loaded.cosim_engine_size() != sum(map(ffi.sizeof, ("Engine", "EngineComponent", "Table", "Integrator"))):
+    if loaded.cosim_engine_size() != sum(map(ffi.sizeof, _STRUCTS)):
         raise NoEngine(f"{path} lays out its data in another way than this Python")
     return loaded

@@ -1,46 +1,63 @@
-"""Algebraic loops with undeclared dependencies, which are measured during initialization: an error or a warning."""
+"""Algebraic loops of a system that is being initialized: which there are, and what their components need for them."""
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Collection
+from collections.abc import Iterable, Mapping, Sequence
 
-from cosim.core.dependencies import Dependencies
-from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed
+from cosim.core.component import EndRequested, Ports
+from cosim.core.dependencies import Dependencies, by_perturbation
+from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed, LoopError
 from cosim.system.components import SystemComponent
-from cosim.system.loops import Loop, components, declared, find_loops, path_of, refuse_loops
+from cosim.system.loops import AlgebraicLoop, declared, find_loops, require_solvable
 from cosim.system.schedule import Schedule
 
 
-def check_loops(schedule: Schedule, initializing: Collection[SystemComponent]) -> None:
-    """Raise LoopError for an algebraic loop; issue an AlgebraicLoopWarning for a possible one.
+def undeclared(schedule: Schedule) -> dict[SystemComponent, None]:
+    """Components of possible loops that do not declare all direct dependencies, in order of execution."""
+    return dict.fromkeys(
+        c.source
+        for loop in schedule.possible_loops
+        for c in loop.connections
+        if declared(c.source, c.output.name) is None
+    )
 
-    A loop is certain if its dependencies are declared, or measured on components that are `initializing`.
+
+def measure(schedule: Schedule, components: Iterable[SystemComponent]) -> dict[SystemComponent, Dependencies]:
+    """Direct dependencies that these components do not declare, measured while they are being initialized."""
+    return {m: _measured(schedule, m) for m in components}
+
+
+def loops_of(schedule: Schedule, measured: Mapping[SystemComponent, Dependencies]) -> tuple[AlgebraicLoop, ...]:
+    """The loops that are declared or measured; issues an AlgebraicLoopWarning for each that is only possible.
+
+    Raises:
+        LoopError: a loop cannot be solved.
     """
-    measured: dict[SystemComponent, Dependencies] = {}
+    if not schedule.possible_loops:
+        return schedule.loops
 
-    def depends(component: SystemComponent, output: str) -> frozenset[str] | None:
+    def depends(component: SystemComponent, output: str) -> frozenset[str]:
         known = declared(component, output)
-        return known if known is not None or component not in measured else measured[component].get(output, frozenset())
+        return measured.get(component, {}).get(output, frozenset()) if known is None else known
 
-    while schedule.possible_loops:
-        loops = find_loops(schedule.connections, depends)
-        unknown = {c.source.name: c.source for loop in loops for c in loop if depends(c.source, c.output.name) is None}
-        if not unknown:
-            refuse_loops(loops, " (what is not declared was measured at the initial values)")
-            break
-        for component in unknown.values():
-            measured[component] = _measured(schedule, component) if component in initializing else {}
+    found = tuple(find_loops(schedule.connections, depends))
+    solved = {c for loop in found for c in loop.connections}
+    for loop in found:
+        require_solvable(loop)
     for loop in schedule.possible_loops:
-        warnings.warn(_warning(loop), AlgebraicLoopWarning, stacklevel=9)
+        if not solved.issuperset(loop.connections):
+            warnings.warn(_warning(loop), AlgebraicLoopWarning, stacklevel=9)
+    return found
 
 
-def _warning(loop: Loop) -> str:
-    silent = dict.fromkeys(repr(c.source.name) for c in loop if declared(c.source, c.output.name) is None)
+def _warning(loop: AlgebraicLoop) -> str:
+    silent = dict.fromkeys(repr(c.source.name) for c in loop.connections if declared(c.source, c.output.name) is None)
     return (
-        f"the components {', '.join(repr(n) for n in components(loop))} may form an algebraic loop, which the master"
-        f" does not solve: {', '.join(silent)} {'does' if len(silent) == 1 else 'do'} not declare on which inputs"
-        f" outputs depend directly\n{path_of(loop)}\nIf these do, each value of the loop is computed from one of the"
+        f"the components {loop.names} may form an algebraic loop, which is not solved: {', '.join(silent)}"
+        f" {'does' if len(silent) == 1 else 'do'} not declare on which inputs outputs depend directly, and"
+        f" initialization has not measured it\n{loop}\nIf these do, each value of the loop is computed from one of the"
         " step before. delay=True on one of these connections says that it is meant so."
     )
 
@@ -55,7 +72,79 @@ def _measured(schedule: Schedule, component: SystemComponent) -> Dependencies:
     try:
         found: Dependencies = measure(inputs, [v for v in outputs if declared(component, v.name) is None])
     except CosimError as error:
-        if isinstance(error, IsolationCrashed) or (isinstance(error, CallFailed) and error.status == "Fatal"):
+        if _lost(error):
             raise  # nothing of it can be called any more
         return {}
     return found
+
+
+def _lost(error: CosimError) -> bool:
+    return isinstance(error, IsolationCrashed) or (isinstance(error, CallFailed) and error.status == "Fatal")
+
+
+class RepeatedStep:
+    """A component of a loop that computes its outputs in steps only: its last step is repeated with other inputs.
+
+    What it computes at the end of a step then belongs to the inputs at that end: an implicit exchange.
+    """
+
+    def __init__(self, component: SystemComponent, ports: Ports):
+        """`ports` of the component, which repeats nothing until its first step."""
+        self._implementation, self._ports = component.implementation, ports
+        self._last: tuple[object, float, float] | None = None  # state at its begin, time and length [s]
+        self.ports = Ports(ports.set_inputs, ports.step, self._get_outputs, self._run)
+
+    def forget(self) -> None:
+        """There is no last step to repeat."""
+        if self._last is not None:
+            self._implementation.forget(self._last[0])
+            self._last = None
+
+    def _run(self, t: float, h: float) -> None:
+        self.forget()
+        self._last = self._implementation.save(), t, h
+        self._ports.run(t, h)
+
+    def _get_outputs(self) -> None:
+        if self._last is not None:
+            state, t, h = self._last
+            self._implementation.restore(state)
+            self._ports.set_inputs()
+            with contextlib.suppress(EndRequested):  # as when the step was done first
+                self._ports.step(t, h)
+        self._ports.get_outputs()
+
+
+def repeated_steps(
+    loops: Sequence[AlgebraicLoop], ports: Mapping[SystemComponent, Ports]
+) -> dict[SystemComponent, RepeatedStep]:
+    """The components of loops, all of them initialized, whose outputs do not follow their inputs between steps.
+
+    Raises:
+        LoopError: one of them cannot save its state.
+    """
+    found: dict[SystemComponent, RepeatedStep] = {}
+    for loop in loops:
+        for m in loop.components:
+            if _follows(loop, m):
+                continue
+            if not m.description.can_save:
+                raise LoopError(
+                    f"'{m.name}' is part of an algebraic loop, computes its outputs in steps only, and cannot save its"
+                    f" state, so the loop cannot be solved:\n{loop}\nGive one of these connections delay=True (one step"
+                    " of delay) to break the loop."
+                )
+            found[m] = RepeatedStep(m, ports[m])
+    return found
+
+
+def _follows(loop: AlgebraicLoop, component: SystemComponent) -> bool:
+    """Whether outputs change with inputs without a step."""
+    inputs = [c.input for c in loop.connections if c.target is component]
+    outputs = list(dict.fromkeys(c.output for c in loop.connections if c.source is component))
+    try:
+        return any(by_perturbation(component.implementation, inputs, outputs).values())
+    except CosimError as error:
+        if _lost(error):
+            raise
+        return False

@@ -10,10 +10,15 @@ from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
 from cosim.core.time import TimeBase
 from cosim.engine.clock import Clock
+from cosim.engine.loops import RepeatedStep
 from cosim.engine.recorder import Recorder
 from cosim.engine.values import EXACT, Index, Layout, make_layout
 from cosim.system.components import SystemComponent
+from cosim.system.loops import AlgebraicLoop
 from cosim.system.schedule import Schedule
+
+LOOP_TOLERANCE = 1e-9
+"""Of the values that solve an algebraic loop, relative to max(nominal value, |value|)."""
 
 
 class Setup:
@@ -28,10 +33,14 @@ class Setup:
         watch: Sequence[tuple[SystemComponent, Variable]] = (),
         interval: Fraction | None = None,
         allow_nan: bool = False,
+        loop_tolerance: float = LOOP_TOLERANCE,
     ):
         """`interval` [s] is that of the recorder, a multiple of the schedule's tick; default: the smallest step."""
         self.schedule = schedule
         self.allow_nan = allow_nan
+        self.loop_tolerance = loop_tolerance
+        self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
+        self.repeated: dict[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
         self.layout: Layout = make_layout(schedule, record, watch)
         self.values = self.layout.values
@@ -77,11 +86,30 @@ class ComponentPlan:
 
 
 @dataclass(frozen=True)
+class LoopPlan:
+    """An algebraic loop; the names are those of `EngineLoop`."""
+
+    components: tuple[int, ...]
+    clock: int
+    follows_discrete: bool
+    published: tuple[int, ...]
+    computed: tuple[int, ...]
+    nominal: tuple[float, ...]
+
+    @property
+    def work(self) -> int:
+        """How many doubles its solution needs."""
+        n = len(self.nominal)
+        return 2 * n * n + 5 * n
+
+
+@dataclass(frozen=True)
 class Plan:
     """A whole exchange; the names are those of `Engine`. `clocks` ends with the recorder's."""
 
     size: int
     components: tuple[ComponentPlan, ...]
+    loops: tuple[LoopPlan, ...]
     n_discrete: int
     clocks: tuple[Clock, ...]
     time: tuple[int, int, int]
@@ -102,6 +130,7 @@ def make_plan(setup: Setup) -> Plan:
     return Plan(
         size=len(layout.values),
         components=tuple(_component(layout, m, c, m in seidel) for m, c in zip(schedule.components, own, strict=True)),
+        loops=tuple(_loop(setup, loop, own) for loop in setup.loops),
         n_discrete=len(schedule.discrete),
         clocks=(*clocks, setup.clocks[-1]),
         time=setup.base.integers(),
@@ -127,6 +156,20 @@ def _component(layout: Layout, component: SystemComponent, clock: int, seidel: b
         extrapolations=tuple(port.extrapolated()),
         first=port.first,
         n_outputs=len(port.outputs),
+    )
+
+
+def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
+    layout, components = setup.layout, setup.schedule.components
+    numbers = tuple(components.index(m) for m in loop.components)
+    driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
+    return LoopPlan(
+        components=numbers,
+        clock=clocks[numbers[0]],
+        follows_discrete=driven and not any(m in setup.repeated for m in loop.components),
+        published=tuple(layout.visible[key] for key in loop.unknowns),
+        computed=tuple(layout.latest[key] for key in loop.unknowns),
+        nominal=tuple(variable.nominal for _, variable in loop.unknowns),
     )
 
 

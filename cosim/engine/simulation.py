@@ -35,6 +35,7 @@ from cosim.core.real_time import Pace, RealTime
 from cosim.core.time import TimeLike, gcd, positive, rational
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
+from cosim.engine.plan import LOOP_TOLERANCE
 from cosim.engine.progress import ProgressBar
 from cosim.engine.saving import EngineStatePool
 from cosim.engine.state import SystemState, Wiring, wiring_of
@@ -73,6 +74,7 @@ class Simulation:
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
+        loop_tolerance: float = LOOP_TOLERANCE,
         lock: AbstractContextManager[Any] | None = None,
     ):
         """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`.
@@ -89,7 +91,13 @@ class Simulation:
         self.schedule = schedule
         self._components = SystemComponents((m.name, m) for m in schedule.components)
         self._exchange = Exchange(
-            schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
+            schedule,
+            start,
+            record=record,
+            watch=watch,
+            interval=record_interval,
+            allow_nan=allow_nan,
+            loop_tolerance=loop_tolerance,
         )
         self._layout = self._exchange.layout
         self._lock = threading.RLock() if lock is None else lock
@@ -208,6 +216,7 @@ class Simulation:
             }
         )
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
+        result.loops = tuple(self._exchange.loop_effort)
         result.aliases, result.types, result.display = (
             self._layout.aliases,
             self._layout.record_types,
@@ -497,6 +506,8 @@ class Simulation:
 
         (self.guarded if components else self._tried)(restore)
         exchange = self._exchange
+        for step in exchange.repeated.values():
+            step.forget()
         self._pace = None
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
         exchange.values[:] = state.values

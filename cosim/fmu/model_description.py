@@ -551,6 +551,7 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         reference=_integer(element, "valueReference", what, high=2**32 - 1),
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
+        nominal=(abs(_number(attributes["nominal"], f"{what}: nominal")) or 1.0) if "nominal" in attributes else 1.0,
         clocks=_references(element.get("clocks"), what),
     )
 

@@ -52,6 +52,7 @@ from cosim.linear.linearized import (
 )
 from cosim.linear.statespace import Matrices
 from cosim.system.components import Connection, Group, SystemComponent
+from cosim.system.loops import certain, find_loops
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.schedule import Schedule
 
@@ -529,6 +530,7 @@ class _Period:
             (),
             tuple(sorted(copies, key=lambda c: c.target_name)),
             (),
+            tuple(find_loops(copies, certain)),
         )
         watched = [(linearized_components[m], v) for m, v in outputs]
         self.exchange = Exchange(linear, watch=watched, interval=period, allow_nan=True)

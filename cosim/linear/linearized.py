@@ -6,7 +6,7 @@ It runs one deviation at a time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag, expm
@@ -63,8 +63,15 @@ class _Linearized(PythonComponent):
 class LinearizedContinuous(_Linearized):
     """A component that steps a linear model exactly, from the state 0."""
 
+    computes_on_get = True
+
     def __init__(self, model: Model, inputs: Sequence[Variable], outputs: Sequence[Variable], step: float):
         super().__init__("continuous", inputs, outputs, len(model.a))
+        depends = {
+            o.name: frozenset(i.name for i, gain in zip(inputs, row, strict=True) if gain)
+            for o, row in zip(outputs, model.d, strict=True)
+        }
+        self.description = replace(self.description, dependencies=depends)
         n = len(model.a)
         block = np.zeros((n + len(inputs), n + len(inputs)))
         block[:n, :n], block[:n, n:] = model.a, model.b

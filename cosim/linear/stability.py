@@ -156,7 +156,7 @@ def _linear_schedule(
         for g in schedule.groups
         if g.name
     ]
-    return make_schedule(linearized.values(), copies, groups, loops_are_solved=True)
+    return make_schedule(linearized.values(), copies, groups)
 
 
 def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:

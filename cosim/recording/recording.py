@@ -21,6 +21,27 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+@dataclass(frozen=True)
+class LoopEffort:
+    """What the solution of an algebraic loop has cost: evaluations of its components, in all and at most for one."""
+
+    unknowns: tuple[str, ...]
+    solutions: int
+    evaluations: int
+    most_evaluations: int
+
+    def __add__(self, other: LoopEffort) -> LoopEffort:
+        most = max(self.most_evaluations, other.most_evaluations)
+        return LoopEffort(self.unknowns, self.solutions + other.solutions, self.evaluations + other.evaluations, most)
+
+    def __str__(self) -> str:
+        mean = self.evaluations / max(1, self.solutions)
+        return (
+            f"loop through {', '.join(self.unknowns)}: solved {self.solutions} times with {mean:.3g} evaluations on"
+            f" average, at most {self.most_evaluations}"
+        )
+
+
 @dataclass
 class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
@@ -29,6 +50,7 @@ class Recording:
     stop condition, or which component that asked for it, ended the run (None: it reached its stop time); `wall_time`
     [s] is what the stepping took; `real_time` is how a paced run kept pace with the clock. `types` names
     what stands for "integer" or "boolean" values, `display` the units in which FMUs want their variables displayed.
+    `loops` tells what the solution of each algebraic loop has cost.
     """
 
     time: Array
@@ -41,6 +63,7 @@ class Recording:
     real_time: RealTime | None = None
     types: dict[str, str] = field(default_factory=dict)
     display: dict[str, DisplayUnit] = field(default_factory=dict)
+    loops: tuple[LoopEffort, ...] = ()
 
     def __post_init__(self) -> None:
         self._column = {name: i for i, name in enumerate(self.names)}

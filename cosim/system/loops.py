@@ -1,28 +1,57 @@
 """Algebraic loops among continuous components: values that depend on themselves at the same instant.
 
-Continuous components advance with inputs as of the beginning of their steps, so around a loop of outputs that depend
-directly on inputs each value is computed from one that is a step old: one pass of an iteration per step, not the
-solution of the loop's equations. A connection with a delay breaks a loop, and so does a discrete component: it reads
-its inputs at its own instants, by the exchange rule.
+The edges of a loop are connections, and direct dependencies of outputs on inputs within a component. A connection with
+a delay breaks a loop, and so does a discrete component: it reads its inputs at its own instants, by the exchange rule.
 
-The edges of a loop are connections, and direct dependencies of outputs on inputs within a component. Where a component
-does not declare those, the loop is only possible.
+Values that depend on each other are the strong components of this graph, and each of them is one loop, which the engine
+solves (`algebraic_loop.c`). Where a component does not declare its dependencies, a loop is only possible.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
 
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from cosim.core.description import Variable
 from cosim.core.errors import LoopError
+from cosim.core.time import seconds_text
 from cosim.system.components import Connection, SystemComponent
 
-Loop = tuple[Connection, ...]
 Depends = Callable[
     [SystemComponent, str], "frozenset[str] | None"
 ]  # the inputs that an output depends on directly; None: on all of them
 _Output = tuple[
     SystemComponent, "frozenset[str] | None"
 ]  # outputs of a component that depend on the same inputs are one node
+
+
+@dataclass(frozen=True)
+class AlgebraicLoop:
+    """Components whose outputs depend directly on each other, in the order in which they pass on values."""
+
+    components: tuple[SystemComponent, ...]
+    connections: tuple[Connection, ...]
+
+    @property
+    def unknowns(self) -> tuple[tuple[SystemComponent, Variable], ...]:
+        """Outputs at which the loop is cut: those that their own component reads, or one ahead of it."""
+        place = {m: i for i, m in enumerate(self.components)}
+        return tuple(
+            dict.fromkeys((c.source, c.output) for c in self.connections if place[c.source] >= place[c.target])
+        )
+
+    @property
+    def names(self) -> str:
+        """Its components, for messages."""
+        return ", ".join(repr(m.name) for m in self.components)
+
+    def __str__(self) -> str:
+        return "\n".join(f"    {c.source_name} -> {c.target_name}" for c in self.connections)
 
 
 def declared(component: SystemComponent, output: str) -> frozenset[str] | None:
@@ -35,76 +64,68 @@ def certain(component: SystemComponent, output: str) -> frozenset[str]:
     return declared(component, output) or frozenset()
 
 
-def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop]:
-    """Loops among continuous components, each as a sequence of connections.
+def find_loops(connections: Iterable[Connection], depends: Depends) -> list[AlgebraicLoop]:
+    """Loops among continuous components, each after those whose values it needs.
 
-    There is at least one of every set of loops that have a component in common, and none that shares an output with
-    another one in the list.
+    No two of them share an output.
     """
-    into: dict[SystemComponent, list[Connection]] = {}
-    for c in connections:
-        if not (c.delay or c.source.discrete or c.target.discrete):
-            into.setdefault(c.target, []).append(c)
-
-    def node(c: Connection) -> _Output:
-        return c.source, depends(c.source, c.output.name)
-
-    def before(output: _Output) -> Iterator[Connection]:
-        component, inputs = output
-        return (c for c in into.get(component, ()) if inputs is None or c.input.name in inputs)
-
-    found: list[Loop] = []
-    done: set[_Output] = set()
-    named: set[_Output] = set()
-    for first in dict.fromkeys(node(c) for incoming in into.values() for c in incoming):
-        if first in done:
-            continue
-        place = {first: 0}  # of the nodes on the present path, which leads from outputs back to what they depend on
-        path: list[Connection] = []  # between these nodes
-        ahead = [before(first)]  # of each node: the connections that are not followed yet
-        while ahead:
-            try:
-                c = next(ahead[-1])
-            except StopIteration:
-                done.add(place.popitem()[0])
-                ahead.pop()
-                del path[-1:]
-                continue
-            source = node(c)
-            if source in place:
-                loop = [*path[place[source] :], c][::-1]
-                if named.isdisjoint(nodes := {node(x) for x in loop}):
-                    named |= nodes
-                    found.append(_from_first(loop))
-            elif source not in done:
-                place[source] = len(place)
-                path.append(c)
-                ahead.append(before(source))
-    return sorted(found, key=lambda loop: [c.source_name for c in loop])
+    undelayed = sorted(
+        (c for c in connections if not (c.delay or c.source.discrete or c.target.discrete)),
+        key=lambda c: (c.source_name, c.target_name),
+    )
+    numbers: dict[_Output, int] = {}
+    source = {c: numbers.setdefault((c.source, depends(c.source, c.output.name)), len(numbers)) for c in undelayed}
+    edges = [
+        (source[c], number, c)
+        for (component, inputs), number in numbers.items()
+        for c in undelayed
+        if c.target is component and (inputs is None or c.input.name in inputs)
+    ]
+    if not edges:
+        return []
+    rows, columns, _ = zip(*edges, strict=True)
+    graph = coo_array((np.ones(len(edges)), (rows, columns)), shape=(len(numbers), len(numbers)))
+    _, label = connected_components(graph.tocsr(), directed=True, connection="strong")
+    before = TopologicalSorter({int(k): () for k in label})
+    within: dict[int, dict[Connection, None]] = {}
+    for begin, end, c in edges:
+        if label[begin] == label[end]:
+            within.setdefault(int(label[begin]), {})[c] = None
+        else:
+            before.add(int(label[end]), int(label[begin]))
+    return [_ordered(tuple(within[k])) for k in before.static_order() if k in within]
 
 
-def refuse_loops(loops: Iterable[Loop], why: str = "") -> None:
-    """Raise LoopError naming the first of these loops."""
-    for loop in loops:
-        raise LoopError(
-            f"the continuous components {', '.join(repr(n) for n in components(loop))} form an algebraic loop, which"
-            " the master does not solve: each of these values depends directly on the one before"
-            f" it{why}\n{path_of(loop)}\nGive one of these connections delay=True (one step of delay) to break the"
-            " loop."
-        )
+def _ordered(connections: tuple[Connection, ...]) -> AlgebraicLoop:
+    """A loop with its components in an order that cuts few outputs: next is what reads the fewest of those waiting."""
+    waiting = sorted({c.source for c in connections}, key=lambda m: m.name)
+    order: list[SystemComponent] = []
+    while waiting:
+        needs = {
+            m: {(c.output.type != "real", c.source_name) for c in connections if c.target is m and c.source in others}
+            for m in waiting
+            for others in [set(waiting) - {m}]
+        }
+        order.append(min(waiting, key=lambda m: (sum(other for other, _ in needs[m]), len(needs[m]))))
+        waiting.remove(order[-1])
+    return AlgebraicLoop(tuple(order), connections)
 
 
-def components(loop: Loop) -> list[str]:
-    """Names of the components of a loop, each once."""
-    return list(dict.fromkeys(c.source.name for c in loop))
-
-
-def path_of(loop: Loop) -> str:
-    """A loop in words, one connection per line."""
-    return "\n".join(f"    {c.source_name} -> {c.target_name}" for c in loop)
-
-
-def _from_first(loop: list[Connection]) -> Loop:
-    """The same loop from its first component by name on."""
-    first = min(range(len(loop)), key=lambda i: loop[i].source_name)
-    return tuple(loop[first:] + loop[:first])
+def require_solvable(loop: AlgebraicLoop) -> None:
+    """Raise LoopError for a loop that the engine cannot solve: give a connection a delay."""
+    rates = {(m.step, m.offset): m for m in loop.components}
+    bent = next((c for c in loop.connections if c.extrapolate), None)
+    other = next((f"{m.name}.{v.name}" for m, v in loop.unknowns if v.type != "real"), None)
+    if len(rates) > 1:
+        steps = ", ".join(f"'{m.name}' every {seconds_text(m.step)}" for m in rates.values())
+        why = f"its components have different steps or offsets ({steps}); give them one"
+    elif bent is not None:
+        why = f"{bent.source_name} -> {bent.target_name} is extrapolated; leave that out"
+    elif other is not None:
+        why = f"{other} is not a real number"
+    else:
+        return
+    raise LoopError(
+        f"the continuous components {loop.names} form an algebraic loop, which cannot be solved: {why}\n{loop}\nOr give"
+        " one of these connections delay=True (one step of delay) to break the loop."
+    )

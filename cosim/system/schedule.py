@@ -9,7 +9,7 @@ from fractions import Fraction
 from cosim.core.errors import LoopError, WiringError
 from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.system.components import Connection, Group, SystemComponent
-from cosim.system.loops import Loop, certain, declared, find_loops, path_of, refuse_loops
+from cosim.system.loops import AlgebraicLoop, certain, declared, find_loops, require_solvable
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class Schedule:
     lagging: tuple[Connection, ...]
     connections: tuple[Connection, ...]
     unconnected: tuple[str, ...]
-    possible_loops: tuple[Loop, ...] = ()  # algebraic, where dependencies are not declared
+    loops: tuple[AlgebraicLoop, ...] = ()  # in the order in which they are solved
+    possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
 
     @property
     def continuous(self) -> tuple[SystemComponent, ...]:
@@ -64,12 +65,20 @@ class Schedule:
         if self.lagging:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
             lines += [f"     {c}" for c in self.lagging]
+        for loop in self.loops:
+            unknowns = ", ".join(f"{m.name}.{v.name}" for m, v in loop.unknowns)
+            lines += [
+                "",
+                f"Algebraic loop, solved for {unknowns} whenever these components exchange values:",
+                str(loop),
+            ]
         if self.possible_loops:
             lines += [
                 "",
-                "Possible algebraic loops, which are not solved (not all of their direct dependencies are declared):",
+                "Possible algebraic loops (not all of their direct dependencies are declared); initialization measures"
+                " which there are and solves those:",
             ]
-            lines += [path_of(loop) for loop in self.possible_loops]
+            lines += map(str, self.possible_loops)
         if self.unconnected:
             lines += ["", "Unconnected inputs, at their start values:", *(f"     {name}" for name in self.unconnected)]
         return "\n".join(lines)
@@ -86,22 +95,21 @@ def make_schedule(
     connections: Iterable[Connection] = (),
     groups: Iterable[Group] = (),
     extra: Iterable[Fraction] = (),
-    *,
-    loops_are_solved: bool = False,
 ) -> Schedule:
     """Schedule of components, of the connections between them and the groups among them.
 
     `extra` are further periods [s] that the base tick must divide. Ties are settled by name, never by the order in
     which components were added. Raises WiringError when there are no components, and LoopError for a loop among
-    discrete ones, or among continuous ones (`cosim.system.loops`) unless `loops_are_solved` by the caller.
+    discrete ones, or one among continuous ones (`cosim.system.loops`) that cannot be solved.
     """
     components = sorted(components, key=lambda m: m.name)
     if not components:
         raise WiringError("the system has no components")
     connections = tuple(sorted(connections, key=lambda c: c.target_name))
     discrete, lagging = _order([m for m in components if m.discrete], connections)
-    if not loops_are_solved:
-        refuse_loops(find_loops(connections, certain))
+    loops = find_loops(connections, certain)
+    for loop in loops:
+        require_solvable(loop)
     return Schedule(
         tick=gcd([*(m.step for m in components), *(m.offset for m in components), *extra]),
         discrete=tuple(discrete),
@@ -109,7 +117,8 @@ def make_schedule(
         lagging=tuple(lagging),
         connections=connections,
         unconnected=tuple(sorted(unconnected(components, {c.target_name for c in connections}))),
-        possible_loops=() if loops_are_solved else tuple(find_loops(connections, declared)),
+        loops=tuple(loops),
+        possible_loops=tuple(loop for loop in find_loops(connections, declared) if loop not in loops),
     )
 
 

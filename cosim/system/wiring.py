@@ -430,19 +430,10 @@ class Wiring:
     def schedule(self, *extra: Fraction) -> Schedule:
         """The order of execution; print it.
 
-        Raises LoopError for a loop among discrete components, or an algebraic one among continuous components. `extra`
-        are further periods the base tick must divide.
+        Raises LoopError for a loop among discrete components, or an algebraic one among continuous components that
+        cannot be solved. `extra` are further periods the base tick must divide.
         """
-        return self._make_schedule(*extra)
-
-    def _make_schedule(self, *extra: Fraction, loops_are_solved: bool = False) -> Schedule:
-        return make_schedule(
-            self.components.values(),
-            self.connections.values(),
-            self.groups.values(),
-            extra,
-            loops_are_solved=loops_are_solved,
-        )
+        return make_schedule(self.components.values(), self.connections.values(), self.groups.values(), extra)
 
     def check(self) -> list[str]:
         """Raise what is wrong with the system; returns `unconnected()`."""

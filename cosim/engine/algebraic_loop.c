@@ -1,0 +1,176 @@
+/* Solves an algebraic loop: see engine.h. */
+#include "engine.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12 };
+#define DIFFERENCE 0x1p-20   /* by which an unknown is changed for the Jacobian, relative to its size */
+#define SUFFICIENT 1e-4      /* a step of Newton's method must reduce the residual by this share of what it promises */
+#define POOR 0.1             /* where a step leaves more of the residual than this, the next Jacobian is computed anew */
+
+static double size_of(const EngineLoop *l, const double *z, int32_t k) {
+    const double size = fabs(z[k]);
+    return size > l->nominal[k] ? size : l->nominal[k];
+}
+
+/* The largest residual relative to the size of its unknown; infinite where one is not finite. */
+static double largest(const EngineLoop *l, const double *z, const double *residual) {
+    double found = 0.0;
+    for (int32_t k = 0; k < l->n; k++) {
+        const double relative = fabs(residual[k]) / size_of(l, z, k);
+        if (!(relative <= DBL_MAX)) return INFINITY;
+        if (relative > found) found = relative;
+    }
+    return found;
+}
+
+static void put(Engine *e, const EngineLoop *l, const double *z) {
+    for (int32_t k = 0; k < l->n; k++) e->values[l->published[k]] = e->values[l->computed[k]] = z[k];
+}
+
+/* residual = G(z) - z, NaN where a component computes what is not finite; the unknowns are z afterward. */
+static int evaluate(Engine *e, EngineLoop *l, const double *z, double *residual) {
+    bool finite = true;
+    l->n_evaluations++;
+    put(e, l, z);
+    for (int32_t i = 0; i < l->n_components && finite; i++) {
+        const EngineComponent *m = &e->components[l->components[i]];
+        const int result = engine_exchange(e, m, NAN);
+        if (result) return result;
+        finite = engine_finite(m->y, m->n_outputs);
+        if (finite) engine_publish_outputs(e, m);
+    }
+    for (int32_t k = 0; k < l->n; k++) residual[k] = finite ? e->values[l->computed[k]] - z[k] : NAN;
+    put(e, l, z);
+    return ENGINE_AT_END;
+}
+
+/* jacobian[i n + k] = d residual i / d z k, by forward differences from z and its residual. */
+static int differentiate(
+    Engine *e, EngineLoop *l, const double *z, const double *residual, double *other, double *there, double *jacobian) {
+    memcpy(other, z, (size_t)l->n * sizeof(double));
+    for (int32_t k = 0; k < l->n; k++) {
+        other[k] = z[k] + DIFFERENCE * size_of(l, z, k);
+        const int result = evaluate(e, l, other, there);
+        if (result) return result;
+        for (int32_t i = 0; i < l->n; i++) jacobian[i * l->n + k] = (there[i] - residual[i]) / (other[k] - z[k]);
+        other[k] = z[k];
+    }
+    return ENGINE_AT_END;
+}
+
+/* step = -jacobian^-1 residual, in unknowns of size 1, by elimination with the largest pivots. Returns whether there is
+ * one. */
+static bool newton_step(
+    const EngineLoop *l, const double *z, const double *jacobian, const double *residual, double *matrix, double *step) {
+    const int32_t n = l->n;
+    for (int32_t i = 0; i < n; i++) {
+        for (int32_t k = 0; k < n; k++)
+            matrix[i * n + k] = jacobian[i * n + k] * size_of(l, z, k) / size_of(l, z, i);
+        step[i] = -residual[i] / size_of(l, z, i);
+    }
+    for (int32_t k = 0; k < n; k++) {
+        int32_t pivot = k;
+        for (int32_t i = k + 1; i < n; i++)
+            if (fabs(matrix[i * n + k]) > fabs(matrix[pivot * n + k])) pivot = i;
+        if (!(fabs(matrix[pivot * n + k]) > DBL_EPSILON)) return false;
+        if (pivot != k) {
+            for (int32_t j = k; j < n; j++) {
+                const double swapped = matrix[k * n + j];
+                matrix[k * n + j] = matrix[pivot * n + j];
+                matrix[pivot * n + j] = swapped;
+            }
+            const double swapped = step[k];
+            step[k] = step[pivot];
+            step[pivot] = swapped;
+        }
+        for (int32_t i = k + 1; i < n; i++) {
+            const double factor = matrix[i * n + k] / matrix[k * n + k];
+            for (int32_t j = k + 1; j < n; j++) matrix[i * n + j] -= factor * matrix[k * n + j];
+            step[i] -= factor * step[k];
+        }
+    }
+    for (int32_t i = n - 1; i >= 0; i--) {
+        for (int32_t j = i + 1; j < n; j++) step[i] -= matrix[i * n + j] * step[j];
+        step[i] /= matrix[i * n + i];
+    }
+    for (int32_t k = 0; k < n; k++) step[k] *= size_of(l, z, k);
+    return true;
+}
+
+/* Broyden's update of the Jacobian for a step from z to `other`, along which the residuals have changed. */
+static void update(const EngineLoop *l, const double *z, const double *residual, const double *other,
+    const double *there, double *jacobian) {
+    double length = 0.0;
+    for (int32_t k = 0; k < l->n; k++) {
+        const double relative = (other[k] - z[k]) / size_of(l, z, k);
+        length += relative * relative;
+    }
+    for (int32_t i = 0; i < l->n; i++) {
+        double error = there[i] - residual[i];
+        for (int32_t k = 0; k < l->n; k++) error -= jacobian[i * l->n + k] * (other[k] - z[k]);
+        for (int32_t k = 0; k < l->n; k++) {
+            const double size = size_of(l, z, k);
+            jacobian[i * l->n + k] += error * ((other[k] - z[k]) / (size * size)) / length;
+        }
+    }
+}
+
+/* A step of Newton's method that reduces the residual, halved if need be and `halvings` allows. Returns the largest
+ * residual that it reaches, or infinity. */
+static int search(Engine *e, EngineLoop *l, double size, const double *z, const double *step, int32_t halvings,
+    double *other, double *there, double *reached) {
+    double factor = 1.0;
+    for (int32_t i = 0; i <= halvings; i++, factor *= 0.5) {
+        for (int32_t k = 0; k < l->n; k++) other[k] = z[k] + factor * step[k];
+        const int result = evaluate(e, l, other, there);
+        if (result) return result;
+        *reached = largest(l, other, there);
+        if (*reached < size * (1.0 - SUFFICIENT * factor)) return ENGINE_AT_END;
+    }
+    *reached = INFINITY;
+    return ENGINE_AT_END;
+}
+
+static int no_solution(Engine *e, const EngineLoop *l, int32_t loop) {
+    put(e, l, l->work);
+    e->component = loop;
+    return ENGINE_NO_SOLUTION;
+}
+
+int engine_solve(Engine *e, int32_t loop) {
+    EngineLoop *l = &e->loops[loop];
+    const size_t n = (size_t)l->n;
+    double *z = l->work, *residual = z + n, *step = residual + n, *other = step + n, *there = other + n,
+           *jacobian = there + n, *matrix = jacobian + n * n;
+    const int64_t before = l->n_evaluations;
+    for (size_t k = 0; k < n; k++) z[k] = e->values[l->published[k]];
+    int result = evaluate(e, l, z, residual);
+    if (result) return result;
+    double size = largest(l, z, residual);
+    bool outdated = true; /* the Jacobian */
+    for (int32_t i = 0; size > l->tolerance; i++) {
+        if (i == MOST_ITERATIONS || isinf(size)) return no_solution(e, l, loop);
+        const bool fresh = outdated;
+        if (fresh && (result = differentiate(e, l, z, residual, other, there, jacobian))) return result;
+        double reached = INFINITY;
+        if (newton_step(l, z, jacobian, residual, matrix, step)) {
+            result = search(e, l, size, z, step, fresh ? MOST_HALVINGS : 0, other, there, &reached);
+            if (result) return result;
+        }
+        outdated = reached > POOR * size;
+        if (isinf(reached)) {
+            if (fresh) return no_solution(e, l, loop);
+            continue;
+        }
+        update(l, z, residual, other, there, jacobian);
+        memcpy(z, other, n * sizeof(double));
+        memcpy(residual, there, n * sizeof(double));
+        size = reached;
+    }
+    l->n_solutions++;
+    if (l->n_evaluations - before > l->most_evaluations) l->most_evaluations = l->n_evaluations - before;
+    return ENGINE_AT_END;
+}
