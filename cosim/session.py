@@ -295,18 +295,23 @@ class System(Wiring):
         from cosim.export.code import exported_schedule
         from cosim.export.system_fmu import export_fmu
 
-        without = list(without)
         schedule = exported_schedule(self, without)
-        if schedule.possible_loops:  # which initialization measures here, and the FMU does not
+        if schedule.loops or schedule.possible_loops:  # initialization finds which there are, and how they are solved
             self.end_simulation()
-            self._begin(schedule).close()
+            with self._begin(schedule) as started:
+                loops, repeated = started.exchange.loops, started.exchange.repeated
+            if repeated:
+                raise CosimError(
+                    f"'{next(iter(repeated)).name}' is part of an algebraic loop and computes its outputs in steps"
+                    " only, which the FMU of a system does not repeat: give a connection of the loop delay=True"
+                )
+            schedule = replace(schedule, loops=loops, possible_loops=())
         return export_fmu(
-            self,
+            schedule,
             Path(path),
             inputs=inputs,
             outputs=outputs,
             parameters=parameters,
-            without=without,
             fmi=fmi,
             platforms=platforms,
             text=text,

@@ -140,6 +140,8 @@ static int no_solution(Engine *e, const EngineLoop *l, int32_t loop) {
     return ENGINE_NO_SOLUTION;
 }
 
+size_t engine_loop_work(int32_t n) { return (size_t)n * (2 * (size_t)n + 5); }
+
 int engine_solve(Engine *e, int32_t loop) {
     EngineLoop *l = &e->loops[loop];
     const size_t n = (size_t)l->n;

@@ -113,7 +113,7 @@ typedef struct {
     const uint32_t *published, *computed; /* of n: their slots */
     const double *nominal;      /* of n */
     double tolerance;           /* of |G(z) - z| / max(nominal, |z|) */
-    double *work;               /* of 2 n^2 + 5 n; first the unknowns, then their residuals */
+    double *work;               /* of engine_loop_work(n); first the unknowns, then their residuals */
     int64_t n_solutions, n_evaluations;
     int64_t most_evaluations;   /* for one solution */
 } EngineLoop;
@@ -206,6 +206,7 @@ bool engine_finite(const double *y, size_t n);
 /* Solve a loop by Newton's method with a Jacobian of differences and Broyden's updates, from the published values on.
  * Published values that solve it are left as they are. */
 int engine_solve(Engine *e, int32_t loop);
+size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
 void engine_publish(Engine *e);
 /* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of

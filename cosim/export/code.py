@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.library import INTEGRATOR
-from cosim.engine.plan import ComponentPlan, Plan, Setup, make_plan
+from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
@@ -34,7 +34,7 @@ _RUNTIME = _HERE / "runtime"
 _ENGINE = _HERE.parent / "engine"
 _OWN = (
     *(_RUNTIME / n for n in ("container.c", "component.c", "component.h", "system.h")),
-    *(_ENGINE / n for n in ("engine.c", "engine.h")),
+    *(_ENGINE / n for n in ("engine.c", "engine.h", "algebraic_loop.c")),
     ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )
@@ -173,6 +173,8 @@ class SystemCode:
             name=self.name,
             token=token,
             components=components,
+            loops=[_loop(p) for p in self.plan.loops],
+            tolerance=c_number(self.setup.loop_tolerance),
             n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked],
             clocks=self.plan.clocks[:-1],
@@ -260,6 +262,10 @@ class SystemCode:
         for component, slot in layout.sample_times.items():
             names[slot] = f"time of {component.name}"
         return names
+
+
+def _loop(plan: LoopPlan) -> dict[str, Any]:
+    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal)), "work": plan.work}
 
 
 def _exchange_calls(part: Part) -> list[str]:

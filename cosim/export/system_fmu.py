@@ -17,27 +17,26 @@ from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_pl
 from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
 from cosim.export import description_xml
-from cosim.export.code import SystemCode, exported_schedule, template, write
+from cosim.export.code import SystemCode, template, write
 from cosim.export.parts import shown
 from cosim.export.variables import choose
-from cosim.system.wiring import Wiring
+from cosim.system.schedule import Schedule
 
 _DEFAULT_STOP = 10.0
 
 
 def export_fmu(
-    wiring: Wiring,
+    schedule: Schedule,
     path: str | Path,
     *,
     inputs: str | Iterable[str] | None = None,
     outputs: str | Iterable[str] | None = None,
     parameters: str | Iterable[str] | None = "*",
-    without: Iterable[str] = (),
     fmi: int = 3,
     platforms: str = "host",
     text: str = "",
 ) -> Path:
-    """Write a system as one FMU; see `System.export_fmu`.
+    """Write the system of a schedule as one FMU; see `System.export_fmu`.
 
     Raises CosimError and WiringError for systems that cannot be exported, CompileError without a compiler.
     """
@@ -49,7 +48,6 @@ def export_fmu(
         )
     if fmi not in (2, 3):
         raise CosimError(f"there is no FMI {fmi}: choose 2 or 3")
-    schedule = exported_schedule(wiring, without)
     exporter = _Exporter(SystemCode(name, schedule, choose(schedule, inputs, outputs, parameters), fmi), text)
     with safe_files.named(path):
         return safe_files.write(path, exporter.archive(resolve_platforms(platforms)))

@@ -108,7 +108,8 @@ def _ordered(connections: tuple[Connection, ...]) -> AlgebraicLoop:
         }
         order.append(min(waiting, key=lambda m: (sum(other for other, _ in needs[m]), len(needs[m]))))
         waiting.remove(order[-1])
-    return AlgebraicLoop(tuple(order), connections)
+    place = {m: i for i, m in enumerate(order)}
+    return AlgebraicLoop(tuple(order), tuple(sorted(connections, key=lambda c: place[c.source])))
 
 
 def require_solvable(loop: AlgebraicLoop) -> None:

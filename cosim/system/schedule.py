@@ -69,7 +69,7 @@ class Schedule:
             unknowns = ", ".join(f"{m.name}.{v.name}" for m, v in loop.unknowns)
             lines += [
                 "",
-                f"Algebraic loop, solved for {unknowns} whenever these components exchange values:",
+                f"Algebraic loop, solved for {unknowns} at each exchange:",
                 str(loop),
             ]
         if self.possible_loops:

@@ -98,6 +98,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(P->n_published * sizeof(EngineCopy)),
         aligned(n * sizeof(EnginePiece)),
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
+        aligned((size_t)P->n_loops * sizeof(EngineLoop)),
+        aligned(P->n_loop_work * sizeof(double)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -133,7 +135,13 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
                             .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
-                            .check_finite = true};
+                            .loops = part[17], .n_loops = P->n_loops, .check_finite = true};
+    double *work = part[18];
+    for (int32_t i = 0; i < P->n_loops; i++) {
+        self->engine.loops[i] = P->loops[i];
+        self->engine.loops[i].work = work;
+        work += engine_loop_work(P->loops[i].n);
+    }
     self->state->mode = MODE_INSTANTIATED;
     return self;
 }
@@ -418,12 +426,21 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         self->engine.status);
 }
 
+static FmuStatus not_solved(FmuInstance *self) {
+    const EngineLoop *l = &self->engine.loops[self->engine.component];
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR,
+        "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there (%.9g, residual %.3g)",
+        P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
+}
+
 /* Pass outputs to inputs until nothing changes any more. */
 static FmuStatus settle(FmuInstance *self) {
     State *s = self->state;
     if (s->settled) return FMU_OK;
     const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
     if (result == ENGINE_CALL_FAILED) return call_failed(self, self->engine.component);
+    if (result == ENGINE_NO_SOLUTION) return not_solved(self);
     s->settled = 1;
     if (result == ENGINE_UNSETTLED)
         (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
@@ -620,6 +637,7 @@ static FmuStatus outcome(FmuInstance *self, int result) {
     const int32_t i = self->engine.component;
     if (result == ENGINE_AT_END) return FMU_OK;
     self->state->tick = self->engine.tick;
+    if (result == ENGINE_NO_SOLUTION) return not_solved(self);
     if (result == ENGINE_NOT_FINITE) {
         const PlanComponent *p = &P->components[i];
         for (uint32_t k = p->first; k < p->first + p->n_outputs; k++)
@@ -672,15 +690,14 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
         e->tick = s->tick + 1;
         result = engine_run(e, end);
     }
-    const FmuStatus status = outcome(self, result);
-    if (status != FMU_OK) {
-        s->mode = MODE_ERROR;
-        return status;
+    FmuStatus status = outcome(self, result);
+    if (status == FMU_OK) {
+        e->tick = s->tick = end;
+        engine_look_up(e, end);
+        status = outcome(self, engine_arrive(e, fmu_time(self)));
     }
-    s->tick = end;
-    engine_look_up(e, end);
-    engine_arrive(e, fmu_time(self));
-    return FMU_OK;
+    if (status != FMU_OK) s->mode = MODE_ERROR;
+    return status;
 }
 
 /* ------------------------------------------------------------------ what a system does not offer */
