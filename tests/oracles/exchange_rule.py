@@ -17,6 +17,7 @@ import numpy as np
 
 from cosim import Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
+from oracles.loop_rule import solve
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
 Key = tuple[Any, Any]  # component and variable
@@ -51,6 +52,7 @@ class Rule:
             now = float(t)
             for m in self.due(t):
                 self.publish(m, now)
+            self.solve_loops(t)
             if self.ending == t:
                 if self.records(t):
                     times.append(now)
@@ -60,6 +62,8 @@ class Rule:
             for m in self.due(t):
                 if m.discrete:
                     advances &= self.step(m, t)
+            if any(m.discrete for m in self.due(t)):
+                self.solve_loops(t, after_discrete=True)
             if self.records(t):
                 times.append(now)
                 rows.append([self.value(n) for n in names])
@@ -118,13 +122,46 @@ class Rule:
         outputs |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
         return may_advance
 
-    def input(self, m: Any, variable: Any, now: float) -> float:
-        """What an input reads at an instant."""
+    def solve_loops(self, t: Fraction, *, after_discrete: bool = False) -> None:
+        """Algebraic loops whose components are due: at their arrival, and after discrete components that drive them."""
+        due = self.due(t)
+        for loop in self.exchange.loops:
+            driven = any(c.target in loop.components and c.source.discrete for c in self.schedule.connections)
+            repeated = any(m in self.exchange.repeated for m in loop.components)
+            if loop.components[0] not in due or (t == self.start and not after_discrete):
+                continue
+            if after_discrete and (repeated or not driven):
+                continue
+            guess = [self.published[key] for key in loop.unknowns]
+            nominal = [v.nominal for _, v in loop.unknowns]
+            solve(lambda z, loop=loop: self.residual(loop, z), guess, nominal, self.exchange.loop_tolerance)
+
+    def residual(self, loop: Any, z: Sequence[float]) -> list[float]:
+        """What the components of a loop compute from its unknowns z, without a step, minus z."""
+
+        def put() -> None:
+            self.published |= zip(loop.unknowns, z, strict=True)
+            self.computed |= zip(loop.unknowns, z, strict=True)
+
+        put()
+        for m in loop.components:
+            port = self.exchange.layout.ports[m]
+            port.u[:] = [self.input(m, v, None) for v in port.inputs]
+            self.exchange.ports[m].set_inputs()
+            self.exchange.ports[m].get_outputs()
+            self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+            self.published |= {key: y for key, y in self.computed.items() if key[0] is m}
+        found = [self.computed[key] - x for key, x in zip(loop.unknowns, z, strict=True)]
+        put()
+        return found
+
+    def input(self, m: Any, variable: Any, now: float | None) -> float:
+        """What an input reads at an instant, for a step that begins `now`, or for outputs without a step."""
         c = self.sources[m, variable]
         key = (c.source, c.output)
         if c.delay:
             value = self.before[key]
-        elif c.extrapolate:
+        elif c.extrapolate and now is not None:
             value = self.extrapolated(m, c, now)
         else:
             value = (self.computed if self.is_ahead(c.source, m) else self.published)[key]
