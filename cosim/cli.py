@@ -22,6 +22,7 @@ from build_fmus.base.terminal import PATH, SETTINGS, Command, Commands, Names, s
 from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
 from cosim.study.commands import run_command, study_command
+from cosim.study.error_command import error_command
 from cosim.study.experiment import Experiment, resolved
 from cosim.study.export_command import export_command, wiring_command
 from cosim.study.loading import load
@@ -207,6 +208,7 @@ for group in (
     Experiments("optimise", optimise_command, SEARCH),
     Experiments("optimize", optimise_command, SEARCH, hidden=True),
     Experiments("export", export_command, "Write the system of one case as one FMU, for any tool, or as an SSP."),
+    Experiments("error", error_command, "Estimate the error of the exchange in the run of one case."),
     Experiments("wiring", wiring_command, "Draw the system of one case as SVG."),
     Controllers("identify", help="Identify the controllers of an experiment again from its plant FMU."),
 ):

@@ -17,7 +17,7 @@ import re
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
@@ -42,6 +42,7 @@ from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
+    from cosim.linear.exchange_error import ExchangeError
     from cosim.linear.statespace import LinearModel, Matrices
     from cosim.scenes.scene import Scene
 
@@ -215,6 +216,36 @@ class System(Wiring):
             with self.initialize(record=[]) as simulation:
                 return coupled_spectral_radius(simulation.schedule)
         return coupled_spectral_radius(running.schedule)
+
+    def exchange_error(
+        self,
+        stop_time: TimeLike,
+        *,
+        start_time: TimeLike | None = None,
+        record: Record | str | Iterable[str] | None = None,
+        execution: Execution | None = None,
+        contributions: bool = True,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> ExchangeError:
+        """How large the error is that the exchange of values once per communication step makes, by variable.
+
+        Print it: each recorded variable with its error, the order of that error, the error of the solvers, the coupling
+        that contributes most, and a sentence of advice. `cosim.linear.exchange_error` says how it is found: four runs
+        to `stop_time` [s] with communication steps of h, h/2 and h/4 of the coupled continuous components, and one more
+        for each pair of them unless `contributions=False`. `progress` is called with the runs that are done, and of
+        all; the other arguments are those of `run`. Raises CosimError if the runs end at different times.
+        """
+        from cosim.linear.exchange_error import exchange_error
+
+        kept = Record.of(record)
+        if kept.interval is None:
+            kept = replace(kept, interval=min(m.step for m in self.components.values()))
+        return exchange_error(
+            self,
+            lambda: self.run(stop_time, start_time=start_time, record=kept, execution=execution),
+            contributions=contributions,
+            progress=progress,
+        )
 
     def linearize(
         self,

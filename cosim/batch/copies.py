@@ -330,6 +330,11 @@ class Batch:
             record_interval=self._interval,
             watch=watch,
         )
+        if made.exchange.loops:
+            raise CosimError(
+                f"the components {made.exchange.loops[0].names} form an algebraic loop, which a batch does not solve:"
+                " run the copies alone, or give a connection of the loop delay=True"
+            )
         return made.exchange
 
     def _take(self, exchange: Exchange, copy: int) -> None:

@@ -80,8 +80,9 @@ def _processor() -> int:
 def batch_library(target: Target) -> Any:
     """The engine of groups."""
     stub = f'#define LANES {target.lanes}\n#define LANES_TARGET {target.number}\n#include "batch.c"\n'
-    sources = {"batch_lanes.c": stub.encode(), "engine.c": (engine.HEADER.with_suffix(".c")).read_bytes()}
-    return _compiled(sources, ("batch_lanes.c", "engine.c"), f"batch_{target.name}")
+    own = ("engine.c", "algebraic_loop.c")
+    sources = {"batch_lanes.c": stub.encode(), **{n: engine.HEADER.with_name(n).read_bytes() for n in own}}
+    return _compiled(sources, ("batch_lanes.c", *own), f"batch_{target.name}")
 
 
 def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:

@@ -14,6 +14,7 @@ from same import assert_same
 from cosim import (
     AlgebraicLoopWarning,
     ComponentError,
+    CosimError,
     Execution,
     LoopError,
     PythonComponent,
@@ -22,6 +23,7 @@ from cosim import (
     System,
     WiringError,
 )
+from cosim.batch import Batch
 from cosim.core.dependencies import by_perturbation
 from cosim.core.time import rational
 from cosim.system.loops import certain, declared, find_loops
@@ -498,6 +500,14 @@ def test_both_versions_isolated_in_a_group_and_exported_give_the_same_bits(built
         system.add("whole", file, step="1 ms")
         whole = system.run(0.1, record=[f"whole.{n}" for n in MOTION])
     np.testing.assert_array_equal(whole.data, runs[0].data)
+
+
+def test_a_batch_says_that_it_solves_no_loops(built_fmus):
+    with (
+        with_fed_back_acceleration(built_fmus.path("QuarterCarHmmwv", 3), 100.0) as system,
+        pytest.raises(CosimError, match="'car' form an algebraic loop, which a batch does not solve"),
+    ):
+        Batch(system, 2)
 
 
 def test_a_possible_loop_through_a_state_is_none(built_fmus):
