@@ -8,7 +8,7 @@
 enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12 };
 #define DIFFERENCE 0x1p-20   /* by which an unknown is changed for the Jacobian, relative to its size */
 #define SUFFICIENT 1e-4      /* a step of Newton's method must reduce the residual by this share of what it promises */
-#define POOR 0.1             /* where a step leaves more of the residual than this, the next Jacobian is computed anew */
+#define POOR 0.1             /* a step that leaves a larger share of the residual outdates the Jacobian */
 
 static double size_of(const EngineLoop *l, const double *z, int32_t k) {
     const double size = fabs(z[k]);
@@ -63,8 +63,8 @@ static int differentiate(
 
 /* step = -jacobian^-1 residual, in unknowns of size 1, by elimination with the largest pivots. Returns whether there is
  * one. */
-static bool newton_step(
-    const EngineLoop *l, const double *z, const double *jacobian, const double *residual, double *matrix, double *step) {
+static bool newton_step(const EngineLoop *l, const double *z, const double *jacobian, const double *residual,
+    double *matrix, double *step) {
     const int32_t n = l->n;
     for (int32_t i = 0; i < n; i++) {
         for (int32_t k = 0; k < n; k++)

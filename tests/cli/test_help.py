@@ -212,7 +212,7 @@ def test_the_first_screen_has_every_command_in_a_sentence_and_examples_that_work
         COSIM[tuple(words[:depth])].make_context("x", words[depth:])  # raises where an option is not known
 
 
-@pytest.mark.parametrize("command", ["run", "study", "sweep", "optimise", "export", "wiring"])
+@pytest.mark.parametrize("command", ["run", "study", "sweep", "optimise", "export", "error", "wiring"])
 def test_experiments_are_listed_with_what_they_are(command: str) -> None:
     shown = help_of(command)
     assert " trench A 6x6 crosses trenches with preview MPC (paper 003)" in shown
@@ -225,6 +225,7 @@ HEADINGS = {
     "sweep": ["Case", "Design", "FMUs", "How it runs", "Inputs and results", "Other options"],
     "optimise": ["Case", "Search", "FMUs", "How it runs", "Inputs and results", "Other options"],
     "export": ["Case", "Export", "FMUs", "Other options"],
+    "error": ["Case", "Error", "FMUs", "How it runs", "Other options"],
     "wiring": ["Case", "Picture", "FMUs", "Other options"],
 }
 

@@ -430,7 +430,8 @@ static FmuStatus not_solved(FmuInstance *self) {
     const EngineLoop *l = &self->engine.loops[self->engine.component];
     self->state->mode = MODE_ERROR;
     return fmu_fail(self, FMU_ERROR,
-        "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there (%.9g, residual %.3g)",
+        "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there "
+        "(%.9g, residual %.3g)",
         P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
 }
 
