@@ -14,7 +14,7 @@ from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.check.rules import Finding, NotApplicable, file_check, names, note, warning
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
@@ -45,7 +45,7 @@ def entries(file: File) -> list[str]:
     return sorted(p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file())
 
 
-@check(
+@file_check(
     "archive.zip",
     "the ZIP file uses only features that every tool can read",
     fmi2="2.3 FMU Distribution",
@@ -75,7 +75,7 @@ def zip_file(file: File) -> Found:
             seen.add(name.lower())
 
 
-@check(
+@file_check(
     "archive.layout",
     "files are in the folders that the standard defines",
     fmi2="2.3 FMU Distribution (structure of the ZIP file)",
@@ -102,7 +102,7 @@ def layout(file: File) -> Found:
         yield note(f"{wrong[0]}: licenses belong in documentation/licenses/")
 
 
-@check(
+@file_check(
     "archive.implementation",
     "every interface has a binary or sources",
     fmi2="2.3 FMU Distribution",
@@ -126,7 +126,7 @@ def implementation(file: File) -> Found:
         yield i.line, f"there is neither a library {i.identifier!r} nor a source file{there}"
 
 
-@check(
+@file_check(
     "archive.sources",
     "all source files that are listed exist, with a build description",
     fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)",
@@ -167,7 +167,7 @@ def sources(file: File) -> Found:
             yield f"sources/buildDescription.xml, line {element.sourceline}: {element.get('name')!r} is not in sources/"
 
 
-@check(
+@file_check(
     "archive.terminals",
     "terminals conform to their schema, refer to existing variables, and can be matched",
     fmi3="2.4.9 Terminals and Icons",

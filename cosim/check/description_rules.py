@@ -11,7 +11,7 @@ from typing import Any
 
 from build_fmus.base.checks import one_line
 from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
-from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.check.rules import Finding, NotApplicable, file_check, names, note, warning
 from cosim.fmu import validation
 from cosim.fmu.archive import Archive
 
@@ -28,7 +28,7 @@ class File:
     folder: Any = None  # Path; set once it is unpacked
 
 
-@check(
+@file_check(
     "description.schema",
     "modelDescription.xml conforms to the schema of its FMI version",
     fmi2="2.2 FMI Description Schema",
@@ -45,7 +45,7 @@ def schema(file: File) -> Found:
         yield warning(f"{f.text} (known quirk of this tool: {reason})", f.line) if reason else (f.line, f.text)
 
 
-@check(
+@file_check(
     "description.version",
     "fmiVersion is an existing FMI version",
     fmi2="2.2.1 Definition of an FMU (fmiModelDescription)",
@@ -69,7 +69,7 @@ def version(file: File) -> Found:
         )
 
 
-@check(
+@file_check(
     "description.identifier",
     "modelIdentifier is a valid C function prefix and library name",
     fmi2="2.1.1 Header Files and Naming of Functions",
@@ -87,7 +87,7 @@ def identifier(file: File) -> Found:
             )
 
 
-@check(
+@file_check(
     "description.names",
     "variable names are unique and follow the declared naming convention",
     fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions",
@@ -120,7 +120,7 @@ _ID = rf"{_B}(?:\.{_B})*"
 _STRUCTURED = re.compile(rf"{_ID}|der\({_ID}(?:,\d+)?\)")
 
 
-@check(
+@file_check(
     "description.references",
     "only aliases share a value reference",
     fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)",
@@ -169,7 +169,7 @@ def _settable(v: Var) -> bool:
     )
 
 
-@check(
+@file_check(
     "description.variability",
     "causality, variability and initial are an allowed combination",
     fmi2="2.2.7 Definition of Model Variables (tables of causality, variability and initial)",
@@ -218,7 +218,7 @@ def variability(file: File) -> Found:
             yield (v.line, text) if default != "input" else warning(text, v.line)
 
 
-@check(
+@file_check(
     "description.start",
     "required start values exist, are valid, and lie between min and max",
     fmi2="2.2.7 Definition of Model Variables (start)",
@@ -270,7 +270,7 @@ def start(file: File) -> Found:
                     break
 
 
-@check(
+@file_check(
     "description.types",
     "all types in use are defined, and enumerations have items",
     fmi2="2.2.3 Definition of Types",
@@ -302,7 +302,7 @@ def types(file: File) -> Found:
             yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so its items are undefined"
 
 
-@check(
+@file_check(
     "description.units",
     "all units in use are defined and can be converted",
     fmi2="2.2.2 Definition of Units",
@@ -351,7 +351,7 @@ def _zero(text: str) -> bool:
         return False  # the schema says so
 
 
-@check(
+@file_check(
     "description.structure",
     "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
     fmi2="2.2.8 Definition of the Model Structure",
@@ -471,7 +471,7 @@ def _key(m: Model) -> str:
     return "index" if m.version == "2" else "value reference"
 
 
-@check(
+@file_check(
     "description.dependencies",
     "declared dependencies refer to valid knowns, each with its kind",
     fmi2="2.2.8 Definition of the Model Structure (dependencies)",
@@ -527,7 +527,7 @@ def dependencies(file: File) -> Found:
             break
 
 
-@check(
+@file_check(
     "description.experiment",
     "the default experiment is valid",
     fmi2="2.2.5 Definition of a Default Experiment",
@@ -551,7 +551,7 @@ def experiment(file: File) -> Found:
         yield warning(f"stepSize {e['stepSize']:g} is longer than the whole experiment", line)
 
 
-@check(
+@file_check(
     "description.clocks",
     "clocks define when they tick, and clocked variables refer to existing clocks",
     fmi3="2.2.9 Clocks; 2.4.7 Definition of Model Variables",
@@ -598,7 +598,7 @@ def _reference(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdecimal() else None
 
 
-@check(
+@file_check(
     "description.capabilities",
     "capability flags that require each other are consistent",
     fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)",

@@ -11,7 +11,7 @@ from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, check, note, warning
+from cosim.check.rules import Finding, NotApplicable, file_check, note, warning
 from cosim.core.errors import FmuError
 from cosim.fmu import validation
 from cosim.fmu.limits import Limits
@@ -46,7 +46,7 @@ def declared(file: File) -> list[str]:
     return found
 
 
-@check(
+@file_check(
     "archive.layered",
     "manifests of layered standards have the attributes that FMI requires and conform to their schema, if known",
     fmi2="2.3 FMU Distribution (extra), with FMI 3.0, 2.6 Versioning and Layered Standards",
