@@ -19,7 +19,6 @@ from cosim.experiments.gpc.runs import Case, wire
 from cosim.study import FmuSet
 
 COPIES, SECONDS, ROUNDS = 256, 2.0, 3
-TITLE = "passive full cars, simulated time of all copies / processor time"
 
 
 def on_nodes() -> System:
@@ -88,8 +87,3 @@ def measure() -> dict[str, float]:
                     found[key] = max(found.get(key, 0.0), factor)
                     found[init] = min(found.get(init, np.inf), begun * 1e3)
     return found
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.3g}")

@@ -15,7 +15,6 @@ from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv
 
 ROUNDS = 3
-TITLE = "learning environments"
 
 
 def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
@@ -52,8 +51,3 @@ def measure(steps: int = 400) -> dict[str, float]:
         made.close()
         found |= {f"{name}, step / bare simulation": step / bare, f"{name}, reset / step": reset / step}
     return found
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.2f}")

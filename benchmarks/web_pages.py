@@ -1,6 +1,6 @@
 """Systems of the live pages in WebAssembly, beside the same systems run by the engine; the pages in Chromium.
 
-`python -m benchmarks.web_pages`. Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
+Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
 browsers make. Without Node.js and Chromium, the pages are not opened.
 """
 
@@ -23,7 +23,6 @@ from tests.export.web_host import TYPES, WebHost
 
 SCRIPT = Path(__file__).parents[1] / "tests" / "export" / "live.mjs"
 SECONDS, STEP, ROUNDS = 5, Fraction(1, 100), 3
-TITLE = "live pages: sizes, and systems in WebAssembly"
 
 
 def measure() -> dict[str, float]:
@@ -75,8 +74,3 @@ def in_chromium(page: Path, folder: Path) -> dict[str, float]:
         "simulated time / wall time": min(v["pace"] for v in views),
         "frames [1/s]": min(v["frames"] for v in views),
     }
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.3g}")
