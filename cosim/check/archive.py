@@ -6,11 +6,9 @@ import posixpath
 import re
 import zipfile
 from collections.abc import Iterable, Iterator
-from functools import cache
-from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
-
-from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
@@ -18,6 +16,7 @@ from cosim.check.rules import Finding, NotApplicable, file_check, names, note, w
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
+from cosim.fmu.xml import schema as xml_schema
 from cosim.fmu.xml import tree
 
 Found = Iterator["str | tuple[int, str] | Finding"]
@@ -238,15 +237,8 @@ def _validated(file: File, path: str, schema: str) -> Any:
     except (FmuError, OSError) as error:
         yield str(error)
         return None
-    validator = _schema(schema)
+    validator = xml_schema(Path(str(find_spec("fmpy").origin)).with_name("schema") / "fmi3" / schema)  # type: ignore[union-attr]
     if not validator.validate(root):
         for entry in list(validator.error_log)[:5]:
             yield f"{path}, line {entry.line}: {one_line(entry.message)}"
     return root
-
-
-@cache
-def _schema(name: str) -> Any:
-    """A schema of FMI 3.0, as it comes with fmpy."""
-    path = str(resources.files("fmpy") / "schema" / "fmi3" / name)
-    return etree.XMLSchema(etree.parse(path, etree.XMLParser(no_network=True)))
