@@ -455,7 +455,6 @@ class Instance:
     def _do_step(self, time: float, step: float) -> int:
         flags, last = [c.c_bool() for _ in range(3)], c.c_double(math.nan)
         status = self.call("DoStep", float(time), float(step), True, *map(c.byref, flags), c.byref(last))
-        self.last_time, self.early = last.value, flags[2].value
         if status in (OK, WARNING) and flags[1].value:
             raise Ended
         if status in (OK, WARNING) and flags[0].value and self.event_mode:

@@ -17,7 +17,7 @@ from typing import Any
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean
-from build_fmus.base.interpreters import PYTHON
+from build_fmus.base.interpreters import PYTHON, environment
 from cosim.check import archive, binary, description_rules, layered, worker
 from cosim.check.binary import claimed
 from cosim.check.description_rules import File
@@ -104,11 +104,9 @@ class Workers:
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
-            root = str(Path(__file__).parents[2])
-            path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
-            environment = {**os.environ, "PYTHONPATH": path}
             command = [*PYTHON, "-c", "from cosim.check.worker import main; main()"]
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+            pipe = subprocess.PIPE
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment())
         return self._process
 
     def run(self, job: Job) -> Answer:

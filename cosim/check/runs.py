@@ -11,6 +11,7 @@ import threading
 from cosim.check.bench import STEPS, Bench, Found, Values, attempt, compared, difference, disturb, same
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.rules import Finding, NotApplicable, check, warning
+from cosim.core.memory import resident_memory
 
 _INSTANCES2 = "2.1.5 Creation, Destruction and Logging of FMU Instances"
 _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super State: FMU State Setable"
@@ -261,7 +262,7 @@ def _growth(bench: Bench) -> float | None:
             count += 1
             if clock.perf_counter() - begin > 2.0:
                 break
-        marks.append((count, _resident() or 0))
+        marks.append((count, resident_memory() or 0))
     (n0, m0), (n1, m1) = marks[1], marks[-1]
     bench.measures["memory of the process"] = f"{m1 / 1e6:.0f} MB"
     if n1 - n0 < 20:
@@ -280,7 +281,7 @@ def _growth(bench: Bench) -> float | None:
 )
 def memory(bench: Bench) -> Found:
     bench.several()
-    if _resident() is None:
+    if resident_memory() is None:
         raise NotApplicable("the memory of a process cannot be read on this system")
     # Some tools load and keep things with the first instances, and the system gives a process its pages when it
     # pleases; what counts is that it continues, whenever it is asked.
@@ -291,14 +292,3 @@ def memory(bench: Bench) -> Found:
             return
         rate = found
     yield f"every instance that is created, run and freed leaks about {rate / 1024:.0f} KB"
-
-
-def _resident() -> int | None:
-    """Bytes of this process in memory."""
-    import os
-
-    try:
-        with open("/proc/self/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return None
