@@ -10,6 +10,7 @@ import time
 import gymnasium
 import numpy as np
 
+from benchmarks import spent
 from cosim import Record
 from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv
@@ -22,9 +23,7 @@ def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
     still = np.zeros(env.action_space.shape or ())
 
     def once() -> tuple[float, float, float]:
-        begin = time.process_time()
-        env.reset(seed=1)
-        reset = time.process_time() - begin
+        reset = spent(lambda: env.reset(seed=1))
         begin, done, over = time.process_time(), 0, False
         while done < steps and not over:
             *_, terminated, truncated, _ = env.step(still)
@@ -33,9 +32,7 @@ def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
         names, interval = env.recording.names, env.record_interval
         env.system.allow_unconnected = True
         with env.system.initialize(record=Record(names, interval)) as simulation:
-            begin = time.process_time()
-            simulation.advance(done * env.step_size)
-            bare = time.process_time() - begin
+            bare = spent(simulation.advance, done * env.step_size)
         return stepped / done, bare / done, reset
 
     return tuple(np.min([once() for _ in range(ROUNDS)], axis=0).tolist())

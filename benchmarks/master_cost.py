@@ -24,6 +24,7 @@ from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
+from benchmarks import spent
 from build_fmus.compile import find_toolchain, host
 from cosim import Execution, Record, System
 from cosim.experiments.gpc.runs import Case, wire
@@ -72,9 +73,7 @@ def time_master(
     """Seconds for `steps` steps of 1 ms by our master, recording `record`."""
     system.allow_unconnected = True
     with system.initialize(record=Record(record, interval), execution=execution) as simulation:
-        begin = time.process_time()
-        simulation.advance(steps * 1e-3)
-        return time.process_time() - begin
+        return spent(simulation.advance, steps * 1e-3)
 
 
 def fmpy_slave(w: Wired, folder: str) -> tuple[Any, dict[str, int]]:

@@ -9,12 +9,12 @@ instants begin depends on what else the machine does; the numbers are those of o
 from __future__ import annotations
 
 import runpy
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks import spent
 from cosim import Execution, Record, System, SystemState
 
 CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
@@ -26,13 +26,11 @@ LONG = 3.0  # s of simulated time
 def seconds(work: Callable[[], object], repeats: int, rounds: int = 5) -> float:
     """Processor time of one call, the best of some rounds."""
 
-    def once() -> float:
-        begin = time.process_time()
+    def repeated() -> None:
         for _ in range(repeats):
             work()
-        return (time.process_time() - begin) / repeats
 
-    return min(once() for _ in range(rounds))
+    return min(spent(repeated) / repeats for _ in range(rounds))
 
 
 def call_by_call(system: System) -> Callable[[], None]:
@@ -61,9 +59,7 @@ def measure() -> dict[str, float]:
     with runpy.run_path(str(CORNER))["corner"]() as system:
         system.allow_unconnected = True
         with system.initialize(record=Record(RECORD, "1 ms")) as simulation:
-            begin = time.process_time()
-            simulation.advance(LONG)
-            millisecond = (time.process_time() - begin) / (LONG * 1e3)
+            millisecond = spent(simulation.advance, LONG) / (LONG * 1e3)
             state = simulation.save()
             data = state.to_bytes()
             kept = call_by_call(system)

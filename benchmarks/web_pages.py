@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import time
 from fractions import Fraction
 from pathlib import Path
 
+from benchmarks import spent
 from cosim.experiments.live_pages import shown, write_pages
 from cosim.export.code import SystemCode, exported_schedule
 from cosim.export.variables import choose
@@ -48,14 +48,10 @@ def measure() -> dict[str, float]:
                 for _ in range(ROUNDS):
                     host = WebHost(module.content, watched)
                     assert host.start(float(STEP)) == 0, host.message
-                    begin = time.process_time()
-                    host.run(int(SECONDS / STEP))
-                    web = SECONDS / (time.process_time() - begin)
+                    web = SECONDS / spent(host.run, int(SECONDS / STEP))
                     system.allow_unconnected = True
                     with system.initialize(record=[]) as simulation:
-                        begin = time.process_time()
-                        simulation.advance(SECONDS)
-                        native = SECONDS / (time.process_time() - begin)
+                        native = SECONDS / spent(simulation.advance, SECONDS)
                     key = f"{name}, {one.title}, times the clock"
                     found[f"{key}, native"] = max(found.get(f"{key}, native", 0.0), native)
                     found[f"{key}, WebAssembly"] = max(found.get(f"{key}, WebAssembly", 0.0), web)
