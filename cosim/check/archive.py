@@ -12,30 +12,15 @@ from typing import Any
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, file_check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import schema as xml_schema
 from cosim.fmu.xml import tree
 
-Found = Iterator["str | tuple[int, str] | Finding"]
-
-_TOP = {
-    "2": {
-        "modelDescription.xml",
-        "model.png",
-        "documentation",
-        "sources",
-        "binaries",
-        "resources",
-        "extra",
-        "terminalsAndIcons",
-        "icons",
-        "licenses",
-    },
-    "3": {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"},
-}
+_TOP3 = {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"}
+_TOP = {"2": {*_TOP3, "model.png", "icons", "licenses"}, "3": _TOP3}
 
 
 def entries(file: File) -> list[str]:

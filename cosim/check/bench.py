@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -303,6 +303,3 @@ def attempt(call: Callable[..., Any], *arguments: Any) -> Any:
 def good(status: int) -> bool:
     """Whether a status is OK or Warning."""
     return status in (OK, WARNING)
-
-
-Found = Iterator[Any]

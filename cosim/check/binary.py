@@ -14,9 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, file_check, names, note
-
-Found = Iterator["str | tuple[int, str] | Finding"]
+from cosim.check.rules import Found, NotApplicable, file_check, names, note
 
 
 class Unreadable(ValueError):  # noqa: N818 (reads as what happened)

@@ -222,9 +222,12 @@ class Instance:
     def must(self, function: str, *arguments: Any) -> None:
         """Call that has to succeed. Raises Refused."""
         before = len(self.messages)
-        status = self.call(function, *arguments)
+        self._demand(function, self.call(function, *arguments), before)
+
+    def _demand(self, function: str, status: int, before: int, when: str = "") -> None:
+        """Raise Refused unless a status is OK or Warning; `before`: number of the messages before the call."""
         if status not in (OK, WARNING):
-            raise Refused(f"fmi{self.version}{function}", status, self.said(before), self.where)
+            raise Refused(f"fmi{self.version}{function}", status, self.said(before), f"{self.where}{when}")
 
     def said(self, since: int = 0) -> str:
         """Its latest message."""
@@ -399,9 +402,7 @@ class Instance:
         for access, variables in self.fmu.groups(values).items():
             flat = [x for v in variables for x in values[v]]
             before = len(self.messages)
-            status = self.set_raw(access, variables, flat)
-            if status not in (OK, WARNING):
-                raise Refused(f"fmi{self.version}Set{access}", status, self.said(before), self.where)
+            self._demand(f"Set{access}", self.set_raw(access, variables, flat), before)
         return True
 
     def get(self, variables: Sequence[Var]) -> dict[Var, list[Any]]:
@@ -410,8 +411,7 @@ class Instance:
         for access, group in self.fmu.groups(variables).items():
             before = len(self.messages)
             status, buffer = self.get_raw(access, group)
-            if status not in (OK, WARNING):
-                raise Refused(f"fmi{self.version}Get{access}", status, self.said(before), self.where)
+            self._demand(f"Get{access}", status, before)
             values, at = list(buffer), 0
             for v in group:
                 found[v] = values[at : at + v.size]
@@ -472,14 +472,8 @@ class Instance:
             self._euler(step)
             return
         before = len(self.messages)
-        status = self.do_step(self.time, step)
-        if status not in (OK, WARNING):
-            raise Refused(
-                f"fmi{self.version}DoStep",
-                status,
-                self.said(before),
-                f"{self.where} from {self.time:.9g} to {self.time + step:.9g} s",
-            )
+        when = f" from {self.time:.9g} to {self.time + step:.9g} s"
+        self._demand("DoStep", self.do_step(self.time, step), before, when)
         self.time += step
 
     def _euler(self, step: float) -> None:

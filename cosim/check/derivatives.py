@@ -7,10 +7,10 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 
-from cosim.check.bench import Bench, Found, Values, attempt, moved, same, tried
+from cosim.check.bench import Bench, Values, attempt, moved, same, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Unknown, Var
-from cosim.check.rules import NotApplicable, check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, check, names, note, warning
 
 _STRUCTURE2, _STRUCTURE3 = (
     "2.2.8 Definition of the Model Structure (dependencies)",

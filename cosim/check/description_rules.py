@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from build_fmus.base.checks import one_line
 from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
-from cosim.check.rules import Finding, NotApplicable, file_check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
 from cosim.fmu import validation
 from cosim.fmu.archive import Archive
-
-Found = Iterator["str | tuple[int, str] | Finding"]
 
 
 @dataclass
@@ -178,7 +176,7 @@ def _settable(v: Var) -> bool:
 )
 def variability(file: File) -> Found:
     for v in file.model.variables:
-        if v.type in ("Clock", "Binary") and file.model.version == "3" and v.type == "Clock":
+        if v.type == "Clock":
             if v.causality not in ("input", "output", "local"):
                 yield v.line, f"clock {v.name!r} has causality {v.causality}"
             continue
@@ -278,13 +276,8 @@ def start(file: File) -> Found:
     advice="Add the type to TypeDefinitions, or correct declaredType.",
 )
 def types(file: File) -> Found:
-    root = file.root
-    defined: dict[str, Any] = {}
-    for element in root.iterfind("TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"):
-        name = element.get("name", "")
-        if name in defined:
-            yield element.sourceline, f"type {name!r} is defined twice"
-        defined[name] = element
+    path = "TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"
+    defined = yield from _defined(file, "type", path)
     for v in file.model.variables:
         declared = v.says.get("declaredType")
         if declared is not None and declared not in defined:
@@ -302,6 +295,17 @@ def types(file: File) -> Found:
             yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so its items are undefined"
 
 
+def _defined(file: File, kind: str, path: str) -> Generator[tuple[int, str], None, dict[str, Any]]:
+    """Definitions by name; yields those that are there twice."""
+    defined: dict[str, Any] = {}
+    for element in file.root.iterfind(path):
+        name = element.get("name", "")
+        if name in defined:
+            yield element.sourceline, f"{kind} {name!r} is defined twice"
+        defined[name] = element
+    return defined
+
+
 @file_check(
     "description.units",
     "all units in use are defined and can be converted",
@@ -310,12 +314,8 @@ def types(file: File) -> Found:
     advice="Add the unit to UnitDefinitions with its base unit, or correct the name.",
 )
 def units(file: File) -> Found:
-    defined: dict[str, Any] = {}
-    for unit in file.root.iterfind("UnitDefinitions/Unit"):
-        name = unit.get("name", "")
-        if name in defined:
-            yield unit.sourceline, f"unit {name!r} is defined twice"
-        defined[name] = unit
+    defined = yield from _defined(file, "unit", "UnitDefinitions/Unit")
+    for name, unit in defined.items():
         base = unit.find("BaseUnit")
         if base is not None and _zero(base.get("factor", "1")):
             yield unit.sourceline, f"unit {name!r}: its factor is 0, so it cannot be converted"

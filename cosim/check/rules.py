@@ -49,6 +49,10 @@ class Finding:
         return f"line {self.line}: {self.text}" if self.line else self.text
 
 
+Found = Iterator["str | tuple[int, str] | Finding"]
+"""What the function of a check yields: texts of its worst severity, with lines, or findings."""
+
+
 class NotApplicable(Exception):  # noqa: N818
     """A check has nothing to look at; the argument says why."""
 

@@ -213,7 +213,7 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
         root = tree(xml, str(path), options.limits)
     except FmuError as error:
         report.fmi = "?"
-        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        _unreadable(report, error)
         return None
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
@@ -229,12 +229,17 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
     try:
         file.unpack(folder)
     except FmuError as error:
-        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        _unreadable(report, error)
         return None
     (folder / "resources").mkdir(exist_ok=True)
     found.folder = folder
     report.layered = tuple(layered.declared(found))
     return found
+
+
+def _unreadable(report: Report, error: FmuError) -> None:
+    text = str(error).removeprefix(f"{report.path}: ")
+    report.results.append(Result(READABLE, "", (Finding(text, "error"),)))
 
 
 def _run_all(

@@ -8,9 +8,9 @@ import math
 import sys
 import threading
 
-from cosim.check.bench import STEPS, Bench, Found, Values, attempt, compared, difference, disturb, same
+from cosim.check.bench import STEPS, Bench, Values, attempt, compared, difference, disturb, same
 from cosim.check.calls import Ended, Instance, Refused
-from cosim.check.rules import Finding, NotApplicable, check, warning
+from cosim.check.rules import Finding, Found, NotApplicable, check, warning
 from cosim.core.memory import resident_memory
 
 _INSTANCES2 = "2.1.5 Creation, Destruction and Logging of FMU Instances"

@@ -9,7 +9,6 @@ from cosim.check.bench import (
     EQUAL,
     OTHER,
     Bench,
-    Found,
     Values,
     attempt,
     compared,
@@ -23,7 +22,7 @@ from cosim.check.bench import (
     tried,
 )
 from cosim.check.calls import Instance
-from cosim.check.rules import NotApplicable, check, note, warning
+from cosim.check.rules import Found, NotApplicable, check, note, warning
 
 _SAVED2, _SAVED3 = (
     "2.1.8 Getting and Setting the Complete FMU State",

@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from cosim.check.bench import Bench, Found, good
+from cosim.check.bench import Bench, good
 from cosim.check.calls import DISCARD, ERROR, FATAL, OK, Ended, EventInfo2, Instance, Refused, shown
 from cosim.check.model import Var
-from cosim.check.rules import check, names, note, warning
+from cosim.check.rules import Found, check, names, note, warning
 
 _MACHINE2 = "3.2.3 and 4.2.4 State Machine of Calling Sequence"
 _MACHINE3 = "2.3 State Machine and Semantics; 3.2 and 4.2"

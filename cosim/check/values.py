@@ -6,10 +6,10 @@ import ctypes as c
 import math
 from typing import Any
 
-from cosim.check.bench import Bench, Found, Values, attempt, compared, difference, good, moved, same, shown, tried
+from cosim.check.bench import Bench, Values, attempt, compared, difference, good, moved, same, shown, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
-from cosim.check.rules import NotApplicable, check, names, warning
+from cosim.check.rules import Found, NotApplicable, check, names, warning
 
 _VALUES2 = "2.1.7 Getting and Setting Variable Values"
 _VALUES3 = "2.2.6.2 Getting and Setting Variable Values"
