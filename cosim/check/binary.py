@@ -224,20 +224,14 @@ def _mach_o(data: bytes) -> Library:
 # ------------------------------------------------------------------------------------------------------------- checks
 
 FOLDERS2 = {
-    "win32": ("PE", "x86", 32),
-    "win64": ("PE", "x86_64", 64),
-    "linux32": ("ELF", "x86", 32),
-    "linux64": ("ELF", "x86_64", 64),
-    "darwin32": ("Mach-O", "x86", 32),
-    "darwin64": ("Mach-O", "x86_64", 64),
+    f"{system}{bits}": (form, architecture, bits)
+    for system, form in (("win", "PE"), ("linux", "ELF"), ("darwin", "Mach-O"))
+    for architecture, bits in (("x86", 32), ("x86_64", 64))
 }
 _SYSTEMS = {"windows": "PE", "linux": "ELF", "darwin": "Mach-O"}
 _ARCHITECTURES = {
     "x86_64": ("x86_64", 64),
-    "i386": ("x86", 32),
-    "i586": ("x86", 32),
-    "i686": ("x86", 32),
-    "x86": ("x86", 32),
+    **dict.fromkeys(("i386", "i586", "i686", "x86"), ("x86", 32)),
     "aarch64": ("aarch64", 64),
     "aarch32": ("arm", 32),
     "riscv64": ("riscv", 64),
