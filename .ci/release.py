@@ -21,8 +21,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import backend
 
-from build_fmus import package, related
+from build_fmus import related
 from build_fmus.base import safe_files
+from build_fmus.base.archives import zipped
 from build_fmus.base.layout import fmu_path
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
@@ -105,7 +106,7 @@ def fmu_archive(built: Path, names: list[str]) -> bytes:
     pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}, **live}
     pages[REFERENCE] = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["reference"](built, names).encode()
     content = {**pages, **fmus, BILL: bill(fmus)}
-    return package.archive({**content, SUMS: sums(content)})
+    return zipped({**content, SUMS: sums(content)})
 
 
 def bill(fmus: Mapping[str, bytes]) -> bytes:

@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 
+from benchmarks import spent
 from benchmarks.random_roads import system as on_random_roads
 from cosim import Record, System
 from cosim.batch import Batch
@@ -19,7 +20,6 @@ from cosim.experiments.gpc.runs import Case, wire
 from cosim.study import FmuSet
 
 COPIES, SECONDS, ROUNDS = 256, 2.0, 3
-TITLE = "passive full cars, simulated time of all copies / processor time"
 
 
 def on_nodes() -> System:
@@ -53,9 +53,7 @@ def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
         system.allow_unconnected = True
         simulation = system.initialize(record=Record(["car.body.az"], "10 ms"))
         begun += time.process_time() - begin
-        begin = time.process_time()
-        simulation.advance(SECONDS)
-        stepped += time.process_time() - begin
+        stepped += spent(simulation.advance, SECONDS)
     return runs * SECONDS / stepped, begun / runs
 
 
@@ -64,12 +62,8 @@ def in_batch(system: System, vectors: str, threads: int) -> tuple[float, float]:
     start = {"car.body.mass": np.linspace(2500.0, 5000.0, COPIES), "speed.start.speed": np.linspace(8.0, 20.0, COPIES)}
     system.allow_unconnected = True
     with Batch(system, COPIES, record=Record(["car.body.az"], "10 ms"), vectors=vectors, threads=threads) as batch:
-        begin = time.process_time()
-        batch.reset(start)
-        begun = time.process_time() - begin
-        begin = time.process_time()
-        batch.advance(SECONDS)
-        stepped = time.process_time() - begin
+        begun = spent(batch.reset, start)
+        stepped = spent(batch.advance, SECONDS)
         assert not batch.failures
         return COPIES * SECONDS / stepped, begun / COPIES
 
@@ -88,8 +82,3 @@ def measure() -> dict[str, float]:
                     found[key] = max(found.get(key, 0.0), factor)
                     found[init] = min(found.get(init, np.inf), begun * 1e3)
     return found
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.3g}")

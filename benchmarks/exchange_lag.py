@@ -12,22 +12,19 @@ import tempfile
 from contextlib import ExitStack
 from itertools import product
 
-import fmpy
 import numpy as np
-from fmpy import read_model_description
 from fmpy.fmi3 import FMU3Slave
 
-from benchmarks.master_cost import Wired, flatten
+from benchmarks.master_cost import Wired, flatten, fmpy_slave
 from cosim import Record
 from cosim.core.signals import rms
-from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
+from cosim.experiments.gpc.runs import TRAVEL, Case, wire
 from cosim.study import FmuSet
 from fmu_sources.models.corners import CORNERS
 
 ROAD, SPEED_KMH, CONTROLLER = "sine", 50.0, "preview"
 STEP, EVERY = 1e-3, 10  # s of exchange, steps from decision to decision
 SETTLING = 4  # passes over all FMUs during initialization: more than their longest chain
-TITLE = f"lag of one communication step, GPC {CONTROLLER} over the {ROAD} road at {SPEED_KMH:g} km/h"
 COMMANDS = tuple(f"force.{k}" for k in CORNERS)
 FELT = "body.az"
 
@@ -37,15 +34,13 @@ def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
 
     The wiring is given as flat lists.
     """
-    paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, ROAD), "car": fmus.path(PLANT)}
-    paths["controller"] = fmus.path(CONTROLLERS[CONTROLLER] or "")
     names = [*(f"controller.{n}" for n in COMMANDS), f"car.{FELT}"]
     with wire(fmus, Case(ROAD, controller=CONTROLLER)) as system:
         system["speed"].set({"start.speed": SPEED_KMH / 3.6})
         interval = f"{1e3 * STEP:g} ms"
         system.allow_unconnected = True
         recording = system.run(duration, record=Record(names, interval))  # the driver keeps y = 0
-        return np.column_stack([recording[n][:-1] for n in names]), flatten(system, paths)
+        return np.column_stack([recording[n][:-1] for n in names]), flatten(system)
 
 
 def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndarray:
@@ -57,17 +52,8 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
     with ExitStack() as stack:
         slaves = []
         for w in wired:
-            description = read_model_description(w.fmu)
-            folder = fmpy.extract(w.fmu, stack.enter_context(tempfile.TemporaryDirectory()))
-            slave = FMU3Slave(
-                guid=description.guid,
-                unzipDirectory=folder,
-                instanceName=w.name,
-                modelIdentifier=description.coSimulation.modelIdentifier,
-            )
-            slave.instantiate()
+            slave, references = fmpy_slave(w, stack.enter_context(tempfile.TemporaryDirectory()))
             stack.callback(slave.freeInstance)
-            references = {v.name: v.valueReference for v in description.modelVariables}
             if "start.speed" in references and w.name == "speed":
                 slave.setFloat64([references["start.speed"]], [SPEED_KMH / 3.6])
             slave.enterInitializationMode()
@@ -134,8 +120,3 @@ def measure(distance: float = TRAVEL) -> dict[str, float]:
         "decision of the controller, rms difference [% of the range]": 100 * rms(decided_late - decided) / span,
         "rms of body.az, change [%]": 100 * (rms(jacobi[:, -1]) / rms(master[:, -1]) - 1),
     }
-
-
-if __name__ == "__main__":
-    for name, value in measure().items():
-        print(f"{name}: {value:.3g}")

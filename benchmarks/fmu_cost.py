@@ -1,36 +1,28 @@
 """What FMUs cost beside older ones of the same names: bare C loops over two folders of FMUs, taking turns, in one run.
 
-`python -m benchmarks.fmu_cost --old FOLDER` compares `fmus` with a copy that was kept before a change. Nothing but
-the FMUs differs: the same program sets, steps and gets the same variables of the passive and the preview system, and of
+`python -m benchmarks --old FOLDER` compares `fmus` with a copy that was kept before a change. Nothing but the
+FMUs differs: the same program sets, steps and gets the same variables of the passive and the preview system, and of
 the contact plant alone. Times are of the processor, the least of all turns.
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks.master_cost import Wired, bare_program, flatten, seconds
 from cosim import System
-from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_file, wire
+from cosim.experiments.gpc.runs import Case, wire
 from cosim.study import FmuSet
 
 STEPS = 50_000  # of 1 ms; the contact plant a tenth of it
-TITLE = "comparison with older FMUs, in bare C loops"
 
 
 def gpc_system(fmus: FmuSet, controller: str) -> list[Wired]:
     """The FMUs of the published closed loop over the sine road."""
-    paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, "sine"), "car": fmus.path(PLANT)}
-    if name := CONTROLLERS[controller]:
-        paths["controller"] = fmus.path(name)
     with wire(fmus, Case("sine", controller=controller)) as system:
-        return flatten(system, paths)
+        return flatten(system)
 
 
 def contact_plant(fmus: FmuSet) -> list[Wired]:
@@ -55,13 +47,13 @@ SYSTEMS: dict[str, tuple[Callable[[FmuSet], list[Wired]], int]] = {
 }
 
 
-def measure(old: Path, new: Path = Path("fmus"), turns: int = 7) -> dict[str, float]:
+def measure(old: Path, turns: int = 7) -> dict[str, float]:
     """Microseconds per step of 1 ms of each system with the FMUs of both folders, and the speedup of the new ones."""
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as tmp:
         for i, (name, (make, steps)) in enumerate(SYSTEMS.items()):
             programs = {}
-            for which, folder in (("old", old), ("new", new)):
+            for which, folder in (("old", old), ("new", Path("fmus"))):
                 place = Path(tmp) / f"{i}{which}"
                 place.mkdir()
                 programs[which] = bare_program(make(FmuSet(folder.resolve())), steps, place)
@@ -70,20 +62,3 @@ def measure(old: Path, new: Path = Path("fmus"), turns: int = 7) -> dict[str, fl
             found |= {f"{name}, {which} [us per ms]": t / steps * 1e6 for which, t in least.items()}
             found[f"{name}, old / new"] = least["old"] / least["new"]
     return found
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.fmu_cost", description=TITLE)
-    parser.add_argument("--old", type=Path, required=True, help="folder with older FMUs, as build-fmus makes it")
-    parser.add_argument("--new", type=Path, default=Path("fmus"), help="folder with the FMUs (fmus)")
-    parser.add_argument("--turns", type=int, default=7, help="how often each program runs (7)")
-    options = parser.parse_args(arguments)
-    table = Table(TITLE, "", box=None)
-    for name, value in measure(options.old, options.new, options.turns).items():
-        table.add_row(name.replace("[", r"\["), f"{value:.3g}")
-    Console().print(table)
-
-
-if __name__ == "__main__":
-    main()

@@ -7,9 +7,9 @@ not count.
 from __future__ import annotations
 
 import runpy
-import time
 from pathlib import Path
 
+from benchmarks import spent
 from cosim import Record, System
 from cosim.experiments.hmmwv import EXPERIMENT
 from cosim.experiments.hmmwv.runs import Case
@@ -30,9 +30,7 @@ def factor(system: System, seconds: float) -> float:
     """Simulated time over processor time of one run, recording the absorbed power every millisecond."""
     system.allow_unconnected = True
     simulation = system.initialize(record=Record(COMFORT, "1 ms"))
-    begin = time.process_time()
-    simulation.advance(seconds)
-    return seconds / (time.process_time() - begin)
+    return seconds / spent(simulation.advance, seconds)
 
 
 def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:

@@ -10,12 +10,12 @@ import time
 import gymnasium
 import numpy as np
 
+from benchmarks import spent
 from cosim import Record
 from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv
 
 ROUNDS = 3
-TITLE = "learning environments"
 
 
 def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
@@ -23,9 +23,7 @@ def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
     still = np.zeros(env.action_space.shape or ())
 
     def once() -> tuple[float, float, float]:
-        begin = time.process_time()
-        env.reset(seed=1)
-        reset = time.process_time() - begin
+        reset = spent(lambda: env.reset(seed=1))
         begin, done, over = time.process_time(), 0, False
         while done < steps and not over:
             *_, terminated, truncated, _ = env.step(still)
@@ -34,9 +32,7 @@ def processor_time(env: SystemEnv, steps: int) -> tuple[float, float, float]:
         names, interval = env.recording.names, env.record_interval
         env.system.allow_unconnected = True
         with env.system.initialize(record=Record(names, interval)) as simulation:
-            begin = time.process_time()
-            simulation.advance(done * env.step_size)
-            bare = time.process_time() - begin
+            bare = spent(simulation.advance, done * env.step_size)
         return stepped / done, bare / done, reset
 
     return tuple(np.min([once() for _ in range(ROUNDS)], axis=0).tolist())
@@ -52,8 +48,3 @@ def measure(steps: int = 400) -> dict[str, float]:
         made.close()
         found |= {f"{name}, step / bare simulation": step / bare, f"{name}, reset / step": reset / step}
     return found
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.2f}")

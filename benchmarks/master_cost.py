@@ -24,9 +24,10 @@ from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
+from benchmarks import spent
 from build_fmus.compile import find_toolchain, host
 from cosim import Execution, Record, System
-from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_file, wire
+from cosim.experiments.gpc.runs import Case, wire
 from cosim.fmu.calls import platform_folder
 from cosim.study import FmuSet
 
@@ -46,7 +47,7 @@ class Wired:
     first: int  # position of the first output
 
 
-def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
+def flatten(system: System) -> list[Wired]:
     """Components in execution order with the variables that are exchanged."""
     position: dict[str, int] = {}
     result = []
@@ -56,7 +57,8 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
         position.update((n, first + i) for i, n in enumerate(used))
         outputs = [component.description.outputs[n.split(".", 1)[1]].reference for n in used]
         version = int(component.description.fmi_version[0])
-        result.append(Wired(component.name, paths[component.name], version, [], [], outputs, first))
+        path: Path = component.implementation.fmu.path  # type: ignore[attr-defined]
+        result.append(Wired(component.name, path, version, [], [], outputs, first))
     for wired in result:
         for c in system.connections.values():
             if c.target.name == wired.name:
@@ -71,9 +73,20 @@ def time_master(
     """Seconds for `steps` steps of 1 ms by our master, recording `record`."""
     system.allow_unconnected = True
     with system.initialize(record=Record(record, interval), execution=execution) as simulation:
-        begin = time.process_time()
-        simulation.advance(steps * 1e-3)
-        return time.process_time() - begin
+        return spent(simulation.advance, steps * 1e-3)
+
+
+def fmpy_slave(w: Wired, folder: str) -> tuple[Any, dict[str, int]]:
+    """An instance of a component by FMPy, unpacked into a folder; value references by name."""
+    description = read_model_description(w.fmu)
+    slave = (FMU2Slave if w.version == 2 else FMU3Slave)(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(w.fmu, folder),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=w.name,
+    )
+    slave.instantiate()
+    return slave, {v.name: v.valueReference for v in description.modelVariables}
 
 
 def time_fmpy(components: list[Wired], steps: int) -> float:
@@ -87,16 +100,8 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
         (slave.setReal if w.version == 2 else slave.setFloat64)(w.inputs, numbers)
 
     for w in components:
-        description = read_model_description(w.fmu)
         folders.append(tempfile.TemporaryDirectory())
-        unzipped = fmpy.extract(w.fmu, folders[-1].name)
-        slave = (FMU2Slave if w.version == 2 else FMU3Slave)(
-            guid=description.guid,
-            unzipDirectory=unzipped,
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=w.name,
-        )
-        slave.instantiate()
+        slave, _ = fmpy_slave(w, folders[-1].name)
         if w.version == 2:
             slave.setupExperiment()
         slave.enterInitializationMode()
@@ -149,14 +154,13 @@ def seconds(command: Sequence[str | Path]) -> float:
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
 
 
-def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 5) -> dict[str, float]:
-    """Best of `repeats` for each loop, as microseconds per FMU step and ratios."""
-    fmus = FmuSet()
-    paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, "sine"), "car": fmus.path(PLANT)}
-    if name := CONTROLLERS[controller]:
-        paths["controller"] = fmus.path(name)
-    with wire(fmus, Case("sine", controller=controller)) as system:
-        return compare(system, flatten(system, paths), "car.x", steps, repeats)
+def measure() -> dict[str, dict[str, float]]:
+    """Best of five for each loop over the passive and the preview system, as microseconds per FMU step and ratios."""
+    found = {}
+    for controller in ("passive", "preview"):
+        with wire(FmuSet(), Case("sine", controller=controller)) as system:
+            found[f"{controller} system"] = compare(system, flatten(system), "car.x", STEPS, 5)
+    return found
 
 
 def compare(

@@ -1,7 +1,5 @@
 """The mathematical library inside the FMUs (musl) beside the one of this machine: time, and digits that move.
 
-    python -m benchmarks.mathematics      # part of all benchmarks
-
 The sources in each FMU are compiled once more with the header that renames the functions replaced by `math.h`, and
 linked with the system's library. Both builds run in the bare C loop of `benchmarks.master_cost`, and over the
 reference inputs of the FMU's documentation.
@@ -17,8 +15,6 @@ from pathlib import Path
 import fmpy
 import numpy as np
 from fmpy import read_model_description, simulate_fmu
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks.master_cost import Wired, bare_program, seconds
 from build_fmus.compile import CFLAGS, find_toolchain, host
@@ -79,10 +75,3 @@ def measure(names: tuple[str, ...] = NAMES) -> dict[str, float]:
         results[f"{name}: own library / system's, time"] = own / other
         results[f"{name}: largest difference of an output"] = float((np.abs(a - b) / scale).max())
     return results
-
-
-if __name__ == "__main__":
-    table = Table("", "", box=None)
-    for title, value in measure().items():
-        table.add_row(title, f"{value:.3g}")
-    Console().print(table)

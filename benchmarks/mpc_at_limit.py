@@ -13,9 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from benchmarks.mpc_solvers import make
 from build_fmus.qp import Backend, Daqp
@@ -139,19 +136,6 @@ def drive(loop: Loop, choice: str) -> dict[str, float]:
     }
 
 
-def choices() -> dict[str, dict[str, float]]:
+def measure() -> dict[str, dict[str, float]]:
     """Every loop under every choice."""
     return {f"{loop.title}: {choice}": drive(loop, choice) for loop, choice in product(LOOPS, CHOICES)}
-
-
-def table(results: dict[str, dict[str, float]]) -> Table:
-    """One row per loop and choice."""
-    columns = list(next(iter(results.values())))
-    shown = Table("MpcHmmwv at OSQP's limit of iterations", *(escape(c) for c in columns), box=None)
-    for name, row in results.items():
-        shown.add_row(name, *(f"{row[c]:.4g}" for c in columns))
-    return shown
-
-
-if __name__ == "__main__":
-    Console(width=160).print(table(choices()))

@@ -14,9 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from build_fmus.component import Component
 from build_fmus.qp import Osqp
@@ -100,7 +97,7 @@ def problems(
     return Problems(lambda: make(name), mpc, runs, limit)
 
 
-def measure(given: Problems, backend: str) -> dict[str, float]:
+def timed(given: Problems, backend: str) -> dict[str, float]:
     """Times [ms], iterations, residual and error of the command over all steps."""
     declared = given.make()
     declared.choose_backend(backend)
@@ -217,10 +214,10 @@ def step_sizes() -> dict[str, dict[str, float]]:
     def made(rho: float) -> Problems:
         return replace(given, make=lambda: hmmwv.mpc_hmmwv(car, backend=Osqp(rho=rho)))
 
-    return {f"MpcHmmwv, higher bumps, osqp, step size {rho:g}": measure(made(rho), "osqp") for rho in STEP_SIZES}
+    return {f"MpcHmmwv, higher bumps, osqp, step size {rho:g}": timed(made(rho), "osqp") for rho in STEP_SIZES}
 
 
-def solvers() -> dict[str, dict[str, float]]:
+def measure() -> dict[str, dict[str, float]]:
     """All controllers with all back ends."""
     small = quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
     car = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
@@ -231,7 +228,7 @@ def solvers() -> dict[str, dict[str, float]]:
         ),
         "MpcHmmwv": problems("MpcHmmwv", hmmwv.hmmwv_mpc(car), hmmwv_runs(), FORCE_LIMIT),
     }
-    results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
+    results = {f"{name}, {backend}": timed(p, backend) for name, p in given.items() for backend in BACKENDS}
     results |= step_sizes()
     large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
     mpc = three_axle_mpc(combined_gains(ride_model(large))[0])
@@ -241,19 +238,6 @@ def solvers() -> dict[str, dict[str, float]]:
         ("trenches", trench_runs, TRENCH_MPC),
     ):
         settings = {k: float(v) for k, v in parameters.items()}
-        found = measure(problems("MpcThreeAxle", mpc, runs(), limit, settings), "daqp")
+        found = timed(problems("MpcThreeAxle", mpc, runs(), limit, settings), "daqp")
         results[f"MpcThreeAxle, {title}, daqp"] = found
     return results
-
-
-def table(results: dict[str, dict[str, float]]) -> Table:
-    """One row per controller and back end."""
-    columns = list(next(iter(results.values())))
-    shown = Table("quadratic programs", *(escape(c) for c in columns), box=None)
-    for name, row in results.items():
-        shown.add_row(name, *(f"{row[c]:.2g}" if row[c] < 1000 else f"{row[c]:.0f}" for c in columns))
-    return shown
-
-
-if __name__ == "__main__":
-    Console(width=200).print(table(solvers()))

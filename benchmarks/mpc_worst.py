@@ -15,9 +15,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from benchmarks.mpc_solvers import BACKENDS, REPETITIONS, make
 from build_fmus.builder import Options
@@ -126,7 +123,7 @@ class Driven:
         self._fmu.close()
 
 
-def measure(name: str, backend: str, samples: int = SAMPLES, seeds: int = SEEDS) -> dict[str, float]:
+def longest(name: str, backend: str, samples: int = SAMPLES, seeds: int = SEEDS) -> dict[str, float]:
     """Worst and 99th percentile of the samples, iterations, and how the samples ended."""
     c = make(name)
     c.choose_backend(backend)
@@ -161,19 +158,6 @@ def measure(name: str, backend: str, samples: int = SAMPLES, seeds: int = SEEDS)
     }
 
 
-def worst() -> dict[str, dict[str, float]]:
+def measure() -> dict[str, dict[str, float]]:
     """All controllers with all back ends."""
-    return {f"{n}, {b}": measure(n, b) for n, b in product(CONTROLLERS, BACKENDS)}
-
-
-def table(results: dict[str, dict[str, float]]) -> Table:
-    """One row per controller and back end."""
-    columns = list(next(iter(results.values())))
-    shown = Table("the longest sample of the MPC FMUs", *(escape(c) for c in columns), box=None)
-    for name, row in results.items():
-        shown.add_row(name, *(f"{row[c]:.2g}" if abs(row[c]) < 100 else f"{row[c]:.0f}" for c in columns))
-    return shown
-
-
-if __name__ == "__main__":
-    Console(width=220).print(table(worst()))
+    return {f"{n}, {b}": longest(n, b) for n, b in product(CONTROLLERS, BACKENDS)}

@@ -130,7 +130,7 @@ def _convolution(C: np.ndarray, powers: list[np.ndarray], B: np.ndarray, N: int)
     return result
 
 
-def measure(size: Size, backend: Backend) -> dict[str, float]:
+def solved(size: Size, backend: Backend) -> dict[str, float]:
     """Solve every step of a closed-loop run (OSQP with soft rows, which can take a second per step: the first 40)."""
     run = closed_loop(size)
     n, m = len(run.hessian), len(run.rows)
@@ -186,11 +186,11 @@ def replay(component: Component, data: np.ndarray, repetitions: int = 3) -> dict
     }
 
 
-def table() -> dict[str, dict[str, float]]:
+def measure() -> dict[str, dict[str, float]]:
     """Both solvers on all sizes."""
     rows = {}
     for size in SIZES:
         n, m = len(closed_loop(size).hessian), len(closed_loop(size).rows)
         for backend in (Daqp(), Osqp(rho=size.step_size, eps=1e-7)):
-            rows[f"QP {size.title} ({n} x {m}), {backend.name}"] = measure(size, backend)
+            rows[f"QP {size.title} ({n} x {m}), {backend.name}"] = solved(size, backend)
     return rows

@@ -1,15 +1,8 @@
-"""What it costs an FMU to check its solver step for parameters that were set: time of the end of initialization.
-
-python -m benchmarks.solver_check      # part of all benchmarks
-"""
+"""What it costs an FMU to check its solver step for parameters that were set: time of the end of initialization."""
 
 from __future__ import annotations
 
 import time
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from cosim import Fmu
 from cosim.fmu.component import FmuComponent
@@ -53,10 +46,3 @@ def measure() -> dict[str, float]:
         results[f"{name}: end of initialization, nothing set [ms]"] = plain * 1e3
         results[f"{name}: check of the solver step [ms]"] = (seconds(fmu, checked=True) - plain) * 1e3
     return results
-
-
-if __name__ == "__main__":
-    table = Table("", "", box=None)
-    for title, value in measure().items():
-        table.add_row(escape(title), f"{value:.3g}")
-    Console().print(table)

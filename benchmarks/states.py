@@ -9,12 +9,12 @@ instants begin depends on what else the machine does; the numbers are those of o
 from __future__ import annotations
 
 import runpy
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks import spent
 from cosim import Execution, Record, System, SystemState
 
 CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
@@ -26,13 +26,11 @@ LONG = 3.0  # s of simulated time
 def seconds(work: Callable[[], object], repeats: int, rounds: int = 5) -> float:
     """Processor time of one call, the best of some rounds."""
 
-    def once() -> float:
-        begin = time.process_time()
+    def repeated() -> None:
         for _ in range(repeats):
             work()
-        return (time.process_time() - begin) / repeats
 
-    return min(once() for _ in range(rounds))
+    return min(spent(repeated) / repeats for _ in range(rounds))
 
 
 def call_by_call(system: System) -> Callable[[], None]:
@@ -57,13 +55,11 @@ def initialize(system: System, state: SystemState | None = None) -> object:
 
 
 def measure() -> dict[str, float]:
-    """Costs of states, as parts of a simulated millisecond."""
+    """Costs of states, as parts of a simulated millisecond, and of one corner by hand and in real time."""
     with runpy.run_path(str(CORNER))["corner"]() as system:
         system.allow_unconnected = True
         with system.initialize(record=Record(RECORD, "1 ms")) as simulation:
-            begin = time.process_time()
-            simulation.advance(LONG)
-            millisecond = (time.process_time() - begin) / (LONG * 1e3)
+            millisecond = spent(simulation.advance, LONG) / (LONG * 1e3)
             state = simulation.save()
             data = state.to_bytes()
             kept = call_by_call(system)
@@ -81,10 +77,11 @@ def measure() -> dict[str, float]:
         "a simulated millisecond [us]": millisecond * 1e6,
         "bytes of the state": len(data),
         **{f"{name} / simulated millisecond": t / millisecond for name, t in took.items()},
+        **_by_hand(),
     }
 
 
-def by_hand() -> dict[str, float]:
+def _by_hand() -> dict[str, float]:
     """Processor time of stepping by hand at 1 kHz, and what a paced run adds, as parts of the clock's millisecond.
 
     Also the lateness of the paced run.

@@ -1,7 +1,5 @@
 """Runs per second of a sweep in this project, in a pool written by hand, and in FMPy's example.
 
-    python -m benchmarks.sweeps [--runs 400]
-
 This study runs on local processes and on Dask; FMPy in a Dask bag, as its example does it. One FMU, since that example
 (`fmpy.examples.parameter_variation`) has one: the full car alone over 2 s in steps of 1 ms, mass and CG height vary,
 the outcome is the mean of two outputs. Two workers each. They take turns, since other things run on most machines.
@@ -9,7 +7,6 @@ the outcome is the mean of two outputs. Two workers each. They take turns, since
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import shutil
 import tempfile
@@ -32,7 +29,6 @@ from cosim.study import dask as cluster
 from cosim.study.design import Design, axis
 from cosim.study.sweep import prepare, run_sweep
 
-TITLE = "a sweep of the full car alone over 2 s, runs per second on two workers"
 WORKERS, ROUNDS = 2, 3
 FILE = Path(sweeps_car.__file__)
 Points = list[tuple[float, ...]]
@@ -153,10 +149,3 @@ def _chunk(points: Any, arguments: dict[str, Any], start: list[int], result: lis
     fmu.terminate()
     fmu.freeInstance()
     return found
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=TITLE)
-    parser.add_argument("--runs", type=int, default=400)
-    for way, speed in measure(parser.parse_args().runs).items():
-        print(f"{way:24}{speed:8.1f}")

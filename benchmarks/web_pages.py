@@ -1,6 +1,6 @@
 """Systems of the live pages in WebAssembly, beside the same systems run by the engine; the pages in Chromium.
 
-`python -m benchmarks.web_pages`. Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
+Both take turns. WebAssembly runs in wasmtime, whose compiler makes about what
 browsers make. Without Node.js and Chromium, the pages are not opened.
 """
 
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import time
 from fractions import Fraction
 from pathlib import Path
 
+from benchmarks import spent
 from cosim.experiments.live_pages import shown, write_pages
 from cosim.export.code import SystemCode, exported_schedule
 from cosim.export.variables import choose
@@ -23,7 +23,6 @@ from tests.export.web_host import TYPES, WebHost
 
 SCRIPT = Path(__file__).parents[1] / "tests" / "export" / "live.mjs"
 SECONDS, STEP, ROUNDS = 5, Fraction(1, 100), 3
-TITLE = "live pages: sizes, and systems in WebAssembly"
 
 
 def measure() -> dict[str, float]:
@@ -49,14 +48,10 @@ def measure() -> dict[str, float]:
                 for _ in range(ROUNDS):
                     host = WebHost(module.content, watched)
                     assert host.start(float(STEP)) == 0, host.message
-                    begin = time.process_time()
-                    host.run(int(SECONDS / STEP))
-                    web = SECONDS / (time.process_time() - begin)
+                    web = SECONDS / spent(host.run, int(SECONDS / STEP))
                     system.allow_unconnected = True
                     with system.initialize(record=[]) as simulation:
-                        begin = time.process_time()
-                        simulation.advance(SECONDS)
-                        native = SECONDS / (time.process_time() - begin)
+                        native = SECONDS / spent(simulation.advance, SECONDS)
                     key = f"{name}, {one.title}, times the clock"
                     found[f"{key}, native"] = max(found.get(f"{key}, native", 0.0), native)
                     found[f"{key}, WebAssembly"] = max(found.get(f"{key}, WebAssembly", 0.0), web)
@@ -75,8 +70,3 @@ def in_chromium(page: Path, folder: Path) -> dict[str, float]:
         "simulated time / wall time": min(v["pace"] for v in views),
         "frames [1/s]": min(v["frames"] for v in views),
     }
-
-
-if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.3g}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 
 from lxml import etree
@@ -187,23 +187,36 @@ def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: floa
     etree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(stop_time), stepSize=repr(step))
 
 
-def _annotation(parent: etree._Element, component: Model) -> None:
-    """Annotation with what FMI has no place for.
+def annotate(
+    root: etree._Element,
+    fmi: int,
+    attributes: Mapping[str, str],
+    inputs: Mapping[str, tuple[float, float]],
+    outputs: Mapping[str, float],
+    sources: Mapping[str, str],
+) -> None:
+    """Annotation with what FMI has no place for, by names of variables.
 
-    The kind of component, where values come from, and constants that a source and its target must agree on. All in one
-    place, by name: beside each variable a source would stand once per element of an array.
+    `attributes`: kind, sample time; constants that a source and its target must agree on, as `inputs` (value,
+    tolerance) and `outputs`; `sources` of values. Beside each variable a source would stand once per element of an
+    array.
     """
-    attributes: dict[str, str] = {"kind": component.kind}
-    if component.sample_time is not None:
-        attributes["sampleTime"] = repr(component.sample_time)
-    element = etree.SubElement(parent, "Component", **attributes)
-    for v in component.constant_inputs:
-        etree.SubElement(element, "Input", name=v.name, mustEqual=repr(v.must_equal), tolerance=repr(v.tolerance))
-    for name, value in component.constant_outputs.items():
-        etree.SubElement(element, "Output", name=name, constant=repr(value))
-    for v in component.variables:
-        if v.source:
-            etree.SubElement(element, "Variable", name=v.name, source=v.source)
+    holder = etree.SubElement(root, "VendorAnnotations" if fmi == 2 else "Annotations")
+    tool = etree.SubElement(holder, *(("Tool", {"name": TOOL}) if fmi == 2 else ("Annotation", {"type": TOOL})))
+    element = etree.SubElement(tool, "Component", dict(attributes))
+    for name, (value, tolerance) in inputs.items():
+        etree.SubElement(element, "Input", name=name, mustEqual=repr(value), tolerance=repr(tolerance))
+    for name, constant in outputs.items():
+        etree.SubElement(element, "Output", name=name, constant=repr(constant))
+    for name, source in sources.items():
+        etree.SubElement(element, "Variable", name=name, source=source)
+
+
+def _annotate(root: etree._Element, fmi: int, component: Model) -> None:
+    sampled = {} if component.sample_time is None else {"sampleTime": repr(component.sample_time)}
+    inputs = {v.name: (v.must_equal, v.tolerance) for v in component.constant_inputs if v.must_equal is not None}
+    sources = {v.name: v.source for v in component.variables if v.source}
+    annotate(root, fmi, {"kind": component.kind, **sampled}, inputs, component.constant_outputs, sources)
 
 
 def _attributes(component: Model, r: Reference, value_reference: int) -> dict[str, str]:
@@ -253,7 +266,7 @@ def _fmi2(component: Model, token: str, sources: list[str]) -> etree._Element:
         for name in sources:
             etree.SubElement(files, "File", name=name)
     _common(root, component)
-    _annotation(etree.SubElement(etree.SubElement(root, "VendorAnnotations"), "Tool", name=TOOL), component)
+    _annotate(root, 2, component)
 
     refs = references(component, arrays=False)
     index = {r.name: i + 1 for i, r in enumerate(refs)}
@@ -348,8 +361,7 @@ def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._El
     for r in refs:
         if r.name in initial_names:
             unknown("InitialUnknown", r, initial_dependencies)
-    annotations = etree.SubElement(root, "Annotations")
-    _annotation(etree.SubElement(annotations, "Annotation", type=TOOL), component)
+    _annotate(root, 3, component)
     return root
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 import tempfile
-import zipfile
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
 from build_fmus import description_xml, generate, licenses, reference, related
 from build_fmus.base import extras, safe_files
+from build_fmus.base.archives import zipped
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.icon import icon_png
@@ -24,7 +23,6 @@ FMI_HEADERS = {  # from the fmpy wheel
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
-_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def build_fmu(
@@ -104,7 +102,7 @@ def _pack(
         float(result.time[-1]), float(result.time[1]), inputs if result.input_names else None, references
     )
     content |= related.files(component.name, content, parts, compilers, experiment=experiment)
-    return archive(content)
+    return zipped(content)
 
 
 def source_files(component: Model, fmi: int, *, arrays: bool = False, clocks: bool = False) -> dict[str, bytes]:
@@ -143,16 +141,3 @@ def _documentation(component: Model, fmi: int, result: reference.ReferenceResult
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
     }
-
-
-def archive(content: dict[str, bytes]) -> bytes:
-    """The bytes of a zip archive with these files by path: the same for the same content."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as z:
-        for name in sorted(content):
-            info = zipfile.ZipInfo(name, date_time=_EPOCH)
-            info.compress_type = zipfile.ZIP_DEFLATED
-            info.create_system = 3
-            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            z.writestr(info, content[name])
-    return out.getvalue()

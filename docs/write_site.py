@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base import safe_files
+from build_fmus.base.interpreters import environment
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -249,10 +250,9 @@ def executed(name: str, text: str) -> tuple[str, str]:
     ]
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "fmus").symlink_to(ROOT / "fmus", target_is_directory=True)
-        paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         client = NotebookClient(book, timeout=600, kernel_name="python3", record_timing=False)
         client.create_kernel_manager()
-        client.execute(cwd=folder, env={**os.environ, "PYTHONPATH": paths})
+        client.execute(cwd=folder, env=environment())
     parts = []
     for cell in book.cells:
         if cell.cell_type == "markdown":

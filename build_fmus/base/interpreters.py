@@ -10,9 +10,17 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 PYTHON = (sys.executable, "-P")
 """Beginning of the command of a Python process."""
+_ROOT = str(Path(__file__).parents[2])
+
+
+def environment() -> dict[str, str]:
+    """Variables of a process that imports this project from where it is."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [_ROOT, os.environ.get("PYTHONPATH")]))}
+
 
 _VARIABLE, _OURS = "PYTHONSAFEPATH", "set by suspension-fmus"
 

@@ -6,37 +6,21 @@ import posixpath
 import re
 import zipfile
 from collections.abc import Iterable, Iterator
-from functools import cache
-from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
-
-from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
+from cosim.fmu.xml import schema as xml_schema
 from cosim.fmu.xml import tree
 
-Found = Iterator["str | tuple[int, str] | Finding"]
-
-_TOP = {
-    "2": {
-        "modelDescription.xml",
-        "model.png",
-        "documentation",
-        "sources",
-        "binaries",
-        "resources",
-        "extra",
-        "terminalsAndIcons",
-        "icons",
-        "licenses",
-    },
-    "3": {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"},
-}
+_TOP3 = {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"}
+_TOP = {"2": {*_TOP3, "model.png", "icons", "licenses"}, "3": _TOP3}
 
 
 def entries(file: File) -> list[str]:
@@ -45,7 +29,7 @@ def entries(file: File) -> list[str]:
     return sorted(p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file())
 
 
-@check(
+@file_check(
     "archive.zip",
     "the ZIP file uses only features that every tool can read",
     fmi2="2.3 FMU Distribution",
@@ -75,7 +59,7 @@ def zip_file(file: File) -> Found:
             seen.add(name.lower())
 
 
-@check(
+@file_check(
     "archive.layout",
     "files are in the folders that the standard defines",
     fmi2="2.3 FMU Distribution (structure of the ZIP file)",
@@ -102,7 +86,7 @@ def layout(file: File) -> Found:
         yield note(f"{wrong[0]}: licenses belong in documentation/licenses/")
 
 
-@check(
+@file_check(
     "archive.implementation",
     "every interface has a binary or sources",
     fmi2="2.3 FMU Distribution",
@@ -126,7 +110,7 @@ def implementation(file: File) -> Found:
         yield i.line, f"there is neither a library {i.identifier!r} nor a source file{there}"
 
 
-@check(
+@file_check(
     "archive.sources",
     "all source files that are listed exist, with a build description",
     fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)",
@@ -167,7 +151,7 @@ def sources(file: File) -> Found:
             yield f"sources/buildDescription.xml, line {element.sourceline}: {element.get('name')!r} is not in sources/"
 
 
-@check(
+@file_check(
     "archive.terminals",
     "terminals conform to their schema, refer to existing variables, and can be matched",
     fmi3="2.4.9 Terminals and Icons",
@@ -238,15 +222,8 @@ def _validated(file: File, path: str, schema: str) -> Any:
     except (FmuError, OSError) as error:
         yield str(error)
         return None
-    validator = _schema(schema)
+    validator = xml_schema(Path(str(find_spec("fmpy").origin)).with_name("schema") / "fmi3" / schema)  # type: ignore[union-attr]
     if not validator.validate(root):
         for entry in list(validator.error_log)[:5]:
             yield f"{path}, line {entry.line}: {one_line(entry.message)}"
     return root
-
-
-@cache
-def _schema(name: str) -> Any:
-    """A schema of FMI 3.0, as it comes with fmpy."""
-    path = str(resources.files("fmpy") / "schema" / "fmi3" / name)
-    return etree.XMLSchema(etree.parse(path, etree.XMLParser(no_network=True)))

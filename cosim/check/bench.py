@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -68,15 +68,15 @@ class Bench:
         self.require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
         return self.fmu.instance(self.kind, **options)
 
-    def alone(self, work: Callable[[Instance], T], **options: Any) -> T:
-        """Call `work` with an instance of its own and return its result.
+    def alone(self, work: Callable[..., T], *arguments: Any, **options: Any) -> T:
+        """Call `work` with an instance of its own, then `arguments`, and return its result.
 
         If the FMU allows one instance per process, the instance gets a process.
         """
 
         def with_instance() -> T:
             with self.instance(**options) as a:
-                return work(a)
+                return work(a, *arguments)
 
         if not self.interface.once:
             return with_instance()
@@ -108,6 +108,10 @@ class Bench:
             and (not numbers or v.is_number or v.access == "Boolean")
             and v.starts() is not None
         ]
+
+    def continuous_inputs(self) -> list[Var]:
+        """Inputs that can be set at will, as far as they are continuous."""
+        return [v for v in self.settable("input") if v.is_float and v.variability == "continuous"]
 
     def run(self, instance: Instance, steps: int = STEPS, step: float | None = None) -> list[Values]:
         """Results before the first and after each step. Ends early where the FMU wants to end."""
@@ -285,13 +289,13 @@ def disturb(bench: Bench, a: Instance) -> None:
     ]
     values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
     if values:
-        attempt(lambda: a.set(values))
+        attempt(a.set, values)
 
 
-def attempt(call: Callable[[], Any]) -> Any:
+def attempt(call: Callable[..., Any], *arguments: Any) -> Any:
     """The result, or None where the FMU refuses: what it does not want to do is its right."""
     try:
-        return call()
+        return call(*arguments)
     except (Refused, Ended):
         return None
 
@@ -299,6 +303,3 @@ def attempt(call: Callable[[], Any]) -> Any:
 def good(status: int) -> bool:
     """Whether a status is OK or Warning."""
     return status in (OK, WARNING)
-
-
-Found = Iterator[Any]

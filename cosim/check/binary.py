@@ -9,11 +9,12 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, check, names, note
-
-Found = Iterator["str | tuple[int, str] | Finding"]
+from cosim.check.rules import Found, NotApplicable, file_check, names, note
 
 
 class Unreadable(ValueError):  # noqa: N818 (reads as what happened)
@@ -223,20 +224,14 @@ def _mach_o(data: bytes) -> Library:
 # ------------------------------------------------------------------------------------------------------------- checks
 
 FOLDERS2 = {
-    "win32": ("PE", "x86", 32),
-    "win64": ("PE", "x86_64", 64),
-    "linux32": ("ELF", "x86", 32),
-    "linux64": ("ELF", "x86_64", 64),
-    "darwin32": ("Mach-O", "x86", 32),
-    "darwin64": ("Mach-O", "x86_64", 64),
+    f"{system}{bits}": (form, architecture, bits)
+    for system, form in (("win", "PE"), ("linux", "ELF"), ("darwin", "Mach-O"))
+    for architecture, bits in (("x86", 32), ("x86_64", 64))
 }
 _SYSTEMS = {"windows": "PE", "linux": "ELF", "darwin": "Mach-O"}
 _ARCHITECTURES = {
     "x86_64": ("x86_64", 64),
-    "i386": ("x86", 32),
-    "i586": ("x86", 32),
-    "i686": ("x86", 32),
-    "x86": ("x86", 32),
+    **dict.fromkeys(("i386", "i586", "i686", "x86"), ("x86", 32)),
     "aarch64": ("aarch64", 64),
     "aarch32": ("arm", 32),
     "riscv64": ("riscv", 64),
@@ -256,112 +251,28 @@ def claimed(folder: str, version: str) -> tuple[str, str, int] | None:
     return (_SYSTEMS[match[2]], *_ARCHITECTURES[match[1]])
 
 
-COMMON2 = [
-    "GetTypesPlatform",
-    "GetVersion",
-    "SetDebugLogging",
-    "Instantiate",
-    "FreeInstance",
-    "SetupExperiment",
-    "EnterInitializationMode",
-    "ExitInitializationMode",
-    "Terminate",
-    "Reset",
-    *(f"{d}{t}" for d in ("Get", "Set") for t in ("Real", "Integer", "Boolean", "String")),
-    "GetFMUstate",
-    "SetFMUstate",
-    "FreeFMUstate",
-    "SerializedFMUstateSize",
-    "SerializeFMUstate",
-    "DeSerializeFMUstate",
-    "GetDirectionalDerivative",
-]
-ME2 = [
-    "EnterEventMode",
-    "NewDiscreteStates",
-    "EnterContinuousTimeMode",
-    "CompletedIntegratorStep",
-    "SetTime",
-    "SetContinuousStates",
-    "GetDerivatives",
-    "GetEventIndicators",
-    "GetContinuousStates",
-    "GetNominalsOfContinuousStates",
-]
-CS2 = [
-    "SetRealInputDerivatives",
-    "GetRealOutputDerivatives",
-    "DoStep",
-    "CancelStep",
-    *(f"Get{t}Status" for t in ("", "Real", "Integer", "Boolean", "String")),
-]
-TYPES3 = (
-    "Float32",
-    "Float64",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-    "Boolean",
-    "String",
-    "Binary",
-    "Clock",
-)
-COMMON3 = [
-    "GetVersion",
-    "SetDebugLogging",
-    "FreeInstance",
-    "EnterInitializationMode",
-    "ExitInitializationMode",
-    "EnterEventMode",
-    "Terminate",
-    "Reset",
-    *(f"{d}{t}" for d in ("Get", "Set") for t in TYPES3),
-    "GetNumberOfVariableDependencies",
-    "GetVariableDependencies",
-    "GetFMUState",
-    "SetFMUState",
-    "FreeFMUState",
-    "SerializedFMUStateSize",
-    "SerializeFMUState",
-    "DeserializeFMUState",
-    "GetDirectionalDerivative",
-    "GetAdjointDerivative",
-    "EnterConfigurationMode",
-    "ExitConfigurationMode",
-    "GetIntervalDecimal",
-    "GetIntervalFraction",
-    "GetShiftDecimal",
-    "GetShiftFraction",
-    "SetIntervalDecimal",
-    "SetIntervalFraction",
-    "EvaluateDiscreteStates",
-    "UpdateDiscreteStates",
-]
-ME3 = [
-    "InstantiateModelExchange",
-    "EnterContinuousTimeMode",
-    "CompletedIntegratorStep",
-    "SetTime",
-    "SetContinuousStates",
-    "GetContinuousStateDerivatives",
-    "GetEventIndicators",
-    "GetContinuousStates",
-    "GetNominalsOfContinuousStates",
-    "GetNumberOfEventIndicators",
-    "GetNumberOfContinuousStates",
-]
-CS3 = ["InstantiateCoSimulation", "EnterStepMode", "GetOutputDerivatives", "DoStep"]
-FUNCTIONS = {"2": {"": COMMON2, "me": ME2, "cs": CS2}, "3": {"": COMMON3, "me": ME3, "cs": CS3}}
+_INTERFACES = {"ModelExchange": "me", "CoSimulation": "cs", "ScheduledExecution": "se"}
+_DECLARED = re.compile(r"Functions for (?:FMI2 for )?([A-Z][\w -]+)|FMI\d_Export +\w+ +fmi\d(\w+);")
+_LATER = ("SetShiftDecimal", "SetShiftFraction")  # not in the first headers of FMI 3.0
+
+
+@cache
+def functions(version: str) -> dict[str, list[str]]:
+    """Functions that the header of the standard declares, by interface ("cs", "me", "se"; "" for those of all)."""
+    header = Path(str(find_spec("fmpy").origin)).with_name("c-code") / f"fmi{version}Functions.h"  # type: ignore[union-attr]
+    found: dict[str, list[str]] = {"": [], **{kind: [] for kind in _INTERFACES.values()}}
+    kind = ""
+    for title, name in _DECLARED.findall(header.read_text(encoding="utf-8").rpartition("Common Functions")[2]):
+        if title:
+            kind = _INTERFACES[re.sub("[ -]", "", title)]
+        elif name not in _LATER:
+            found[_INTERFACES.get(name.removeprefix("Instantiate"), kind)].append(name)
+    return found
 
 
 def required(version: str, kinds: set[str]) -> list[str]:
     """Functions that a library must have for its interfaces."""
-    return [f"fmi{version}{name}" for kind in ("", *sorted(kinds)) for name in FUNCTIONS[version][kind]]
+    return [f"fmi{version}{name}" for kind in ("", *sorted(kinds)) for name in functions(version)[kind]]
 
 
 def libraries(file: File) -> dict[str, tuple[Library | Unreadable, set[str]]]:
@@ -390,7 +301,7 @@ def _readable(file: File) -> Iterator[tuple[str, Library, set[str]]]:
         raise NotApplicable("no library can be read")
 
 
-@check(
+@file_check(
     "binary.header",
     "every library matches the platform of its folder: system, architecture and word size",
     fmi2="2.3 FMU Distribution (binaries)",
@@ -419,7 +330,7 @@ def header(file: File) -> Found:
             yield f"{path}: a library of {library.format} ends in {ENDINGS[library.format]}"
 
 
-@check(
+@file_check(
     "binary.symbols",
     "every library exports all functions of its interfaces",
     fmi2="2.3 FMU Distribution (functions that must be present)",
@@ -448,7 +359,7 @@ _OF_SYSTEMS = re.compile(
 _REDISTRIBUTED = re.compile(r"(?i)(vcruntime|msvcp|msvcr|concrt|vcomp|libgfortran|libgomp|libquadmath|libomp).*")
 
 
-@check(
+@file_check(
     "binary.libraries",
     "all dependencies of every library belong to a standard system or are in its folder",
     fmi2="2.3 FMU Distribution (binaries)",

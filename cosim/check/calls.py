@@ -10,16 +10,17 @@ from __future__ import annotations
 import contextlib
 import ctypes as c
 import math
+import os
 import struct
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cosim.fmu.calls as fmi
 from cosim.check.model import Interface, Model, Var
 from cosim.check.rules import NotApplicable
 from cosim.core.memory import physical_memory
-from cosim.fmu.calls import REALS, WORDS, formatted
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -38,28 +39,10 @@ TYPES: dict[str, Any] = {
     "UInt64": c.c_uint64,
     "String": c.c_char_p,
 }
-LOGGER2 = c.CFUNCTYPE(
-    None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p, *[c.c_ssize_t] * WORDS, *[c.c_double] * REALS
-)
-LOGGER3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
-_ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
-_RELEASE = c.CFUNCTYPE(None, c.c_void_p)
 
 MOST_LOGGED = 200  # messages of an instance that are kept
 LONGEST = 300  # characters of a message that are shown
 LOOP = 100  # event iterations
-
-
-class Callbacks2(c.Structure):
-    """`fmi2CallbackFunctions`."""
-
-    _fields_ = (
-        ("logger", LOGGER2),
-        ("allocate", c.c_void_p),
-        ("release", c.c_void_p),
-        ("finished", c.c_void_p),
-        ("environment", c.c_void_p),
-    )
 
 
 class EventInfo2(c.Structure):
@@ -102,7 +85,7 @@ class Fmu:
         self.say = say or (lambda text: None)
         # the call that returned Fatal: then no instance may be called any more (FMI 2.0, 2.1.3; FMI 3.0, 2.2.4)
         self.fatal = ""
-        self._loaded: dict[Path, Any] = {}
+        self._loaded: dict[Path, tuple[Any, Any]] = {}
         self.types = {**TYPES, "Boolean": c.c_int if self.version == "2" else c.c_bool}
         self.flag = c.c_int if self.version == "2" else c.c_bool
 
@@ -112,11 +95,14 @@ class Fmu:
         if path not in self._loaded:
             self.say(f"loading {path.name}")
             if sys.platform == "win32":
-                import os
-
                 os.add_dll_directory(str(path.parent))
-            self._loaded[path] = c.CDLL(str(path))
-        return self._loaded[path]
+            self._loaded[path] = c.CDLL(str(path)), fmi.ffi_of(self.version).dlopen(str(path))
+        return self._loaded[path][0]
+
+    def typed(self, kind: str) -> Any:
+        """The same library with the types of its functions."""
+        self.dll(kind)
+        return self._loaded[self.libraries[kind]][1]
 
     def has(self, kind: str, function: str) -> bool:
         """Whether the library of an interface exports an FMI function, given without its prefix."""
@@ -173,46 +159,32 @@ class Instance:
         if event_mode is None:
             event_mode = fmu.model.clocks and self.interface.can("hasEventMode")
         self.event_mode = event_mode and kind == "cs"
-        text = (fmu.model.token if token is None else token).encode()
         self._keep: list[Any] = []
-        if self.version == "2":
-            handle = self._instantiate2(name.encode(), text, logging)
-        else:
-            handle = self._instantiate3(name.encode(), text, logging)
+        handle = self._instantiate(name, fmu.model.token if token is None else token, logging)
         self.handle = c.c_void_p(handle) if handle else None
         self.state = "instantiated"
 
-    def _instantiate2(self, name: bytes, token: bytes, logging: bool) -> Any:
-        logger = LOGGER2(self._log2)
-        libc = c.CDLL("ucrtbase.dll" if sys.platform == "win32" else None)
-        callbacks = Callbacks2(logger, c.cast(libc.calloc, c.c_void_p), c.cast(libc.free, c.c_void_p), None, None)
-        self._keep += [logger, callbacks, libc]
-        place = (self.fmu.folder / "resources").resolve().as_uri().encode()
-        function = self.raw("Instantiate")
-        function.restype = c.c_void_p
-        return function(name, 1 if self.kind == "cs" else 0, token, place, c.byref(callbacks), 0, int(logging))
+    @property
+    def _instantiator(self) -> str:
+        """Name of the function that instantiates, without its prefix."""
+        return "Instantiate" + {"2": ""}.get(self.version, "CoSimulation" if self.kind == "cs" else "ModelExchange")
 
-    def _instantiate3(self, name: bytes, token: bytes, logging: bool) -> Any:
-        import os
+    def _instantiate(self, name: str, token: str, logging: bool) -> int:
+        """Address of the instance; 0: there is none."""
+        self.raw(self._instantiator)
+        ffi, resources = fmi.ffi_of(self.version), (self.fmu.folder / "resources").resolve()
+        library = self.fmu.typed(self.kind)
+        if self.version == "2":
+            texts = name, token, resources.as_uri()
+            handle = fmi.instantiate2(library, fmi.c_library(), texts, self._log, self._keep, self.kind, logging)
+        else:
+            texts = name, token, f"{resources}{os.sep}"
+            handle = fmi.instantiate3(library, texts, self._log, self._keep, self.kind, logging, self.event_mode)
+        return int(ffi.cast("uintptr_t", handle))
 
-        logger = LOGGER3(self._log3)
-        self._keep.append(logger)
-        place = (str((self.fmu.folder / "resources").resolve()) + os.sep).encode()
-        flags: list[Any] = [c.c_bool(False), c.c_bool(logging)]
-        if self.kind == "cs":
-            flags += [c.c_bool(self.event_mode), c.c_bool(False), None, c.c_size_t(0)]
-        function = self.raw("InstantiateCoSimulation" if self.kind == "cs" else "InstantiateModelExchange")
-        function.restype = c.c_void_p
-        return function(name, token, place, *flags, None, logger, *((None,) if self.kind == "cs" else ()))
-
-    def _log2(self, _: Any, __: Any, status: int, category: Any, message: Any, *arguments: Any) -> None:
+    def _log(self, status: int, category: str, message: str) -> None:  # noqa: ARG002
         if len(self.messages) < MOST_LOGGED:
-            text = (message or b"").decode("utf-8", "replace")
-            self._log3(None, status, category, formatted(text, arguments[:WORDS], arguments[WORDS:]).encode())
-
-    def _log3(self, _: Any, status: int, category: Any, message: Any) -> None:  # noqa: ARG002
-        if len(self.messages) < MOST_LOGGED:
-            self.messages.append((status, (message or b"").decode("utf-8", "replace")))
+            self.messages.append((status, message))
 
     # ---------------------------------------------------------------------------------------------------------- calls
 
@@ -250,9 +222,12 @@ class Instance:
     def must(self, function: str, *arguments: Any) -> None:
         """Call that has to succeed. Raises Refused."""
         before = len(self.messages)
-        status = self.call(function, *arguments)
+        self._demand(function, self.call(function, *arguments), before)
+
+    def _demand(self, function: str, status: int, before: int, when: str = "") -> None:
+        """Raise Refused unless a status is OK or Warning; `before`: number of the messages before the call."""
         if status not in (OK, WARNING):
-            raise Refused(f"fmi{self.version}{function}", status, self.said(before), self.where)
+            raise Refused(f"fmi{self.version}{function}", status, self.said(before), f"{self.where}{when}")
 
     def said(self, since: int = 0) -> str:
         """Its latest message."""
@@ -264,10 +239,8 @@ class Instance:
     def require(self) -> Instance:
         """Itself; raises Refused where it could not be instantiated."""
         if self.handle is None:
-            name = f"fmi{self.version}Instantiate" + (
-                "" if self.version == "2" else "CoSimulation" if self.kind == "cs" else "ModelExchange"
-            )
-            raise Refused(name, None, self.said(), f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'})")
+            where = f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'})"
+            raise Refused(f"fmi{self.version}{self._instantiator}", None, self.said(), where)
         return self
 
     def setup(self, stop: float | None = None) -> tuple[Any, ...]:
@@ -429,9 +402,7 @@ class Instance:
         for access, variables in self.fmu.groups(values).items():
             flat = [x for v in variables for x in values[v]]
             before = len(self.messages)
-            status = self.set_raw(access, variables, flat)
-            if status not in (OK, WARNING):
-                raise Refused(f"fmi{self.version}Set{access}", status, self.said(before), self.where)
+            self._demand(f"Set{access}", self.set_raw(access, variables, flat), before)
         return True
 
     def get(self, variables: Sequence[Var]) -> dict[Var, list[Any]]:
@@ -440,8 +411,7 @@ class Instance:
         for access, group in self.fmu.groups(variables).items():
             before = len(self.messages)
             status, buffer = self.get_raw(access, group)
-            if status not in (OK, WARNING):
-                raise Refused(f"fmi{self.version}Get{access}", status, self.said(before), self.where)
+            self._demand(f"Get{access}", status, before)
             values, at = list(buffer), 0
             for v in group:
                 found[v] = values[at : at + v.size]
@@ -485,7 +455,6 @@ class Instance:
     def _do_step(self, time: float, step: float) -> int:
         flags, last = [c.c_bool() for _ in range(3)], c.c_double(math.nan)
         status = self.call("DoStep", float(time), float(step), True, *map(c.byref, flags), c.byref(last))
-        self.last_time, self.early = last.value, flags[2].value
         if status in (OK, WARNING) and flags[1].value:
             raise Ended
         if status in (OK, WARNING) and flags[0].value and self.event_mode:
@@ -503,14 +472,8 @@ class Instance:
             self._euler(step)
             return
         before = len(self.messages)
-        status = self.do_step(self.time, step)
-        if status not in (OK, WARNING):
-            raise Refused(
-                f"fmi{self.version}DoStep",
-                status,
-                self.said(before),
-                f"{self.where} from {self.time:.9g} to {self.time + step:.9g} s",
-            )
+        when = f" from {self.time:.9g} to {self.time + step:.9g} s"
+        self._demand("DoStep", self.do_step(self.time, step), before, when)
         self.time += step
 
     def _euler(self, step: float) -> None:

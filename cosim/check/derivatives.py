@@ -7,10 +7,10 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 
-from cosim.check.bench import Bench, Found, Values, attempt, moved, same, tried
+from cosim.check.bench import Bench, Values, attempt, moved, same, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Unknown, Var
-from cosim.check.rules import NotApplicable, check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, check, names, note, warning
 
 _STRUCTURE2, _STRUCTURE3 = (
     "2.2.8 Definition of the Model Structure (dependencies)",
@@ -34,7 +34,6 @@ def _flat(values: Values) -> Vector:
     fmi2=_STRUCTURE2,
     fmi3=_STRUCTURE3,
     advice="Add the known to the dependencies of the InitialUnknown, or omit dependencies, which means all knowns.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def initial(bench: Bench) -> Found:
@@ -57,18 +56,19 @@ def initial(bench: Bench) -> Found:
         )
     unknowns = list(of)
     aliases = _aliases(bench)
+
+    def move(a: Instance, known: Var, values: Vector) -> tuple[Values, Values, Values] | None:
+        a.enter_initialization()
+        before, again = a.get(unknowns), a.get(unknowns)
+        after = attempt(lambda: a.set({known: values}) and a.get(unknowns))
+        return None if after is None else (before, again, after)
+
     for known in tried(knowns, MOST):
         values = moved(known, known.starts() or ())
         if values is None:
             continue
 
-        def move(a: Instance, known: Var = known, values: Vector = values) -> tuple[Values, Values, Values] | None:
-            a.enter_initialization()
-            before, again = a.get(unknowns), a.get(unknowns)
-            after = attempt(lambda: a.set({known: values}) and a.get(unknowns))
-            return None if after is None else (before, again, after)
-
-        read = bench.alone(move)
+        read = bench.alone(move, known, values)
         if read is None:
             continue
         before, again, after = read
@@ -130,13 +130,11 @@ def _known(bench: Bench) -> list[tuple[str, Var, int]]:
     """(what, variable, element) of states and continuous inputs."""
     m = bench.model
     found = [("state", s, i) for s in m.states for i in range(s.size)]
-    found += [
-        ("input", v, i)
-        for v in bench.settable("input")
-        if v.is_float and v.variability == "continuous"
-        for i in range(v.size)
-    ]
-    return found
+    return [*found, *_known_inputs(bench)]
+
+
+def _known_inputs(bench: Bench) -> list[tuple[str, Var, int]]:
+    return [("input", v, i) for v in bench.continuous_inputs() for i in range(v.size)]
 
 
 def _function(
@@ -198,10 +196,10 @@ def dependencies(bench: Bench) -> Found:
         reported: set[tuple[str, str]] = set()
         for what, known, element in tried(knowns, 2 * MOST):
             f, at = _function(bench, a, what, known, element, read)
-            before = attempt(lambda f=f, at=at: f(at))  # type: ignore[misc]
+            before = attempt(f, at)
             size = 1e-3 * max(abs(at), known.nominal or 0.0, 1e-2)
-            after = attempt(lambda f=f, at=at, size=size: f(at + size))  # type: ignore[misc]
-            again = attempt(lambda f=f, at=at: f(at))  # type: ignore[misc]
+            after = attempt(f, at + size)
+            again = attempt(f, at)
             if before is None or after is None or again is None:
                 continue
             for v, u in unknowns.items():
@@ -224,15 +222,12 @@ def dependencies(bench: Bench) -> Found:
     fmi2=_PARTIAL2,
     fmi3=_PARTIAL3,
     advice="Correct the derivative, or do not declare support for directional derivatives.",
-    kinds=("cs", "me"),
 )
 def directional(bench: Bench) -> Found:
     bench.require(bench.interface.directional, "it does not support directional derivatives")
     if bench.kind == "me":
-        unknowns = list(_unknowns(bench))
-        knowns = _known(bench)
         with _evaluating(bench) as a:
-            yield from _columns(bench, a, unknowns, knowns, "")
+            yield from _columns(bench, a, list(_unknowns(bench)), _known(bench), "")
         return
     m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
     readable = set(bench.fmu.readable(m.variables))
@@ -241,15 +236,9 @@ def directional(bench: Bench) -> Found:
         for v in dict.fromkeys(m.listed("InitialUnknown"))
         if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"
     ]
-    knowns = [
-        ("input", v, i)
-        for v in bench.settable("input")
-        if v.is_float and v.variability == "continuous"
-        for i in range(v.size)
-    ]
     with bench.instance() as a:
         a.enter_initialization()
-        yield from _columns(bench, a, unknowns, knowns, " in initialization")
+        yield from _columns(bench, a, unknowns, _known_inputs(bench), " in initialization")
 
 
 def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[str, Var, int]], where: str) -> Found:
@@ -274,8 +263,8 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
         def g(x: float, f: Callable[[float], Values] = f) -> Vector:
             return _flat(f(x))
 
-        expected = attempt(lambda g=g, at=at, known=known: difference(g, at, max(abs(at), known.nominal or 1e-2)))  # type: ignore[misc]
-        if attempt(lambda f=f, at=at: f(at)) is None or expected is None:  # type: ignore[misc]
+        expected = attempt(difference, g, at, max(abs(at), known.nominal or 1e-2))
+        if attempt(f, at) is None or expected is None:
             continue
         seed = [float(i == element) for i in range(known.size)]
         column = a.directional(depending, [known], seed)
@@ -315,7 +304,6 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
     "adjoint derivatives are the transpose of directional ones",
     fmi3="2.2.11 Getting Partial Derivatives (fmi3GetAdjointDerivative)",
     advice="Correct one of the two, or do not declare support for it.",
-    kinds=("cs", "me"),
 )
 def adjoint(bench: Bench) -> Found:
     bench.require(
@@ -323,7 +311,7 @@ def adjoint(bench: Bench) -> Found:
         "it does not support directional and adjoint derivatives",
     )
     unknowns = list(_unknowns(bench))
-    knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"]
+    knowns = bench.continuous_inputs()
     if bench.kind == "me":
         knowns = [*bench.model.states, *knowns]
     both = {v.key for v in knowns}
@@ -436,7 +424,7 @@ def state_vector(bench: Bench) -> Found:
                 return
         # What is set is what is there.
         new = _other(x)
-        if attempt(lambda: a.set_states(new)) and not all(same(p, q) for p, q in zip(a.get_states(), new, strict=True)):
+        if attempt(a.set_states, new) and not all(same(p, q) for p, q in zip(a.get_states(), new, strict=True)):
             yield "states are not read back as they were set"
 
 
@@ -460,10 +448,10 @@ def pure(bench: Bench) -> Found:
             yield "derivatives differ when they are read twice"
             return
         other = _other(x)
-        attempt(lambda: a.set_states(other))
+        attempt(a.set_states, other)
         attempt(a.get_derivatives)
         t = a.time
-        attempt(lambda: a.must("SetTime", t + bench.step))
+        attempt(a.must, "SetTime", t + bench.step)
         attempt(a.get_derivatives)
         a.must("SetTime", t)
         a.set_states(x)
@@ -480,7 +468,7 @@ def pure(bench: Bench) -> Found:
         return attempt(lambda: a.set_states(_other(x)) and a.get_derivatives())  # type: ignore[no-any-return]
 
     # States that are set count, whether anything was evaluated before or not.
-    found = [bench.alone(lambda a, evaluated=evaluated: at_new_states(a, evaluated)) for evaluated in (False, True)]  # type: ignore[misc]
+    found = [bench.alone(at_new_states, evaluated) for evaluated in (False, True)]
     if found[0] is not None and found[1] is not None and not _close(found[0], found[1]):
         yield "derivatives at new states depend on whether they were evaluated at old ones before"
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from build_fmus.base.checks import one_line
 from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
-from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
 from cosim.fmu import validation
 from cosim.fmu.archive import Archive
-
-Found = Iterator["str | tuple[int, str] | Finding"]
 
 
 @dataclass
@@ -28,7 +26,7 @@ class File:
     folder: Any = None  # Path; set once it is unpacked
 
 
-@check(
+@file_check(
     "description.schema",
     "modelDescription.xml conforms to the schema of its FMI version",
     fmi2="2.2 FMI Description Schema",
@@ -45,7 +43,7 @@ def schema(file: File) -> Found:
         yield warning(f"{f.text} (known quirk of this tool: {reason})", f.line) if reason else (f.line, f.text)
 
 
-@check(
+@file_check(
     "description.version",
     "fmiVersion is an existing FMI version",
     fmi2="2.2.1 Definition of an FMU (fmiModelDescription)",
@@ -69,7 +67,7 @@ def version(file: File) -> Found:
         )
 
 
-@check(
+@file_check(
     "description.identifier",
     "modelIdentifier is a valid C function prefix and library name",
     fmi2="2.1.1 Header Files and Naming of Functions",
@@ -87,7 +85,7 @@ def identifier(file: File) -> Found:
             )
 
 
-@check(
+@file_check(
     "description.names",
     "variable names are unique and follow the declared naming convention",
     fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions",
@@ -120,7 +118,7 @@ _ID = rf"{_B}(?:\.{_B})*"
 _STRUCTURED = re.compile(rf"{_ID}|der\({_ID}(?:,\d+)?\)")
 
 
-@check(
+@file_check(
     "description.references",
     "only aliases share a value reference",
     fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)",
@@ -169,7 +167,7 @@ def _settable(v: Var) -> bool:
     )
 
 
-@check(
+@file_check(
     "description.variability",
     "causality, variability and initial are an allowed combination",
     fmi2="2.2.7 Definition of Model Variables (tables of causality, variability and initial)",
@@ -178,7 +176,7 @@ def _settable(v: Var) -> bool:
 )
 def variability(file: File) -> Found:
     for v in file.model.variables:
-        if v.type in ("Clock", "Binary") and file.model.version == "3" and v.type == "Clock":
+        if v.type == "Clock":
             if v.causality not in ("input", "output", "local"):
                 yield v.line, f"clock {v.name!r} has causality {v.causality}"
             continue
@@ -218,7 +216,7 @@ def variability(file: File) -> Found:
             yield (v.line, text) if default != "input" else warning(text, v.line)
 
 
-@check(
+@file_check(
     "description.start",
     "required start values exist, are valid, and lie between min and max",
     fmi2="2.2.7 Definition of Model Variables (start)",
@@ -270,7 +268,7 @@ def start(file: File) -> Found:
                     break
 
 
-@check(
+@file_check(
     "description.types",
     "all types in use are defined, and enumerations have items",
     fmi2="2.2.3 Definition of Types",
@@ -278,13 +276,8 @@ def start(file: File) -> Found:
     advice="Add the type to TypeDefinitions, or correct declaredType.",
 )
 def types(file: File) -> Found:
-    root = file.root
-    defined: dict[str, Any] = {}
-    for element in root.iterfind("TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"):
-        name = element.get("name", "")
-        if name in defined:
-            yield element.sourceline, f"type {name!r} is defined twice"
-        defined[name] = element
+    path = "TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"
+    defined = yield from _defined(file, "type", path)
     for v in file.model.variables:
         declared = v.says.get("declaredType")
         if declared is not None and declared not in defined:
@@ -302,7 +295,18 @@ def types(file: File) -> Found:
             yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so its items are undefined"
 
 
-@check(
+def _defined(file: File, kind: str, path: str) -> Generator[tuple[int, str], None, dict[str, Any]]:
+    """Definitions by name; yields those that are there twice."""
+    defined: dict[str, Any] = {}
+    for element in file.root.iterfind(path):
+        name = element.get("name", "")
+        if name in defined:
+            yield element.sourceline, f"{kind} {name!r} is defined twice"
+        defined[name] = element
+    return defined
+
+
+@file_check(
     "description.units",
     "all units in use are defined and can be converted",
     fmi2="2.2.2 Definition of Units",
@@ -310,12 +314,8 @@ def types(file: File) -> Found:
     advice="Add the unit to UnitDefinitions with its base unit, or correct the name.",
 )
 def units(file: File) -> Found:
-    defined: dict[str, Any] = {}
-    for unit in file.root.iterfind("UnitDefinitions/Unit"):
-        name = unit.get("name", "")
-        if name in defined:
-            yield unit.sourceline, f"unit {name!r} is defined twice"
-        defined[name] = unit
+    defined = yield from _defined(file, "unit", "UnitDefinitions/Unit")
+    for name, unit in defined.items():
         base = unit.find("BaseUnit")
         if base is not None and _zero(base.get("factor", "1")):
             yield unit.sourceline, f"unit {name!r}: its factor is 0, so it cannot be converted"
@@ -351,7 +351,7 @@ def _zero(text: str) -> bool:
         return False  # the schema says so
 
 
-@check(
+@file_check(
     "description.structure",
     "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
     fmi2="2.2.8 Definition of the Model Structure",
@@ -471,7 +471,7 @@ def _key(m: Model) -> str:
     return "index" if m.version == "2" else "value reference"
 
 
-@check(
+@file_check(
     "description.dependencies",
     "declared dependencies refer to valid knowns, each with its kind",
     fmi2="2.2.8 Definition of the Model Structure (dependencies)",
@@ -527,7 +527,7 @@ def dependencies(file: File) -> Found:
             break
 
 
-@check(
+@file_check(
     "description.experiment",
     "the default experiment is valid",
     fmi2="2.2.5 Definition of a Default Experiment",
@@ -551,7 +551,7 @@ def experiment(file: File) -> Found:
         yield warning(f"stepSize {e['stepSize']:g} is longer than the whole experiment", line)
 
 
-@check(
+@file_check(
     "description.clocks",
     "clocks define when they tick, and clocked variables refer to existing clocks",
     fmi3="2.2.9 Clocks; 2.4.7 Definition of Model Variables",
@@ -598,7 +598,7 @@ def _reference(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdecimal() else None
 
 
-@check(
+@file_check(
     "description.capabilities",
     "capability flags that require each other are consistent",
     fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Finding, NotApplicable, check, note, warning
+from cosim.check.rules import Found, NotApplicable, file_check, note, warning
 from cosim.core.errors import FmuError
 from cosim.fmu import validation
 from cosim.fmu.limits import Limits
@@ -26,8 +25,6 @@ SCHEMAS = {
 """Layered standards whose schema is carried: its file, and the version that it belongs to (None: any)."""
 MOST_SHOWN = 5
 _FOLDERS = (Path(__file__).parent / "third_party", Path(validation.__file__).parent / "third_party" / "fmi3")
-
-Found = Iterator[Finding]
 
 
 def manifests(file: File) -> list[str]:
@@ -46,7 +43,7 @@ def declared(file: File) -> list[str]:
     return found
 
 
-@check(
+@file_check(
     "archive.layered",
     "manifests of layered standards have the attributes that FMI requires and conform to their schema, if known",
     fmi2="2.3 FMU Distribution (extra), with FMI 3.0, 2.6 Versioning and Layered Standards",

@@ -36,8 +36,6 @@ DEFAULT_INITIAL = {
 }
 """(variability, causality) -> the default of `initial`; what is not here is not allowed."""
 
-INDICES = 4000  # of a list of dependencies that are stored individually
-
 
 @dataclass(frozen=True, eq=False)
 class Var:

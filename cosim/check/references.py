@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base.csv_table import CsvTable
-from cosim.check.bench import Bench, Found, Values
+from cosim.check.bench import Bench, Values
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
-from cosim.check.rules import NotApplicable, check, names, note
+from cosim.check.rules import Found, NotApplicable, check, names, note
 from cosim.core.errors import FmuError
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree

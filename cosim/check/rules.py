@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 Severity = Literal["error", "warning", "note"]
@@ -46,6 +47,10 @@ class Finding:
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.text}" if self.line else self.text
+
+
+Found = Iterator["str | tuple[int, str] | Finding"]
+"""What the function of a check yields: texts of its worst severity, with lines, or findings."""
 
 
 class NotApplicable(Exception):  # noqa: N818
@@ -100,10 +105,10 @@ def check(
     fmi2: str = "",
     fmi3: str = "",
     advice: str,
-    kinds: tuple[str, ...] = (),
+    kinds: tuple[str, ...] = ("cs", "me"),
     worst: Severity = "error",
 ) -> Callable[[Callable[..., Iterator[Any]]], Callable[..., Iterator[Any]]]:
-    """Register the decorated function as a check, for the FMI versions whose section is given.
+    """Register the decorated function as a check of instances, for the FMI versions whose section is given.
 
     The function yields texts, (line, text), or findings.
     """
@@ -127,6 +132,10 @@ def check(
         return function
 
     return register
+
+
+file_check = partial(check, kinds=())
+"""Register the decorated function as a check of the file; nothing is run."""
 
 
 def warning(text: str, line: int = 0) -> Finding:

@@ -17,7 +17,7 @@ from typing import Any
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean
-from build_fmus.base.interpreters import PYTHON
+from build_fmus.base.interpreters import PYTHON, environment
 from cosim.check import archive, binary, description_rules, layered, worker
 from cosim.check.binary import claimed
 from cosim.check.description_rules import File
@@ -104,11 +104,9 @@ class Workers:
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
-            root = str(Path(__file__).parents[2])
-            path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
-            environment = {**os.environ, "PYTHONPATH": path}
             command = [*PYTHON, "-c", "from cosim.check.worker import main; main()"]
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+            pipe = subprocess.PIPE
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment())
         return self._process
 
     def run(self, job: Job) -> Answer:
@@ -215,7 +213,7 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
         root = tree(xml, str(path), options.limits)
     except FmuError as error:
         report.fmi = "?"
-        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        _unreadable(report, error)
         return None
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
@@ -231,12 +229,17 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
     try:
         file.unpack(folder)
     except FmuError as error:
-        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        _unreadable(report, error)
         return None
     (folder / "resources").mkdir(exist_ok=True)
     found.folder = folder
     report.layered = tuple(layered.declared(found))
     return found
+
+
+def _unreadable(report: Report, error: FmuError) -> None:
+    text = str(error).removeprefix(f"{report.path}: ")
+    report.results.append(Result(READABLE, "", (Finding(text, "error"),)))
 
 
 def _run_all(

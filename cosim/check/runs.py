@@ -8,9 +8,10 @@ import math
 import sys
 import threading
 
-from cosim.check.bench import STEPS, Bench, Found, Values, attempt, compared, difference, disturb, same
+from cosim.check.bench import STEPS, Bench, Values, attempt, compared, difference, disturb, same
 from cosim.check.calls import Ended, Instance, Refused
-from cosim.check.rules import Finding, NotApplicable, check, warning
+from cosim.check.rules import Finding, Found, NotApplicable, check, warning
+from cosim.core.memory import resident_memory
 
 _INSTANCES2 = "2.1.5 Creation, Destruction and Logging of FMU Instances"
 _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super State: FMU State Setable"
@@ -22,7 +23,6 @@ _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super 
     fmi2="1.1 Properties and Guiding Ideas",
     fmi3="1.2 Properties and Guiding Ideas",
     advice="Initialize all memory; make the seeds of random numbers parameters.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def repeat(bench: Bench) -> Found:
@@ -36,7 +36,6 @@ def repeat(bench: Bench) -> Found:
     fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
     advice="Reset must restore the state after instantiation: clear states, memories, counters and caches.",
-    kinds=("cs", "me"),
 )
 def reset(bench: Bench) -> Found:
     base = bench.repeatable()
@@ -44,14 +43,14 @@ def reset(bench: Bench) -> Found:
     def after_reset(a: Instance, terminated: bool) -> list[Values]:
         a.initialize()
         disturb(bench, a)
-        attempt(lambda: bench.run(a, 3))
+        attempt(bench.run, a, 3)
         if terminated:
             attempt(a.terminate)
         a.reset()
         return bench.run(a.initialize())
 
     for what, terminated in (("in a run", False), ("after terminate", True)):
-        again = bench.alone(lambda a, terminated=terminated: after_reset(a, terminated))  # type: ignore[misc]
+        again = bench.alone(after_reset, terminated)
         if found := compared(bench, base, again, f"reset {what}: fresh and reset instance differ"):
             yield found
             return
@@ -63,7 +62,6 @@ def reset(bench: Bench) -> Found:
     fmi2=_INSTANCES2,
     fmi3=_INSTANCES3,
     advice="Keep everything in the instance, nothing in global or static variables.",
-    kinds=("cs", "me"),
 )
 def instances(bench: Bench) -> Found:
     bench.several()
@@ -73,20 +71,20 @@ def instances(bench: Bench) -> Found:
         try:
             b.initialize()
             disturb(bench, b)
-            attempt(lambda: b.step(bench.step))
+            attempt(b.step, bench.step)
             a.initialize()
             found = [a.get(watched)]
             for _ in range(STEPS):
-                attempt(lambda: b.step(bench.step))
+                attempt(b.step, bench.step)
                 a.step(bench.step)
-                attempt(lambda: b.get(watched))
+                attempt(b.get, watched)
                 found.append(a.get(watched))
         except Ended:
             return
         if unlike := compared(bench, base, found, "results differ when a second instance exists"):
             yield unlike
         b.free()
-        attempt(lambda: a.step(bench.step))
+        attempt(a.step, bench.step)
 
 
 @check(
@@ -95,7 +93,6 @@ def instances(bench: Bench) -> Found:
     fmi2="2.1.1 Header Files and Naming of Functions (parallel calls)",
     fmi3="2.2.1 Requirements for Implementations of the C-API (threads)",
     advice="Keep everything in the instance, nothing in global or static variables; protect what libraries share.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def threads(bench: Bench) -> Found:
@@ -140,7 +137,6 @@ def _of_version(bench: Bench, text: str) -> Finding:
     fmi2="2.2.7 Definition of Model Variables (independent)",
     fmi3="2.4.7.4 Variable Attributes (independent)",
     advice="Return the current communication point, or the time that was set.",
-    kinds=("cs", "me"),
 )
 def time(bench: Bench) -> Found:
     clock = next((v for v in bench.fmu.readable(bench.model.of("independent")) if v.is_float), None)
@@ -190,7 +186,7 @@ def steps(bench: Bench) -> Found:
     even: Values = {}
     for way, parts in ways.items():
         try:
-            first, end = bench.alone(lambda a, parts=parts: ends(a, parts))  # type: ignore[misc]
+            first, end = bench.alone(ends, parts)
         except Ended:
             return
         except Refused:
@@ -215,7 +211,6 @@ def steps(bench: Bench) -> Found:
         "Restore rounding mode and control registers before a function returns; do not link with -ffast-math, which"
         " flushes subnormal numbers."
     ),
-    kinds=("cs", "me"),
 )
 def floating_point(bench: Bench) -> Found:
     before = _environment()
@@ -225,7 +220,7 @@ def floating_point(bench: Bench) -> Found:
         yield warning(f"loading the library changes {_changed(before, loaded)}, for the whole process")
     with bench.instance() as a:
         attempt(a.initialize)
-        attempt(lambda: a.step(bench.step))
+        attempt(a.step, bench.step)
         after = _environment()
     if after != loaded:
         yield f"a step changes {_changed(loaded, after)}"
@@ -263,11 +258,11 @@ def _growth(bench: Bench) -> float | None:
             with bench.instance(logging=False) as a:
                 attempt(a.initialize)
                 for _ in range(2):
-                    attempt(lambda a=a: a.step(bench.step))  # type: ignore[misc]
+                    attempt(a.step, bench.step)
             count += 1
             if clock.perf_counter() - begin > 2.0:
                 break
-        marks.append((count, _resident() or 0))
+        marks.append((count, resident_memory() or 0))
     (n0, m0), (n1, m1) = marks[1], marks[-1]
     bench.measures["memory of the process"] = f"{m1 / 1e6:.0f} MB"
     if n1 - n0 < 20:
@@ -282,12 +277,11 @@ def _growth(bench: Bench) -> float | None:
     fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
     advice="Free what instantiation and steps have allocated.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def memory(bench: Bench) -> Found:
     bench.several()
-    if _resident() is None:
+    if resident_memory() is None:
         raise NotApplicable("the memory of a process cannot be read on this system")
     # Some tools load and keep things with the first instances, and the system gives a process its pages when it
     # pleases; what counts is that it continues, whenever it is asked.
@@ -298,14 +292,3 @@ def memory(bench: Bench) -> Found:
             return
         rate = found
     yield f"every instance that is created, run and freed leaks about {rate / 1024:.0f} KB"
-
-
-def _resident() -> int | None:
-    """Bytes of this process in memory."""
-    import os
-
-    try:
-        with open("/proc/self/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return None

@@ -9,7 +9,6 @@ from cosim.check.bench import (
     EQUAL,
     OTHER,
     Bench,
-    Found,
     Values,
     attempt,
     compared,
@@ -23,7 +22,7 @@ from cosim.check.bench import (
     tried,
 )
 from cosim.check.calls import Instance
-from cosim.check.rules import NotApplicable, check, note, warning
+from cosim.check.rules import Found, NotApplicable, check, note, warning
 
 _SAVED2, _SAVED3 = (
     "2.1.8 Getting and Setting the Complete FMU State",
@@ -63,7 +62,6 @@ def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Val
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Save everything that results depend on: memories, caches, inputs, parameters, time, pending events.",
-    kinds=("cs", "me"),
 )
 def replay(bench: Bench) -> Found:
     straight_on = _saving(bench)[3:8]
@@ -75,7 +73,7 @@ def replay(bench: Bench) -> Found:
         runs = [_continued(bench, a, state, known)]
         for _ in range(2):
             disturb(bench, a)
-            attempt(lambda: a.step(bench.step))
+            attempt(a.step, bench.step)
             runs.append(_continued(bench, a, state, known))
         return runs
 
@@ -100,7 +98,6 @@ def replay(bench: Bench) -> Found:
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Save inputs and parameters with the state.",
-    kinds=("cs", "me"),
 )
 def with_values(bench: Bench) -> Found:
     _saving(bench)
@@ -114,7 +111,7 @@ def with_values(bench: Bench) -> Found:
     def work(a: Instance) -> tuple[Values, Values]:
         before = a.initialize().get(list(values))
         state = a.save()
-        if attempt(lambda: a.set(values)) is None:
+        if attempt(a.set, values) is None:
             raise NotApplicable("it does not take other values")
         a.restore(state)
         return before, a.get(list(values))
@@ -140,7 +137,6 @@ def shown_value(values: list[Any]) -> str:
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.",
-    kinds=("cs", "me"),
 )
 def several_states(bench: Bench) -> Found:
     base = _saving(bench)
@@ -187,7 +183,6 @@ def several_states(bench: Bench) -> Found:
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Serialize contents, never pointers.",
-    kinds=("cs", "me"),
 )
 def serialized(bench: Bench) -> Found:
     straight_on = _saving(bench, True)[3:8]
@@ -217,7 +212,6 @@ def serialized(bench: Bench) -> Found:
     fmi2=_SAVED2,
     fmi3=_SAVED3,
     advice="Check the length before reading, and a checksum for other damage.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def damaged(bench: Bench) -> Found:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes as c
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from cosim.check.bench import Bench, Found, good
-from cosim.check.calls import DISCARD, ERROR, FATAL, OK, EventInfo2, Instance, Refused, shown
+from cosim.check.bench import Bench, good
+from cosim.check.calls import DISCARD, ERROR, FATAL, OK, Ended, EventInfo2, Instance, Refused, shown
 from cosim.check.model import Var
-from cosim.check.rules import check, names, note, warning
+from cosim.check.rules import Found, check, names, note, warning
 
 _MACHINE2 = "3.2.3 and 4.2.4 State Machine of Calling Sequence"
 _MACHINE3 = "2.3 State Machine and Semantics; 3.2 and 4.2"
@@ -24,7 +25,6 @@ ENOUGH = 2.0  # s of steps that are enough of a life
     fmi2="2.1.4 Inquire Platform and Version Number of Header Files",
     fmi3="2.2.5 Inquire Version Number of Header Files",
     advice="Return the version of the header files.",
-    kinds=("cs", "me"),
 )
 def version(bench: Bench) -> Found:
     dll = bench.fmu.dll(bench.kind)
@@ -49,17 +49,9 @@ def version(bench: Bench) -> Found:
     fmi2=_MACHINE2,
     fmi3=_MACHINE3,
     advice="See the logged message, if there is one; an FMU must run with its start values and without connections.",
-    kinds=("cs", "me"),
 )
 def life(bench: Bench) -> Found:
-    import time
-
-    from cosim.check.calls import Ended
-
-    a = bench.instance()
-    if a.handle is None:
-        a.require()
-    with a:
+    with bench.instance() as a:
         read = bench.watched()
         a.enter_initialization()
         a.get(readable_in_initialization(bench))
@@ -201,7 +193,7 @@ def _completed(bench: Bench, a: Instance) -> int:  # noqa: ARG001
 
 
 def _directional(bench: Bench, a: Instance) -> int:
-    knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"][:1]
+    knowns = bench.continuous_inputs()[:1]
     unknowns = [v for v in bench.model.of("output") if v.is_float and v.variability == "continuous"][:1]
     if not knowns or not unknowns:
         return 0
@@ -238,15 +230,14 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
     if me:
         get = "GetDerivatives" if bench.version == "2" else "GetContinuousStateDerivatives"
         evaluated = ("initialization mode", "event mode", "continuous-time mode")
+        vectors = {
+            get: evaluated,
+            "GetContinuousStates": evaluated,
+            "GetNominalsOfContinuousStates": evaluated[1:],
+            "GetEventIndicators": evaluated,
+        }
         found += [
-            (get, evaluated, _vector(get)),
-            ("GetContinuousStates", evaluated, _vector("GetContinuousStates")),
-            (
-                "GetNominalsOfContinuousStates",
-                ("event mode", "continuous-time mode"),
-                _vector("GetNominalsOfContinuousStates"),
-            ),
-            ("GetEventIndicators", evaluated, _vector("GetEventIndicators")),
+            *((name, where, _vector(name)) for name, where in vectors.items()),
             ("SetTime", ("continuous-time mode",), _time),
             ("NewDiscreteStates" if bench.version == "2" else "UpdateDiscreteStates", ("event mode",), _events),
         ]
@@ -261,7 +252,6 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
     fmi2=_MACHINE2,
     fmi3=_MACHINE3,
     advice="Allow what the state machine allows; functions that a capability flag promises must work.",
-    kinds=("cs", "me"),
 )
 def every_allowed(bench: Bench) -> Found:
     for state in _states(bench):
@@ -270,7 +260,7 @@ def every_allowed(bench: Bench) -> Found:
                 what.startswith("Get of") and state == "terminated" and bench.version == "2" and bench.kind == "me"
             ):
                 continue
-            status, where_, said = bench.alone(lambda a, state=state, call=call: _tried(bench, a, state, call))  # type: ignore[misc]
+            status, where_, said = bench.alone(_tried, bench, state, call)
             if good(status) or status == DISCARD:
                 continue
             text = f"{what} {where_} returns {shown(status)}{': ' + said if said else ''}"
@@ -279,7 +269,7 @@ def every_allowed(bench: Bench) -> Found:
             else:
                 yield text
     for state in _states(bench):  # and a second life from each
-        bench.alone(lambda a, state=state: _live_again(a, state))  # type: ignore[misc]
+        bench.alone(_live_again, state)
 
 
 CONTRADICTORY = ("GetDerivatives", "GetContinuousStates", "GetEventIndicators")
@@ -292,7 +282,7 @@ def _live_again(a: Instance, state: str) -> None:
     a.initialize()
 
 
-def _tried(bench: Bench, a: Instance, state: str, call: Call) -> tuple[int, str, str]:
+def _tried(a: Instance, bench: Bench, state: str, call: Call) -> tuple[int, str, str]:
     """Status of a call in a state, where that is, and what the FMU says."""
     put_into(a, state)
     where = a.where
@@ -322,29 +312,20 @@ def _plain(name: str) -> Call:
     advice=(
         "Check the state at the top of each function, and return Error with a message. Importers make mistakes, too."
     ),
-    kinds=("cs", "me"),
     worst="warning",
 )
 def forbidden(bench: Bench) -> Found:
+    still = ("instantiated", "initialization mode", "terminated")
     calls: list[tuple[str, tuple[str, ...], Call]] = [
-        (
-            "ExitInitializationMode",
-            tuple(s for s in ANY if s != "initialization mode"),
-            _plain("ExitInitializationMode"),
-        ),
-        ("EnterInitializationMode", tuple(s for s in ANY if s != "instantiated"), _enter),
-        ("Terminate", ("instantiated", "initialization mode", "terminated"), _plain("Terminate")),
+        ("ExitInitializationMode", tuple(s for s in ANY if s != still[1]), _plain("ExitInitializationMode")),
+        ("EnterInitializationMode", ANY[1:], _enter),
+        ("Terminate", still, _plain("Terminate")),
     ]
     if bench.kind == "cs":
-        calls.append(("DoStep", ("instantiated", "initialization mode", "terminated"), _step))
+        calls.append(("DoStep", still, _step))
     else:
         calls += [
-            (
-                "EnterContinuousTimeMode",
-                ("instantiated", "initialization mode", "terminated"),
-                _plain("EnterContinuousTimeMode"),
-            ),
-            ("EnterEventMode", ("instantiated", "initialization mode", "terminated"), _plain("EnterEventMode")),
+            *((name, still, _plain(name)) for name in ("EnterContinuousTimeMode", "EnterEventMode")),
             ("SetContinuousStates", ("instantiated", "terminated"), _vector("SetContinuousStates")),
         ]
     taken: dict[str, list[str]] = {}
@@ -352,7 +333,7 @@ def forbidden(bench: Bench) -> Found:
         for state in where:
             if state not in _states(bench):
                 continue
-            status, *_ = bench.alone(lambda a, state=state, call=call: _tried(bench, a, state, call))  # type: ignore[misc]
+            status, *_ = bench.alone(_tried, bench, state, call)
             if status not in (ERROR, DISCARD):
                 taken.setdefault(f"{what} returns {shown(status)}", []).append(state)
     if taken:
@@ -374,7 +355,7 @@ def forbidden(bench: Bench) -> Found:
 def wrong_steps(bench: Bench) -> Found:
     taken = []
     for h in (-bench.step, float("nan"), float("inf")):
-        if bench.alone(lambda a, h=h: good(a.initialize().do_step(a.time, h))):  # type: ignore[misc]
+        if bench.alone(lambda a, h: good(a.initialize().do_step(a.time, h)), h):
             taken.append(f"{h:g}")
     if taken:
         yield f"DoStep accepts a communicationStepSize of {', '.join(taken)}"
@@ -394,14 +375,12 @@ def wrong_steps(bench: Bench) -> Found:
     fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
     advice="Return at once when the instance is NULL.",
-    kinds=("cs", "me"),
 )
 def free_null(bench: Bench) -> Found:
-    f = bench.instance().require()
-    free = f.raw("FreeInstance")
-    free.restype = None
-    free(None)
-    f.free()
+    with bench.instance() as a:
+        free = a.raw("FreeInstance")
+        free.restype = None
+        free(None)
     yield from ()
 
 
@@ -411,7 +390,6 @@ def free_null(bench: Bench) -> Found:
     fmi2="2.1.3 Status Returned by Functions",
     fmi3="2.2.1 Requirements for Implementations of the C-API (NULL)",
     advice="Guard against NULL: the standard forbids it to importers, and recommends it to FMUs.",
-    kinds=("cs", "me"),
     worst="note",
 )
 def null_arguments(bench: Bench) -> Found:
@@ -436,7 +414,6 @@ def null_arguments(bench: Bench) -> Found:
     fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmuGUID)",
     fmi3="2.3.1 Super State: FMU State Setable (instantiationToken)",
     advice="Compare the token with the one that was compiled in, and return NULL with a message where they differ.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def token(bench: Bench) -> Found:
@@ -452,16 +429,12 @@ def token(bench: Bench) -> Found:
     fmi2="2.1.3 Status Returned by Functions",
     fmi3="2.2.4 Status Returned by Functions and Logging Mechanism",
     advice="Log a message before an Error is returned, while logging is on.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def explained(bench: Bench) -> Found:
     silent = []
-    for what, state, call in (
-        ("ExitInitializationMode", "instantiated", _plain("ExitInitializationMode")),
-        ("Terminate", "instantiated", _plain("Terminate")),
-    ):
-        status, where, said = bench.alone(lambda a, state=state, call=call: _tried(bench, a, state, call))  # type: ignore[misc]
+    for what in ("ExitInitializationMode", "Terminate"):
+        status, where, said = bench.alone(_tried, bench, "instantiated", _plain(what))
         if status == ERROR and not said:
             silent.append(what)
         if status < 0 or status > 5:

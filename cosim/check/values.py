@@ -6,10 +6,10 @@ import ctypes as c
 import math
 from typing import Any
 
-from cosim.check.bench import Bench, Found, Values, attempt, compared, difference, good, moved, same, shown, tried
+from cosim.check.bench import Bench, Values, attempt, compared, difference, good, moved, same, shown, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
-from cosim.check.rules import NotApplicable, check, names, warning
+from cosim.check.rules import Found, NotApplicable, check, names, warning
 
 _VALUES2 = "2.1.7 Getting and Setting Variable Values"
 _VALUES3 = "2.2.6.2 Getting and Setting Variable Values"
@@ -22,12 +22,15 @@ MOST_NAMED = 5
     fmi2="2.2.7 Definition of Model Variables (start)",
     fmi3="2.4.7.5 Type specific properties (start)",
     advice="Write the same start values into the description and into the code.",
-    kinds=("cs", "me"),
 )
 def start(bench: Bench) -> Found:
     with bench.instance() as a:
         a.enter_initialization()
-        found = list(_not_at_start(a.get(_exact(bench))))
+        yield from _first([*_not_at_start(a.get(_exact(bench)))])
+
+
+def _first(found: list[Any]) -> Found:
+    """The first findings and the number of the others."""
     yield from found[:MOST_NAMED]
     if len(found) > MOST_NAMED:
         yield f"and {len(found) - MOST_NAMED} more"
@@ -63,7 +66,6 @@ def _not_at_start(values: Values) -> Found:
     fmi2=_VALUES2,
     fmi3=_VALUES3,
     advice="Keep values that were set until they are set again.",
-    kinds=("cs", "me"),
 )
 def set_and_read(bench: Bench) -> Found:
     inputs = tried(bench.settable("input"), 60)
@@ -120,21 +122,20 @@ def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
     fmi2=_VALUES2,
     fmi3=_VALUES3,
     advice="Keep values that were set until they are set again.",
-    kinds=("cs", "me"),
 )
 def set_discrete(bench: Bench) -> Found:
     candidates = [v for v in bench.settable("input", "parameter") if not v.is_float]
     if not candidates:
         raise NotApplicable("there are no integers or Booleans to set")
+
+    def read(a: Instance, v: Var, value: list[Any]) -> list[Any] | None:
+        return a.get([v])[v] if attempt(a.enter_initialization, {v: value}) is not None else None
+
     for v in tried(candidates):
         value = moved(v, v.starts() or ())
         if value is None:
             continue
-
-        def read(a: Instance, v: Var = v, value: list[Any] = value) -> list[Any] | None:
-            return a.get([v])[v] if attempt(lambda: a.enter_initialization({v: value})) is not None else None
-
-        got = bench.alone(read)
+        got = bench.alone(read, v, value)
         if got is not None and [int(x) for x in got] != [int(x) for x in value]:
             yield f"{v.name!r} was set to {shown(value[0])} and is {shown(got[0])}"
 
@@ -145,15 +146,14 @@ def set_discrete(bench: Bench) -> Found:
     fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
     fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
     advice="Reset must do everything that instantiation does, including all start values.",
-    kinds=("cs", "me"),
 )
 def reset(bench: Bench) -> Found:
     floats = [v for v in bench.settable("parameter", "input") if v.is_float]
     values: Values = {v: m for v in tried(floats, 40) if (m := moved(v, v.starts() or (), 1e-3)) is not None}
 
     def after_reset(a: Instance) -> Values:
-        attempt(lambda: a.initialize(values))
-        attempt(lambda: a.step(bench.step))
+        attempt(a.initialize, values)
+        attempt(a.step, bench.step)
         a.reset()
         return a.enter_initialization().get(_exact(bench))
 
@@ -161,10 +161,7 @@ def reset(bench: Bench) -> Found:
     # What is not at its start anyway is no fault of reset.
     fresh = bench.alone(lambda a: a.enter_initialization().get(_exact(bench)))
     anyway = {f"after reset {t}" for t in _not_at_start(fresh)}
-    found = [t for t in found if t not in anyway]
-    yield from found[:MOST_NAMED]
-    if len(found) > MOST_NAMED:
-        yield f"and {len(found) - MOST_NAMED} more"
+    yield from _first([t for t in found if t not in anyway])
 
 
 @check(
@@ -173,27 +170,26 @@ def reset(bench: Bench) -> Found:
     fmi2="2.1.6 Initialization, Termination, and Resetting an FMU",
     fmi3="2.3.1 Super State: FMU State Setable; 2.3.2 State: Instantiated",
     advice="Compute everything that depends on parameters when initialization mode is left, also after Reset.",
-    kinds=("cs", "me"),
 )
 def effect(bench: Bench) -> Found:
     base = bench.repeatable()
     parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
     if not parameters:
         raise NotApplicable("there are no parameters to set")
+
+    def after_reset(a: Instance, values: Values) -> list[Values] | None:
+        attempt(lambda: bench.run(a.initialize()))
+        a.reset()
+        return attempt(lambda: bench.run(a.initialize(values)))  # type: ignore[no-any-return]
+
     for v in parameters:
         values = moved(v, v.starts() or ())
         if values is None:
             continue
-        fresh = attempt(lambda v=v, values=values: bench.fresh({v: values}))  # type: ignore[misc]
+        fresh = attempt(bench.fresh, {v: values})
         if not fresh or not difference(base, fresh):
             continue
-
-        def after_reset(a: Instance, v: Var = v, values: list[Any] = values) -> list[Values] | None:
-            attempt(lambda: bench.run(a.initialize()))
-            a.reset()
-            return attempt(lambda: bench.run(a.initialize({v: values})))  # type: ignore[no-any-return]
-
-        again = bench.alone(after_reset)
+        again = bench.alone(after_reset, {v: values})
         what = f"with {v.name!r} = {shown(values[0])} a fresh instance and one that was reset give different results"
         if again and (unlike := compared(bench, fresh, again, what)):
             yield unlike
@@ -205,7 +201,6 @@ def effect(bench: Bench) -> Found:
     fmi2="2.1.3 Status Returned by Functions; 2.2.7 (causality, variability)",
     fmi3="2.2.4 Status Returned by Functions (setting a constant)",
     advice="Return Error when a constant, an output or another calculated variable is set.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def readonly(bench: Bench) -> Found:
@@ -224,6 +219,12 @@ def readonly(bench: Bench) -> Found:
     ]
     fixed = [v for v in bench.settable("parameter") if v.variability == "fixed"]
     taken: dict[str, list[str]] = {}
+
+    def takes(a: Instance, v: Var, running: bool) -> bool:
+        if running:
+            a.initialize()
+        return good(a.set_raw(v.access, [v], v.starts() or [0] * v.size))
+
     for what, group, running in (
         ("constants", constants, False),
         ("calculated variables", calculated, True),
@@ -232,13 +233,7 @@ def readonly(bench: Bench) -> Found:
         for v in tried(group, 4):
             if what != "fixed parameters, after initialization," and (v.key in exact or v.key in states):
                 continue  # an alias of it may be set
-
-            def takes(a: Instance, v: Var = v, running: bool = running) -> bool:
-                if running:
-                    a.initialize()
-                return good(a.set_raw(v.access, [v], v.starts() or [0] * v.size))
-
-            if bench.alone(takes):
+            if bench.alone(takes, v, running):
                 taken.setdefault(what, []).append(v.name)
     for what, found in taken.items():
         yield f"{what} can be set: {names(found)}"
@@ -250,7 +245,6 @@ def readonly(bench: Bench) -> Found:
     fmi2="2.1.3 Status Returned by Functions; " + _VALUES2,
     fmi3="2.2.4 Status Returned by Functions; " + _VALUES3,
     advice="Look up value references, and return Error for unknown ones.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def unknown(bench: Bench) -> Found:
@@ -259,34 +253,26 @@ def unknown(bench: Bench) -> Found:
         used.setdefault(v.access if bench.version == "2" else "", set()).add(v.reference or 0)
     floats = "Real" if bench.version == "2" else "Float64"
     nobodys = next(r for r in range(2**20, 2**32) if all(r not in u for u in used.values()))
-    taken = []
-    for reference in (nobodys, 2**32 - 1):
-        if any(reference in u for u in used.values()):
-            continue
-        for direction in ("Get", "Set"):
 
-            def takes(a: Instance, reference: int = reference, direction: str = direction) -> bool:
-                room, one = (c.c_double * 1)(), c.c_size_t(1)
-                a.initialize()
-                return good(
-                    a.call(
-                        f"{direction}{floats}",
-                        (c.c_uint32 * 1)(reference),
-                        one,
-                        room,
-                        *(() if bench.version == "2" else (one,)),
-                    )
-                )
+    def takes(a: Instance, reference: int, function: str) -> bool:
+        room, one = (c.c_double * 1)(), c.c_size_t(1)
+        count = () if bench.version == "2" else (one,)
+        return good(a.initialize().call(function, (c.c_uint32 * 1)(reference), one, room, *count))
 
-            if bench.alone(takes):
-                taken.append(f"{direction}{floats} of value reference {reference}")
+    taken = [
+        f"{function} of value reference {reference}"
+        for reference in (nobodys, 2**32 - 1)
+        if not any(reference in u for u in used.values())
+        for function in (f"Get{floats}", f"Set{floats}")
+        if bench.alone(takes, reference, function)
+    ]
     if taken:
         yield f"accepted: {', '.join(taken)}"
     other = "Integer" if bench.version == "2" else "Int32"
     for v in [v for v in bench.watched() if v.access == floats and v.size == 1][:1]:
         if bench.version == "2" and v.reference in used.get("Integer", ()):
             continue
-        if bench.alone(lambda a, v=v: good(a.initialize().get_raw(other, [v])[0])):  # type: ignore[misc]
+        if bench.alone(lambda a, v: good(a.initialize().get_raw(other, [v])[0]), v):
             yield f"Get{other} reads {v.name!r}, which is {v.type}"
 
 
@@ -296,7 +282,6 @@ def unknown(bench: Bench) -> Found:
     fmi2=_VALUES2 + " (min, max)",
     fmi3="2.2.6.3 Handling min/max Range Violations",
     advice="Return Discard or Error for invalid values; never crash or hang.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def extreme(bench: Bench) -> Found:
@@ -306,23 +291,22 @@ def extreme(bench: Bench) -> Found:
         raise NotApplicable("there are no real inputs or parameters")
     tries: list[tuple[list[Var], float]] = [(inputs, x) for x in (math.nan, math.inf, -1e300)]
     tries += [(tried(parameters, 2), x) for x in (math.nan, math.inf)]
+
+    def live_on(a: Instance, group: list[Var], value: float) -> None:
+        running = group is inputs
+        if running:
+            a.initialize()
+        bench.fmu.say(f"with {value:g} in {names(v.name for v in group)}")
+        if attempt(a.set, {v: [value] * v.size for v in group}) is None:
+            return
+        attempt(lambda: running or a.initialize())
+        for _ in range(2):
+            attempt(a.step, bench.step)
+        attempt(a.get, bench.watched())
+
     for group, value in tries:
-        if not group:
-            continue
-
-        def live_on(a: Instance, group: list[Var] = group, value: float = value) -> None:
-            running = group is inputs
-            if running:
-                a.initialize()
-            bench.fmu.say(f"with {value:g} in {names(v.name for v in group)}")
-            if attempt(lambda: a.set({v: [value] * v.size for v in group})) is None:
-                return
-            attempt(lambda: running or a.initialize())
-            for _ in range(2):
-                attempt(lambda: a.step(bench.step))
-            attempt(lambda: a.get(bench.watched()))
-
-        bench.alone(live_on)
+        if group:
+            bench.alone(live_on, group, value)
     yield from ()
 
 
@@ -332,7 +316,6 @@ def extreme(bench: Bench) -> Found:
     fmi2="2.2.7 Definition of Model Variables (min, max)",
     fmi3="2.2.6.3 Handling min/max Range Violations",
     advice="Correct min and max, or the computation.",
-    kinds=("cs", "me"),
     worst="warning",
 )
 def in_range(bench: Bench) -> Found:

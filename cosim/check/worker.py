@@ -4,10 +4,6 @@ It receives jobs as pickled data on its standard input, and answers on its stand
 holds the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is
 lost.
 
-It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py`
-holds the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is
-lost.
-
 An FMU is foreign code. What comes from a process in which one ran is JSON of limited length, and each of its fields is
 validated; the fork has no descriptor but that of its own answer. Processes that an FMU has started are ended after each
 check, on Linux also detached ones.
@@ -39,6 +35,7 @@ from cosim.check.bench import Bench
 from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
 from cosim.check.model import Model
 from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
+from cosim.core.memory import resident_memory
 
 _SPOKEN = 4096  # bytes for what is being done
 _LAST_WORDS = 400  # characters of what the FMU printed last
@@ -254,16 +251,8 @@ def _listen(job: Job, pid: int, readable: int, begin: float) -> tuple[bytes, str
             return data, ""
         elif os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
             ended = True
-        elif _resident(pid) > job.memory:
+        elif (resident_memory(pid) or 0) > job.memory:
             return data, f"it used more than {job.memory / 1e6:,.0f} MB of memory"
-
-
-def _resident(pid: int) -> int:
-    try:
-        with open(f"/proc/{pid}/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return 0
 
 
 def _end_orphans() -> None:

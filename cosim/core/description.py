@@ -124,7 +124,6 @@ class Description:
     dependencies: dict[str, frozenset[str]] = field(default_factory=dict)
     states: list[Variable] = field(default_factory=list)
     derivatives: list[Variable] = field(default_factory=list)
-    log_categories: list[str] = field(default_factory=list)
     model_exchange: bool = False
     co_simulation: bool = True
     interface: str = "cs"  # of the two, the one that is used

@@ -1,4 +1,4 @@
-"""What memory this machine has."""
+"""What memory this machine has, and what a process of it uses."""
 
 from __future__ import annotations
 
@@ -13,3 +13,10 @@ def physical_memory() -> int:
     with suppress(AttributeError, ValueError, OSError):  # Windows has no sysconf
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return _UNKNOWN
+
+
+def resident_memory(process: int | str = "self") -> int | None:
+    """Bytes of a process in memory, by its number; None where the operating system does not tell."""
+    with suppress(OSError, ValueError, IndexError), open(f"/proc/{process}/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return None

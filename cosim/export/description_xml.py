@@ -62,20 +62,14 @@ def model_description(
         simulation.set("fixedInternalStepSize", repr(float(schedule.tick)))
     base.add_common(root, units_of(variables), facts.stop_time, float(facts.step))
     if fmi == 2:
-        _annotation(
-            etree.SubElement(etree.SubElement(root, "VendorAnnotations"), "Tool", name=base.TOOL),
-            facts,
-            schedule,
-            variables,
-        )
+        _annotate(root, fmi, facts, schedule, variables)
     listed = etree.SubElement(root, "ModelVariables")
     _time(listed, fmi)
     for i, e in enumerate(variables, start=1):
         _variable(listed, fmi, i, e)
     _structure(etree.SubElement(root, "ModelStructure"), fmi, facts, schedule, variables)
     if fmi == 3:
-        annotations = etree.SubElement(root, "Annotations")
-        _annotation(etree.SubElement(annotations, "Annotation", type=base.TOOL), facts, schedule, variables)
+        _annotate(root, fmi, facts, schedule, variables)
     return base.serialize(root)
 
 
@@ -162,20 +156,15 @@ def _structure(
         etree.SubElement(second, "Unknown" if fmi == 2 else "InitialUnknown", **{key: str(place[name] + shift)})
 
 
-def _annotation(parent: etree._Element, facts: Facts, schedule: Schedule, variables: Sequence[Exported]) -> None:
-    """Annotation for data that FMI has no place for.
-
-    It holds kind and tick of the system, constants that a source and its target must agree on, and sources.
-    """
-    attributes = {"kind": facts.kind, "tick": str(schedule.tick)}
-    if facts.kind == "discrete":
-        attributes["sampleTime"] = repr(float(schedule.tick))
-    element = etree.SubElement(parent, "Component", **attributes)
-    for e in variables:
-        v = e.variable
-        if e.causality == "input" and v.must_equal is not None:
-            etree.SubElement(element, "Input", name=e.name, mustEqual=repr(v.must_equal), tolerance=repr(v.tolerance))
-        if e.causality == "output" and v.constant is not None:
-            etree.SubElement(element, "Output", name=e.name, constant=repr(v.constant))
-        if v.source and e.causality == "parameter":
-            etree.SubElement(element, "Variable", name=e.name, source=v.source)
+def _annotate(root: etree._Element, fmi: int, facts: Facts, schedule: Schedule, variables: Sequence[Exported]) -> None:
+    """Kind and tick of the system, constants that a source and its target must agree on, and sources."""
+    sampled = {"sampleTime": repr(float(schedule.tick))} if facts.kind == "discrete" else {}
+    known = [(e.name, e.causality, e.variable) for e in variables]
+    base.annotate(
+        root,
+        fmi,
+        {"kind": facts.kind, "tick": str(schedule.tick), **sampled},
+        {n: (v.must_equal, v.tolerance) for n, c, v in known if c == "input" and v.must_equal is not None},
+        {n: v.constant for n, c, v in known if c == "output" and v.constant is not None},
+        {n: v.source for n, c, v in known if c == "parameter" and v.source},
+    )

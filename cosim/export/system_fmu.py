@@ -11,8 +11,9 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import description_xml as base
-from build_fmus import licenses, package, related
+from build_fmus import licenses, related
 from build_fmus.base import safe_files
+from build_fmus.base.archives import zipped
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
@@ -123,7 +124,7 @@ class _Exporter:
             content["terminalsAndIcons/icon.png"] = icon
         components = [related.component(p.name, p.files) for p in self.distinct]
         content |= related.files(self.name, content, parts, compilers, components=components)
-        return package.archive(content)
+        return zipped(content)
 
     def _check_platforms(self, platforms: Sequence[Platform]) -> None:
         """Third-party FMUs have libraries for some platforms only."""

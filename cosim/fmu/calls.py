@@ -12,6 +12,7 @@ import re
 import struct
 import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import cffi
@@ -136,6 +137,17 @@ ffi2 = cffi.FFI()
 ffi2.cdef(_FMI2 + _EXCHANGE2)
 ffi3 = cffi.FFI()
 ffi3.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3)
+
+
+def ffi_of(version: str) -> cffi.FFI:
+    """Types and functions of an FMI version, "2" or "3"."""
+    return ffi3 if version == "3" else ffi2
+
+
+@cache
+def c_library() -> Any:
+    """The C library with calloc and free."""
+    return ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None)
 
 
 def close(ffi: cffi.FFI, library: Any) -> None:
@@ -287,7 +299,13 @@ def _quiet(*_: Any) -> None:
 
 
 def instantiate2(
-    library: Any, process: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], interface: str
+    library: Any,
+    process: Any,
+    texts: tuple[str, str, str],
+    log: Log,
+    keep: list[Any],
+    interface: str,
+    logging: bool = True,
 ) -> Any:
     """Call fmi2Instantiate for an interface, "cs" or "me".
 
@@ -308,11 +326,17 @@ def instantiate2(
     callbacks.release = ffi.cast("void*", ffi.addressof(process, "free"))
     keep += [logger, callbacks]
     kind = int(interface == "cs")
-    return library.fmi2Instantiate(name.encode(), kind, token.encode(), resources.encode(), callbacks, 0, 1)
+    return library.fmi2Instantiate(name.encode(), kind, token.encode(), resources.encode(), callbacks, 0, int(logging))
 
 
 def instantiate3(
-    library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], interface: str, *, event_mode: bool = False
+    library: Any,
+    texts: tuple[str, str, str],
+    log: Log,
+    keep: list[Any],
+    interface: str,
+    logging: bool = True,
+    event_mode: bool = False,
 ) -> Any:
     """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without early return and intermediate updates.
 
@@ -326,20 +350,8 @@ def instantiate3(
         log(status, text(ffi, category), text(ffi, message))
 
     keep.append(logger)
+    address = ffi.cast("void*", logger)
+    arguments = (name.encode(), token.encode(), resources.encode(), False, logging)
     if interface == "me":
-        arguments = (name.encode(), token.encode(), resources.encode(), False, True, ffi.NULL)
-        return library.fmi3InstantiateModelExchange(*arguments, ffi.cast("void*", logger))
-    return library.fmi3InstantiateCoSimulation(
-        name.encode(),
-        token.encode(),
-        resources.encode(),
-        False,
-        True,
-        event_mode,
-        False,
-        ffi.NULL,
-        0,
-        ffi.NULL,
-        ffi.cast("void*", logger),
-        ffi.NULL,
-    )
+        return library.fmi3InstantiateModelExchange(*arguments, ffi.NULL, address)
+    return library.fmi3InstantiateCoSimulation(*arguments, event_mode, False, ffi.NULL, 0, ffi.NULL, address, ffi.NULL)

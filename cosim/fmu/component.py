@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -541,14 +541,18 @@ class FmuComponent:
         if self._v3 and status <= fmi.WARNING and self._early[0]:
             detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if terminated:
-            text = f"component '{self.name}' asked to end the simulation ({detail})"
-            said = self._recent_log()[-1:]
-            if whole:
-                self._get_outputs()
-            raise EndRequested(self.name, text + (f"; its message: {said[0]}" if said else ""), complete=whole)
+            self._end_requested(detail, whole)
         if status == fmi.PENDING and not self._v3:
             detail += "; asynchronous steps are not supported"
         self._fail("DoStep", max(status, fmi.DISCARD), detail)
+
+    def _end_requested(self, detail: str, complete: bool) -> NoReturn:
+        """Raise that the FMU asks to end the simulation, after reading the outputs of a complete step."""
+        text = f"component '{self.name}' asked to end the simulation ({detail})"
+        said = self._recent_log()[-1:]
+        if complete:
+            self._get_outputs()
+        raise EndRequested(self.name, text + (f"; its message: {said[0]}" if said else ""), complete=complete)
 
     def _query(self, function: str, *arguments: Any) -> bool:
         """Call what an FMU need not answer, or have."""

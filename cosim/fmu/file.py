@@ -58,7 +58,7 @@ class Library:
         """
         if self._version == "3":
             return fmi.instantiate3(self.handle, texts, log, keep, self._interface, event_mode=event_mode)
-        return fmi.instantiate2(self.handle, _process(), texts, log, keep, self._interface)
+        return fmi.instantiate2(self.handle, fmi.c_library(), texts, log, keep, self._interface)
 
     def release(self) -> None:
         """One instance less."""
@@ -88,14 +88,6 @@ class Library:
 
 
 _KEPT: list[Library] = []
-_PROCESS: list[Any] = []
-
-
-def _process() -> Any:
-    """The C library with calloc and free."""
-    if not _PROCESS:
-        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
-    return _PROCESS[0]
 
 
 class FmuFile:
@@ -141,7 +133,7 @@ class FmuFile:
         self._library: Library | None = None
         self._folder: Path | None = None  # unpacked, for the next library
         self._abandoned = False
-        self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
+        self._ffi = fmi.ffi_of(self.major)
         self._owned: list[Path] = []
         self._owner = os.getpid()
         weakref.finalize(self, _remove, self._owned, self._owner)

@@ -156,7 +156,6 @@ class _Reader:
             directional_derivatives=_flag(
                 simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
             ),
-            log_categories=[c.get("name") for c in root.iterfind("LogCategories/Category")],
             model_exchange=root.find("ModelExchange") is not None,
             co_simulation=root.find("CoSimulation") is not None,
             interface="me" if exchanged else "cs",

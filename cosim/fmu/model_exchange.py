@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, Protocol
 
 from build_fmus.base.checks import number, unknown
-from cosim.core.component import EndRequested
 from cosim.core.description import Description
 from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
@@ -92,13 +91,14 @@ class Instance(Protocol):
     description: Description
     _instance: Any
     _library: Any
-    _get_outputs: Callable[[], None]
 
     def _function(self, name: str) -> Callable[..., int]: ...
 
     def _address(self, pointer: Any) -> int: ...
 
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
+
+    def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
 
     def _recent_log(self) -> list[str]: ...
 
@@ -209,15 +209,10 @@ class Integration:
             component._fail("DoStep", status, where)
         report, ends = self._report, self._ffi.typeof("IntegratorEnd").elements
         why, at = ends[report.end].removeprefix("INTEGRATOR_"), float(report.time)
-        complete = at >= until
         if why in ("CALL_FAILED", "FINE"):
             component._fail(self._names[report.index] if why != "FINE" else "DoStep", status, where)
         if why == "TERMINATED":
-            text = f"component '{component.name}' asked to end the simulation (at {at:.9g} s; {where})"
-            said = component._recent_log()[-1:]
-            if complete:
-                component._get_outputs()
-            raise EndRequested(component.name, text + (f"; its message: {said[0]}" if said else ""), complete=complete)
+            component._end_requested(f"at {at:.9g} s; {where}", at >= until)
         states = self._about.states
         state = states[report.index].name if report.index < len(states) else "?"
         why = self._sentence(why, state, int(report.index))

@@ -72,7 +72,7 @@ def packed(fmi: int, name: str) -> Path | None:
 
 
 def _archive(files: Mapping[str, str]) -> bytes:
-    """An FMU from entries of the store, as `build_fmus.package.archive` writes it."""
+    """An FMU from entries of the store, as `build_fmus.base.archives` writes it."""
     body, directory = io.BytesIO(), io.BytesIO()
     with _opened() as z, STORE.open("rb") as file:
         for name, digest in sorted(files.items()):

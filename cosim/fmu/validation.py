@@ -23,6 +23,7 @@ from lxml import etree
 from build_fmus.base import safe_files
 from build_fmus.base.checks import one_line
 from cosim.core.description import Description, Variable
+from cosim.fmu.xml import schema as xml_schema
 
 MOST = 200  # findings of each kind that are kept; of the others only the number
 WORTH_KEEPING = 8192  # bytes of XML from which on a verdict is read sooner than it is found
@@ -143,18 +144,12 @@ def judge(root: Any, about: Description) -> Verdict:
 # ------------------------------------------------------------------------------------------------------------- schema
 
 
-@cache
-def _compiled(major: str) -> Any:
-    path = _HERE / "third_party" / f"fmi{major}" / f"fmi{major}ModelDescription.xsd"
-    return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
-
-
 def _schema(root: Any, major: str) -> Iterator[Finding]:
     """Deviations from the schema, one for each element."""
     for element in root.xpath("//*[@xsi:*]", namespaces={"xsi": _XSI}):
         for hint in ("schemaLocation", "noNamespaceSchemaLocation"):  # the validator would open what they name
             element.attrib.pop(f"{{{_XSI}}}{hint}", None)
-    schema = _compiled(major)
+    schema = xml_schema(_HERE / "third_party" / f"fmi{major}" / f"fmi{major}ModelDescription.xsd")
     found: dict[tuple[int, str], Finding] = {}
     for slice_ in _slices(root):
         for element, children in slice_:

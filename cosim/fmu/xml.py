@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
@@ -20,6 +22,12 @@ _LIKE_ASCII = re.compile(
     rb"utf-?8|us-ascii|ascii|(iso-?8859|windows|cp)-?\d+(-\d+)?|latin-?\d|utf-?16(le|be)?", re.IGNORECASE
 )
 """Encodings in which a document type declaration can be seen: others can hide it from whoever looks at bytes."""
+
+
+@cache
+def schema(path: Path) -> Any:
+    """A compiled schema; what it includes lies beside it."""
+    return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
 
 
 def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.xml") -> Any:

@@ -5,6 +5,7 @@ The same system gives the same bytes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 from itertools import pairwise
 
@@ -27,36 +28,37 @@ def draw(schedule: Schedule, title: str) -> bytes:
     picture = arrange(schedule)
     head = _HEAD if title else 0.0
     width, height = round(picture.width), round(picture.height + head)
-    root = etree.Element(
-        "svg",
-        nsmap={None: "http://www.w3.org/2000/svg"},
-        viewBox=f"0 0 {width} {height}",
-        width=str(width),
-        height=str(height),
-        role="img",
-    )
-    root.set("font-family", "Helvetica, Arial, sans-serif")
-    root.set("font-size", "12")
-    etree.SubElement(root, "title").text = escape.xml(title or "A system of components")
-    tip = etree.SubElement(
-        etree.SubElement(root, "defs"),
-        "marker",
-        id="tip",
-        viewBox="0 0 10 10",
-        refX="9",
-        refY="5",
-        markerWidth="7",
-        markerHeight="7",
-        orient="auto",
-    )
-    etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=_LINE)
-    etree.SubElement(root, "rect", width=str(width), height=str(height), rx="10", fill="#ffffff")
+    root = sheet(width, height, title or "A system of components", {"tip": _LINE})
     if title:
-        _text(root, width / 2, 24, title, bold=True, size=14)
+        text(root, width / 2, 24, title, bold=True, size=14)
     body = etree.SubElement(root, "g", transform=f"translate(0 {_n(head)})")
     _lines(body, picture)
     for component, box in picture.boxes.items():
         _box(body, component, box)
+    return serialize(root)
+
+
+def sheet(width: int, height: int, title: str, tips: Mapping[str, str]) -> etree._Element:
+    """A white sheet; `tips`: colors of the tips of arrows by their names."""
+    size = {"width": str(width), "height": str(height)}
+    root = etree.Element(
+        "svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {height}", **size, role="img"
+    )
+    root.set("font-family", "Helvetica, Arial, sans-serif")
+    root.set("font-size", "12")
+    etree.SubElement(root, "title").text = escape.xml(title)
+    definitions = etree.SubElement(root, "defs")
+    for name, color in tips.items():
+        tip = etree.SubElement(definitions, "marker", id=name, viewBox="0 0 10 10", refX="9", refY="5")
+        for key, value in (("markerWidth", "7"), ("markerHeight", "7"), ("orient", "auto")):
+            tip.set(key, value)
+        etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=color)
+    etree.SubElement(root, "rect", **size, rx="10", fill="#ffffff")
+    return root
+
+
+def serialize(root: etree._Element) -> bytes:
+    """A picture as UTF-8 SVG."""
     etree.indent(root)
     return bytes(etree.tostring(root, encoding="utf-8", xml_declaration=False)) + b"\n"
 
@@ -72,7 +74,7 @@ def _lines(body: etree._Element, picture: Picture) -> None:
         tip = etree.SubElement(path, "title")
         tip.text = escape.xml("\n".join(map(str, line.bundle.connections)))
     for line in picture.lines:
-        _text(body, *line.label_at, _label(line), color=_LINE, anchor="start", halo=True)
+        text(body, *line.label_at, _label(line), color=_LINE, anchor="start", halo=True)
 
 
 def _label(line: Line) -> str:
@@ -102,10 +104,10 @@ def _box(body: etree._Element, component: SystemComponent, box: Box) -> None:
     )
     rect.set("stroke-width", "2")
     middle, y = box.x + box.width / 2, box.y + box.height / 2 - LANE
-    _text(body, middle, y + 2, component.name, bold=True, size=14)
-    _text(body, middle, y + 20, component.description.name)
+    text(body, middle, y + 2, component.name, bold=True, size=14)
+    text(body, middle, y + 20, component.description.name)
     offset = f", from {_duration(component.offset)}" if component.offset else ""
-    _text(body, middle, y + 38, f"{component.kind}, {_duration(component.step)}{offset}", color=ink)
+    text(body, middle, y + 38, f"{component.kind}, {_duration(component.step)}{offset}", color=ink)
 
 
 def _duration(value: Fraction) -> str:
@@ -115,11 +117,11 @@ def _duration(value: Fraction) -> str:
     return f"{float(milliseconds):g} ms" if short else seconds_text(value)
 
 
-def _text(
+def text(
     parent: etree._Element,
     x: float,
     y: float,
-    text: str,
+    words: str,
     *,
     color: str = _INK,
     anchor: str = "middle",
@@ -127,6 +129,7 @@ def _text(
     size: int = 12,
     halo: bool = False,
 ) -> None:
+    """Words at a point."""
     element = etree.SubElement(parent, "text", x=_n(x), y=_n(y), fill=color)
     element.set("text-anchor", anchor)
     element.set("font-size", str(size))
@@ -135,7 +138,7 @@ def _text(
     if halo:
         for name, value in (("paint-order", "stroke"), ("stroke", "#ffffff"), ("stroke-width", "4")):
             element.set(name, value)
-    element.text = escape.xml(text)
+    element.text = escape.xml(words)
 
 
 def _n(x: float) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base import safe_files
-from build_fmus.base.interpreters import PYTHON
+from build_fmus.base.interpreters import PYTHON, environment
 from cosim.core.base_error import CosimError
 from cosim.core.memory import physical_memory
 
@@ -46,13 +46,10 @@ def read_apart(path: Path, program: str) -> dict[str, Any]:
         NotRead: with what the library says of the file, or how its process ended.
     """
     seconds = SECONDS + _RATE * path.stat().st_size
-    root = str(Path(__file__).parents[2])
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])}
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as folder, safe_files.named(folder):
         command = [*PYTHON, "-c", program, str(path.resolve()), folder, str(seconds), str(os.getpid())]
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
-        )
+        null = subprocess.DEVNULL
+        process = subprocess.Popen(command, stdin=null, stdout=null, stderr=null, env=environment())
         try:
             code = process.wait(_SLACK * seconds)
         except subprocess.TimeoutExpired:

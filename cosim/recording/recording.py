@@ -118,11 +118,6 @@ class Recording:
         return Path(path)
 
     @classmethod
-    def from_csv(cls, path: str | os.PathLike[str]) -> Recording:
-        """Read what `to_csv` wrote. Raises ValueError naming the file and line that cannot be read."""
-        return cls._of(formats.read_csv(Path(path)))
-
-    @classmethod
     def _of(cls, content: formats.Content) -> Recording:
         return cls(content.time, content.names, content.data, content.units, types=content.types)
 

@@ -282,31 +282,25 @@ class _Found:
         return None if connection is None else _source(connection)
 
     def grounds(self) -> Iterator[Ground]:
-        """The road on both sides, as the front wheels see it."""
+        """The road on both sides, as the front wheels see it; of a quarter car, its only line."""
         if self.road is None:
             return
         for corner in self.front:
-            connection = self.driven(f"road.{corner}.height")
+            connection = self.driven(f"road.{corner}.height" if corner else "road.height")
             if connection is None or connection.source is not self.road:
                 continue
             own = connection.output.name.removeprefix("road.").removesuffix(".height")
             ahead = self.road.description.parameters.get(f"wheel.{own}.x")
-            at = self.x[corner] if ahead is None else float(self.road.values.get(ahead.name, ahead.start))
-            side: Side = "left" if self.side(corner) > 0 else "right"
-            yield Ground(
-                side,
-                self.side(corner) * self.half_track(corner),
-                self.road.name,
-                f"{self.road.name}.x",
-                connection.source_name,
-                at,
-            )
+            at = float(self.road.values.get(ahead.name, ahead.start)) if ahead else self.x.get(corner, 0.0)
+            side: Side = "left" if not corner or self.side(corner) > 0 else "right"
+            y = self.side(corner) * self.half_track(corner) if corner else 0.0
+            yield Ground(side, y, self.road.name, f"{self.road.name}.x", connection.source_name, at)
 
     @cached_property
     def front(self) -> list[str]:
-        """The corners of the first axle."""
-        most = max(self.x.values())
-        return [c for c in self.corners if self.x[c] == most]
+        """The corners of the first axle; the one of a quarter car has no name."""
+        most = max(self.x.values(), default=0.0)
+        return [c for c in self.corners if self.x[c] == most] or [""]
 
 
 # ------------------------------------------------------------------------------------------------------------- vehicles
@@ -667,7 +661,7 @@ def _quarter(found: _Found) -> Scene:
         wheels=[wheel],
         struts=[Strut("body", (0.0, 0.0, 0.0), "wheel")],
         arrows=arrows,
-        grounds=list(_quarter_ground(found)),
+        grounds=list(found.grounds()),
         limits=list(_limits(found)),
         readings=_readings(found),
         traces=traces,
@@ -683,16 +677,6 @@ def _squash(found: _Found, rest: float) -> Value:
     if found.has("tire.deflection"):
         return found.output("tire.deflection", -1.0, rest)
     return (found.given("road.height") or Value()) + found.output("wheel.z", -1.0, rest)
-
-
-def _quarter_ground(found: _Found) -> Iterator[Ground]:
-    connection = found.driven("road.height")
-    if found.road is None or connection is None:
-        return
-    own = connection.output.name.removeprefix("road.").removesuffix(".height")
-    ahead = found.road.description.parameters.get(f"wheel.{own}.x")
-    at = 0.0 if ahead is None else float(found.road.values.get(ahead.name, ahead.start))
-    yield Ground("left", 0.0, found.road.name, f"{found.road.name}.x", connection.source_name, at)
 
 
 # ----------------------------------------------------------------------------------------------------------------

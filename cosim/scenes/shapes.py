@@ -65,10 +65,9 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     wide, narrow = side - 0.09, side - 0.22
     cabin: Contour = [(cowl, belt), (roof_front, top), (roof_rear, top), (deck, belt)]
     lean = _leaning(belt, wide, top, narrow)
-    faces += [f for s in (-1, 1) for f in [Face([(x, s * lean(z), z) for x, z in cabin], "body")]]
+    faces += [Face([(x, s * lean(z), z) for x, z in cabin], "body") for s in (-1, 1)]
     faces += [
-        Face([(x, s * lean(z), z) for s, (x, z) in ((1, a), (1, b), (-1, b), (-1, a))], "body" if k != 1 else "panel")
-        for k, (a, b) in enumerate(_pairs(cabin))
+        _strip(a, lean(a[1]), b, lean(b[1]), "panel" if k == 1 else "body") for k, (a, b) in enumerate(_pairs(cabin))
     ]
     sash, head, pillar = belt + 0.07, top - 0.11, (roof_front + roof_rear) / 2
     at = _along((cowl, belt), (roof_front, top))
@@ -79,16 +78,8 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     ]
     faces += [Face([(x, s * (lean(z) + _PROUD), z) for x, z in pane], "glass") for s in (-1, 1) for pane in panes]
     for a, b in ((0.04, narrow - 0.06), (-narrow + 0.06, -0.04)):
-        faces.append(Face([(at(z) + _PROUD, y, z) for z, y in ((sash, a), (sash, b), (head, b), (head, a))], "glass"))
-    faces.append(
-        Face(
-            [
-                (back(z) - _PROUD, y, z)
-                for z, y in ((sash + 0.12, 0.45), (sash + 0.12, -0.45), (head - 0.1, -0.45), (head - 0.1, 0.45))
-            ],
-            "glass",
-        )
-    )
+        faces.append(_upright(lambda z: at(z) + _PROUD, a, b, sash, head, "glass"))
+    faces.append(_upright(lambda z: back(z) - _PROUD, 0.45, -0.45, sash + 0.12, head - 0.1, "glass"))
     # nose: slots of the grille, lamps; bumpers; doors as seams
     x = nose + _PROUD
     slot, step = 0.075, 0.125
@@ -103,26 +94,10 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     faces += _box((tail - 0.08, tail), (-side + 0.2, side - 0.2), (sill + 0.1, sill + 0.26), "dark")
     front_door, rear_door = cowl + 0.02, roof_rear + 0.04
     for s in (-1, 1):
-        y = s * (side + _PROUD)
-        faces += [
-            Face(
-                [
-                    (a - 0.011, y, sill + 0.06),
-                    (a + 0.011, y, sill + 0.06),
-                    (a + 0.011, y, belt - 0.03),
-                    (a - 0.011, y, belt - 0.03),
-                ],
-                "dark",
-            )
-            for a in (front_door - 0.1, pillar, rear_door + 0.1)
-        ]
-        faces += [
-            Face(
-                [(a, y, belt - 0.13), (a + 0.13, y, belt - 0.13), (a + 0.13, y, belt - 0.17), (a, y, belt - 0.17)],
-                "dark",
-            )
-            for a in (pillar + 0.06, rear_door + 0.16)
-        ]
+        y, seams = s * (side + _PROUD), (front_door - 0.1, pillar, rear_door + 0.1)
+        faces += [_beside(y, a - 0.011, a + 0.011, sill + 0.06, belt - 0.03, "dark") for a in seams]
+        handles = (pillar + 0.06, rear_door + 0.16)
+        faces += [_beside(y, a, a + 0.13, belt - 0.13, belt - 0.17, "dark") for a in handles]
     return _lowered(faces, cg_height)
 
 
@@ -183,26 +158,10 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
         for s in (-1, 1)
     ]
     for s in (-1, 1):
-        y = s * (side + _PROUD)
-        faces += [
-            Face(
-                [
-                    (a - 0.008, y, sill + 0.06),
-                    (a + 0.008, y, sill + 0.06),
-                    (a + 0.008, y, belt - 0.02),
-                    (a - 0.008, y, belt - 0.02),
-                ],
-                "dark",
-            )
-            for a in (cowl - 0.05, pillar, rear.x + 0.62)
-        ]
-        faces += [
-            Face(
-                [(a, y, belt - 0.11), (a + 0.16, y, belt - 0.11), (a + 0.16, y, belt - 0.14), (a, y, belt - 0.14)],
-                "dark",
-            )
-            for a in (pillar + 0.05, rear.x + 0.68)
-        ]
+        y, seams = s * (side + _PROUD), (cowl - 0.05, pillar, rear.x + 0.62)
+        faces += [_beside(y, a - 0.008, a + 0.008, sill + 0.06, belt - 0.02, "dark") for a in seams]
+        handles = (pillar + 0.05, rear.x + 0.68)
+        faces += [_beside(y, a, a + 0.16, belt - 0.11, belt - 0.14, "dark") for a in handles]
     return _lowered(faces, cg_height)
 
 
@@ -263,68 +222,20 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
     faces += [_strip(a, lean(a[1]), b, lean(b[1]), m) for (a, b), m in zip(_pairs(upper), materials, strict=True)]
     skirt = [(first + 0.42, 0.52), (first + 0.30, shelf), (rear + 0.06, shelf), (rear, 0.52)]
     faces += [Face([(x, s * wide, z) for x, z in skirt], "body") for s in (-1, 1)]
-    faces += [
-        Face(
-            [(brow[0], s * wide, brow[1]), (first + 0.30, s * wide, shelf), (bow[0], s * (inner + 0.18), bow[1])],
-            "body",
-        )
-        for s in (-1, 1)
-    ]
-    faces += [
-        Face(
-            [
-                (x, s * y, shelf)
-                for x, y in ((first + 0.30, inner), (first + 0.30, wide), (rear + 0.06, wide), (rear + 0.06, inner))
-            ],
-            "dark",
-        )
-        for s in (-1, 1)
-    ]
+    cheek = [(brow[0], wide, brow[1]), (first + 0.30, wide, shelf), (bow[0], inner + 0.18, bow[1])]
+    under = [(first + 0.30, inner), (first + 0.30, wide), (rear + 0.06, wide), (rear + 0.06, inner)]
+    faces += [*_both(cheek, "body"), *_both([(x, y, shelf) for x, y in under], "dark")]
     faces += [_strip(stern, inner, (rear, 0.52), inner, "body"), _strip(lower[-1], inner, stern, inner, "body")]
-    faces += [
-        Face(
-            [
-                (x, s * y, z)
-                for x, y, z in (
-                    (rear, inner, 0.52),
-                    (rear, wide, 0.52),
-                    (rear + 0.06, wide, shelf),
-                    (rear + 0.06, inner, shelf),
-                )
-            ],
-            "dark",
-        )
-        for s in (-1, 1)
-    ]
+    end, below = rear + 0.06, shelf
+    faces += _both([(rear, inner, 0.52), (rear, wide, 0.52), (end, wide, below), (end, inner, below)], "dark")
     # vision blocks, hatch, lamps
-    at = _along(brow, glacis)
-    for y in (-0.62, 0.12):
-        z1, z2 = 0.74, 0.94
-        faces.append(
-            Face(
-                [(at(z) + _PROUD, q, z + _PROUD) for z, q in ((z1, y), (z1, y + 0.5), (z2, y + 0.5), (z2, y))], "glass"
-            )
-        )
+    faces += [_mounted(_along(brow, glacis), y, y + 0.5, 0.74, 0.94, "glass") for y in (-0.62, 0.12)]
     for s in (-1, 1):
         for x in (glacis[0] - 0.55, glacis[0] - 1.75, glacis[0] - 2.95):
-            faces.append(
-                Face(
-                    [
-                        (q, s * (lean(z) + _PROUD), z)
-                        for q, z in ((x, 0.76), (x - 0.42, 0.76), (x - 0.42, 0.92), (x, 0.92))
-                    ],
-                    "glass",
-                )
-            )
+            block = [(x, 0.76), (x - 0.42, 0.76), (x - 0.42, 0.92), (x, 0.92)]
+            faces.append(Face([(q, s * (lean(z) + _PROUD), z) for q, z in block], "glass"))
     faces += _box((first - 1.55, first - 0.85), (-0.36, 0.36), (roof, roof + 0.10), "body")
-    plate = _along(bow, brow)
-    faces += [
-        Face(
-            [(plate(z) + _PROUD, q, z + _PROUD) for z, q in ((0.30, y), (0.30, y + 0.2), (0.42, y + 0.2), (0.42, y))],
-            "lamp",
-        )
-        for y in (-0.82, 0.62)
-    ]
+    faces += [_mounted(_along(bow, brow), y, y + 0.2, 0.30, 0.42, "lamp") for y in (-0.82, 0.62)]
     faces += [_upright(rear - _PROUD, y, y + 0.14, 0.06, 0.20, "tail") for y in (inner - 0.22, -inner + 0.08)]
     faces.append(_upright(rear - _PROUD, -0.42, 0.42, -0.12, 0.38, "panel"))
     return faces
@@ -450,9 +361,28 @@ def _box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float],
     return faces
 
 
-def _upright(x: float, y1: float, y2: float, z1: float, z2: float, material: Material) -> Face:
-    """A rectangle that looks ahead or behind."""
-    return Face([(x, y1, z1), (x, y2, z1), (x, y2, z2), (x, y1, z2)], material)
+def _upright(
+    x: float | Callable[[float], float], y1: float, y2: float, z1: float, z2: float, material: Material
+) -> Face:
+    """A rectangle that looks ahead or behind; `x` may depend on z."""
+    at = x if callable(x) else lambda _: x
+    return Face([(at(z), y, z) for y, z in ((y1, z1), (y2, z1), (y2, z2), (y1, z2))], material)
+
+
+def _mounted(sheet: Callable[[float], float], y1: float, y2: float, z1: float, z2: float, material: Material) -> Face:
+    """A rectangle that stands out from a sheet x(z), ahead and up."""
+    flat = _upright(sheet, y1, y2, z1, z2, material)
+    return Face([(x + _PROUD, y, z + _PROUD) for x, y, z in flat.points], material)
+
+
+def _beside(y: float, x1: float, x2: float, z1: float, z2: float, material: Material) -> Face:
+    """A rectangle that looks to a side."""
+    return Face([(x1, y, z1), (x2, y, z1), (x2, y, z2), (x1, y, z2)], material)
+
+
+def _both(points: Sequence[Point], material: Material) -> list[Face]:
+    """A face of the left side, mirrored on the right side first."""
+    return [Face([(x, s * y, z) for x, y, z in points], material) for s in (-1, 1)]
 
 
 def _disc(x: float, y: float, z: float, radius: float, material: Material) -> Face:

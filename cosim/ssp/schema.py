@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
 from build_fmus.base.checks import one_line
+from cosim.fmu.xml import schema as xml_schema
 
 _FILES = {
     "SystemStructureDescription": "SystemStructureDescription",
@@ -19,19 +19,13 @@ _FILES = {
 _HERE = Path(__file__).parent / "third_party"
 
 
-@cache
-def _compiled(name: str, major: str) -> Any:
-    path = _HERE / f"ssp{major}" / f"{_FILES[name]}.xsd"
-    return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
-
-
 def deviation(root: Any) -> str:
     """The first violation of the schema of the file's own version, with its line; "" if the file is valid."""
     name = etree.QName(root).localname
     if name not in _FILES:
         return f"its element is {one_line(name, 60)}; one of {', '.join(_FILES)} is expected"
     major = "1" if str(root.get("version", "")).startswith("1") else "2"
-    schema = _compiled(name, major)
+    schema = xml_schema(_HERE / f"ssp{major}" / f"{_FILES[name]}.xsd")
     if schema.validate(root):
         return ""
     error = schema.error_log[0]

@@ -5,9 +5,7 @@ The same system gives the same bytes.
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -18,6 +16,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base import escape, safe_files
+from build_fmus.base.archives import zipped
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import BASE_UNITS, Unit, UnitMismatchError, conversion
 from cosim.core.description import Variable
@@ -35,7 +34,6 @@ from cosim.system.components import Connection, SystemComponent, indices
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 
-_EPOCH = (1980, 1, 1, 0, 0, 0)
 _MILLIMETRE = 0.1  # of the drawing, for a point of the picture
 _TOLERANCE = "1e-4"  # that OMSimulator wants to read and a fixed step does not use
 _TYPES1 = {"Real", "Integer", "Boolean", "String", "Enumeration"}
@@ -195,7 +193,7 @@ class _Exporter:
                 files[self._values_file(m)] = serialize(made)
         for path, name in self.sources.items():
             files[name] = _packed(path)
-        return zipped(files)
+        return zipped(files, names.ENTRY)
 
     # Its values.
 
@@ -525,19 +523,6 @@ def _packed(path: Path) -> bytes:
         return zipped({p.relative_to(path).as_posix(): p.read_bytes() for p in path.rglob("*") if p.is_file()})
     except OSError as error:
         raise SspError(f"{path}: cannot be read again ({error.strerror or error})") from None
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """The bytes of a zip archive with these files by path: the same for the same content."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
-        for name in sorted(files, key=lambda n: (n != names.ENTRY, n)):
-            info = zipfile.ZipInfo(name, date_time=_EPOCH)
-            info.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-            info.create_system = 3
-            info.external_attr = 0o644 << 16
-            archive.writestr(info, files[name])
-    return out.getvalue()
 
 
 def serialize(root: etree._Element) -> bytes:

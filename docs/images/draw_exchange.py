@@ -19,6 +19,7 @@ from lxml import etree
 
 from cosim import PythonComponent, System
 from cosim.picture.svg import COLORS as KINDS
+from cosim.picture.svg import serialize, sheet, text
 
 PERIODS = {"filter": 2, "law": 2, "actuator": 1, "car": 1}
 """Component -> its step [ms], from the top of the picture to its bottom."""
@@ -107,27 +108,7 @@ def kind_of(read: Read) -> str:
 def draw(target: Path) -> None:
     """Both ways below each other, as SVG; the same bytes every time."""
     width, height = LEFT + END * PER_MS + RIGHT, HEAD + len(PERIODS) * ROW + FOOT
-    root = etree.Element(
-        "svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {2 * height + 34}", role="img"
-    )
-    root.set("font-family", "Helvetica, Arial, sans-serif")
-    root.set("font-size", "13")
-    etree.SubElement(root, "title").text = "Who reads what, and of which time"
-    definitions = etree.SubElement(root, "defs")
-    for kind, color in COLORS.items():
-        tip = etree.SubElement(
-            definitions,
-            "marker",
-            id=kind,
-            viewBox="0 0 10 10",
-            refX="9",
-            refY="5",
-            markerWidth="7",
-            markerHeight="7",
-            orient="auto",
-        )
-        etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=color)
-    etree.SubElement(root, "rect", width=str(width), height=str(2 * height + 34), rx="10", fill="#ffffff")
+    root = sheet(width, 2 * height + 34, "Who reads what, and of which time", COLORS)
     for i, group in enumerate(TITLES):
         _panel(etree.SubElement(root, "g", transform=f"translate(0 {i * height})"), group)
     for i, (kind, words) in enumerate(WORDS.items()):
@@ -135,21 +116,20 @@ def draw(target: Path) -> None:
         line = etree.SubElement(root, "path", d=f"M{x} {y} h26", stroke=COLORS[kind])
         line.set("stroke-width", "2")
         line.set("marker-end", f"url(#{kind})")
-        _text(root, x + 34, y + 4, words)
-    etree.indent(root)
-    target.write_bytes(etree.tostring(root, encoding="utf-8") + b"\n")
+        text(root, x + 34, y + 4, words, anchor="start", size=13)
+    target.write_bytes(serialize(root))
 
 
 def _panel(body: etree._Element, group: bool) -> None:
-    _text(body, 20, 30, TITLES[group], weight="bold")
+    text(body, 20, 30, TITLES[group], anchor="start", size=13, bold=True)
     bottom = HEAD + (len(PERIODS) - 1) * ROW + 30
     for ms in range(END + 1):
         etree.SubElement(body, "path", d=f"M{_x(ms)} {HEAD - 22} V{bottom}", stroke="#dddddd")
-        _text(body, _x(ms), bottom + 18, f"{ms} ms", anchor="middle")
+        text(body, _x(ms), bottom + 18, f"{ms} ms", size=13)
     for name, period in PERIODS.items():
         discrete = name in DISCRETE
         fill, edge, _ = KINDS["discrete" if discrete else "continuous"]
-        _text(body, 20, _y(name) + 5, name)
+        text(body, 20, _y(name) + 5, name, anchor="start", size=13)
         if discrete:
             etree.SubElement(body, "path", d=f"M{_x(0)} {_y(name)} H{_x(END)}", stroke=edge).set(
                 "stroke-dasharray", "3 4"
@@ -188,15 +168,6 @@ def _x(ms: float) -> float:
 
 def _y(name: str) -> float:
     return HEAD + ROW * list(PERIODS).index(name)
-
-
-def _text(
-    parent: etree._Element, x: float, y: float, text: str, *, anchor: str = "start", weight: str = "normal"
-) -> None:
-    made = etree.SubElement(parent, "text", x=str(x), y=str(y), fill="#222222")
-    made.set("text-anchor", anchor)
-    made.set("font-weight", weight)
-    made.text = text
 
 
 if __name__ == "__main__":

@@ -63,25 +63,6 @@ class Numbers(BaseModel):
     _is_one = field_validator("source")(Quantity._is_one.__func__)  # type: ignore[attr-defined]
 
 
-def numbers(
-    unit: str,
-    description: str,
-    *,
-    min: float,
-    max: float,
-    size: int | None = None,
-    increasing: bool = False,
-    display_unit: str | None = None,
-    nominal: float | None = None,
-) -> Any:
-    """Declare a field of type `Numbers`.
-
-    `size`: how many (None: two at least); `increasing`: where a table relies on it.
-    """
-    declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
-    return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
-
-
 def quantity(
     unit: str,
     description: str,
@@ -90,9 +71,15 @@ def quantity(
     max: float,
     display_unit: str | None = None,
     nominal: float | None = None,
+    size: int | None = None,
+    increasing: bool = False,
 ) -> Any:
-    """Declare a field of type `Quantity`. `nominal` is for values that may well be 0."""
-    declared = Declared(unit, min, max, display_unit, nominal)
+    """Declare a field of type `Quantity` or `Numbers`.
+
+    `nominal` is for values that may well be 0. Of `Numbers`, `size`: how many (None: two at least); `increasing`: where
+    a table relies on it.
+    """
+    declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
     return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
 
 
@@ -113,7 +100,7 @@ class Section(BaseModel):
         if not isinstance(given, Quantity | Numbers):
             return given
         declared = cls.declared(info.field_name or "")
-        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity() or numbers()"
+        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity()"
         if isinstance(given, Quantity):
             return Quantity(
                 value=_converted(declared, given.value, given.unit), unit=declared.unit, source=given.source
@@ -395,10 +382,7 @@ class ThreeAxleTrenchCar(ThreeAxleCar):
 # ------------------------------------------------------------------------------------------------------------- full car
 
 
-class _Body(Section):
-    mass: Quantity = quantity("kg", "sprung mass", min=10.0, max=1e6)
-    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the sprung mass about its CG", min=1.0, max=1e8)
-    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the sprung mass about its CG", min=1.0, max=1e8)
+class _Body(_RideBody):
     yaw_inertia: Quantity = quantity("kg.m2", "yaw inertia of the sprung mass about its CG", min=1.0, max=1e8)
     wheelbase: Quantity = quantity("m", "distance between the axles", min=0.5, max=20.0)
     track: Quantity = quantity("m", "distance between left and right wheels", min=0.3, max=10.0)
@@ -482,7 +466,7 @@ class _Table(Section):
 
 class _SpringTable(_Table):
     free_length: Quantity = quantity("m", "length of the spring without load", min=0.01, max=5.0)
-    compression: Numbers = numbers(
+    compression: Numbers = quantity(
         "m",
         "compression of the spring from its free length, increasing from 0; the force is linear between and odd",
         min=0.0,
@@ -491,7 +475,7 @@ class _SpringTable(_Table):
         display_unit="mm",
         nominal=0.1,
     )
-    force: Numbers = numbers(
+    force: Numbers = quantity(
         "N", "force of the spring at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
     )
 
@@ -504,7 +488,7 @@ class _LengthStop(Section):
 
 
 class _StopTable(_Table):
-    penetration: Numbers = numbers(
+    penetration: Numbers = quantity(
         "m",
         "compression of a stop, increasing from 0; the force is linear between and constant beyond",
         min=0.0,
@@ -513,7 +497,7 @@ class _StopTable(_Table):
         display_unit="mm",
         nominal=0.01,
     )
-    force: Numbers = numbers(
+    force: Numbers = quantity(
         "N", "force of a stop at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
     )
 
@@ -542,7 +526,7 @@ class _DamperRange(Section):
 
 
 def _point(what: str) -> Any:
-    return numbers(
+    return quantity(
         "m", f"{what}, left side: forward, left, up from the reference point of the axle", min=-50.0, max=50.0, size=3
     )
 
@@ -642,7 +626,7 @@ class _FramedBody(Section):
 
 class _Mounted(Section):
     mass: Quantity = quantity("kg", "mass of a part on the chassis", min=0.0, max=1e5)
-    position: Numbers = numbers("m", "its position in the chassis frame", min=-50.0, max=50.0, size=3)
+    position: Numbers = quantity("m", "its position in the chassis frame", min=-50.0, max=50.0, size=3)
 
 
 class _SteeringGear(Section):
@@ -659,14 +643,14 @@ class _SolidWheel(Section):
 
 class _Solid(Section):
     mass: Quantity = quantity("kg", "mass", min=0.0, max=1e5)
-    inertia: Numbers = numbers(
+    inertia: Numbers = quantity(
         "kg.m2", "moments of inertia about its center of mass, along its axes", min=0.0, max=1e6, size=3
     )
 
 
 class _TableTire(_Table):
     radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
-    deflection: Numbers = numbers(
+    deflection: Numbers = quantity(
         "m",
         "deflection of the tire on a flat road, increasing from 0; the force is linear between and continues so beyond",
         min=0.0,
@@ -675,7 +659,9 @@ class _TableTire(_Table):
         display_unit="mm",
         nominal=0.1,
     )
-    force: Numbers = numbers("N", "vertical force at that deflection", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+    force: Numbers = quantity(
+        "N", "vertical force at that deflection", min=0.0, max=1e7, display_unit="kN", nominal=1e4
+    )
     damping: Quantity = quantity(
         "N.s/m", "vertical damping in contact", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
     )

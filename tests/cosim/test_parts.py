@@ -69,7 +69,7 @@ def test_recording_survives_the_disk(tmp_path, raises):
     recording = Recording(np.array([0.0, 0.1]), ["car.x", "gain.y[2,3]"], data, {"car.x": "m/s2"})
     path = recording.to_csv(tmp_path / "a" / "b.csv")
     assert path.read_text().splitlines()[0] == 'time [s],car.x [m/s2],"gain.y[2,3]"'
-    back = Recording.from_csv(path)
+    back = Recording.read(path)
     assert back.names == recording.names
     assert back.units["car.x"] == "m/s2"
     assert back.units["gain.y[2,3]"] == ""
@@ -80,10 +80,10 @@ def test_recording_survives_the_disk(tmp_path, raises):
     assert list(back) == back.names
     path.write_text("time [s],x\n0,1\n1,oops\n")
     with pytest.raises(ValueError, match="line 3"):
-        Recording.from_csv(path)
+        Recording.read(path)
     path.write_text("x,y\n")
     with raises(ValueError):
-        Recording.from_csv(path)
+        Recording.read(path)
 
 
 FMI3 = b"""<fmiModelDescription fmiVersion="3.0" modelName="Arrays" instantiationToken="t">

@@ -182,7 +182,7 @@ def test_failure_names_component_time_and_message_and_keeps_the_recording(status
     assert (error.component, error.function, error.status, error.time) == ("bad", "fmi2DoStep", name, 0.5)
     assert "tire.force is not finite" in str(error)
     assert error.recording.time[-1] == 0.5
-    same(Recording.from_csv(path), error.recording)
+    same(Recording.read(path), error.recording)
 
 
 def test_an_exception_in_a_python_component_is_its_error():
@@ -210,7 +210,7 @@ def test_control_c_stops_between_two_instants_and_can_be_continued(tmp_path):
     kept = caught.value.recording
     assert 0.5 <= caught.value.time < 1000
     assert kept.time[-1] == caught.value.time
-    assert len(Recording.from_csv(path)) == len(kept)
+    assert len(Recording.read(path)) == len(kept)
     assert isinstance(caught.value, KeyboardInterrupt)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 

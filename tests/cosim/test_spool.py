@@ -53,7 +53,7 @@ def test_a_run_that_was_killed_is_recovered(killed, raises):
     assert killed.stat().st_size == 0
     result = CliRunner().invoke(app, ["recover", str(killed)], env={"COLUMNS": "300"})
     assert result.exit_code == 0, result.output
-    recording = Recording.from_csv(killed)
+    recording = Recording.read(killed)
     assert f"{len(recording)} samples of 1 variables" in result.output.replace("\n", " ")
     assert len(recording) > 200
     with System() as system:
@@ -72,7 +72,7 @@ def test_what_is_there_is_not_overwritten(killed, raises):
         recover(spool_of(killed))
     path, recording = recover(spool_of(killed), killed.with_name("other.csv"))
     assert killed.read_text() == "precious\n"
-    assert len(Recording.from_csv(path)) == len(recording)
+    assert len(Recording.read(path)) == len(recording)
 
 
 def test_a_last_row_that_is_not_whole_and_files_of_others(tmp_path, raises):
@@ -125,7 +125,7 @@ def test_nothing_is_left_beside_the_csv(tmp_path):
         system.add("a", Integrator(), step="1 ms", start={"u": 1.0})
         system.run(0.1, output=tmp_path / "a.csv")
         assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
-        assert len(Recording.from_csv(tmp_path / "a.csv")) == 101
+        assert len(Recording.read(tmp_path / "a.csv")) == 101
 
 
 def test_the_command_says_what_to_do_about_a_wrong_file(tmp_path):

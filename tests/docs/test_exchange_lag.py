@@ -11,7 +11,7 @@ from pages import ROOT, blocks
 from benchmarks import exchange_lag
 
 PAGE = ROOT / "docs" / "how-to" / "other-tools.md"
-COMMAND = "python -m benchmarks.exchange_lag\n"
+COMMAND = f"python -m benchmarks exchange_lag\n{str(exchange_lag.__doc__).splitlines()[0]}\n"
 
 
 def test_the_page_shows_what_the_benchmark_prints(workplace: Path) -> None:  # noqa: ARG001

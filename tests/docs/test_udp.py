@@ -56,7 +56,7 @@ def test_a_controller_over_udp_drives_the_corner(workplace: Path, examples: None
     came = re.match(r"(\d+) states came, (\d+) were lost", controller.stdout)
     assert came is not None
     assert in_time + late <= int(came[1]) <= steps
-    recording = Recording.from_csv(workplace / "udp.csv")
+    recording = Recording.read(workplace / "udp.csv")
     assert len(recording) == steps + 1
     if in_time > 100:
         assert np.ptp(recording["tracking.force.desired"]) > 0

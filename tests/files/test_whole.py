@@ -96,7 +96,7 @@ def test_links_stay_links_and_devices_devices(tmp_path: Path) -> None:
     link.symlink_to(tmp_path / "results" / "far.csv")
     RECORDING.to_csv(link)
     assert link.is_symlink()
-    assert Recording.from_csv(tmp_path / "results" / "far.csv")["x"].shape == (100,)
+    assert Recording.read(tmp_path / "results" / "far.csv")["x"].shape == (100,)
     (tmp_path / "null").symlink_to(os.devnull)
     RECORDING.to_csv(tmp_path / "null")
     assert not Path(os.devnull).is_file()

@@ -155,8 +155,8 @@ def _law_of(path: Path) -> None:
 
 def _recording(path: Path) -> None:
     """One that can be read is read again as it was written."""
-    read = Recording.from_csv(path)
-    again = Recording.from_csv(read.to_csv(path.with_name("again.csv")))
+    read = Recording.read(path)
+    again = Recording.read(read.to_csv(path.with_name("again.csv")))
     np.testing.assert_array_equal(read.data, again.data)
     np.testing.assert_array_equal(read.time, again.time)
 

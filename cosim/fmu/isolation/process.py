@@ -126,7 +126,7 @@ def require(what: str) -> None:
 @lru_cache
 def _functions(version: str) -> Any:
     """FMI's functions of the client library."""
-    return (fmi.ffi3 if version == "3" else fmi.ffi2).dlopen(str(_interface()[2]))
+    return fmi.ffi_of(version).dlopen(str(_interface()[2]))
 
 
 def _cancel(yes: bool) -> None:
@@ -241,7 +241,7 @@ class IsolatedLibrary:
 
         keep.append(logger)
         there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), self._exchange, logger)
-        types = fmi.ffi3 if self._version == "3" else fmi.ffi2
+        types = fmi.ffi_of(self._version)
         return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
 
     def integrate(self, setup: bytes, t: float) -> int:

@@ -61,24 +61,6 @@ class GpcSequence:
     gain_u: Array  # (rc h_c, rc p), B_C
     gain_d: Array  # (rc h_c, rd p)
     gain_preview: Array  # (rc h_c, rd h_p)
-    predictor: MultiStepPredictor
-
-    def commands(
-        self,
-        y_hist: npt.ArrayLike,
-        u_hist: npt.ArrayLike,
-        d_hist: npt.ArrayLike | None = None,
-        d_future: npt.ArrayLike | None = None,
-    ) -> Array:
-        """The optimal sequence, (h_c, rc). Disturbances that are not given are zero."""
-        size = self.predictor
-        u_future = (
-            self.gain_y @ rows("y_hist", y_hist, size.order, size.outputs).ravel()
-            + self.gain_u @ rows("u_hist", u_hist, size.order, size.controls).ravel()
-            + self.gain_d @ rows("d_hist", d_hist, size.order, size.disturbances).ravel()
-            + self.gain_preview @ rows("d_future", d_future, size.h_p, size.disturbances).ravel()
-        )
-        return u_future.reshape(size.h_c, size.controls)
 
 
 def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLike) -> GpcSequence:
@@ -111,7 +93,6 @@ def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLi
         gain_u=gain(predictor.beta),
         gain_d=gain(predictor.delta),
         gain_preview=gain(predictor.gamma),
-        predictor=predictor,
     )
 
 

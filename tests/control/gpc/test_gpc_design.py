@@ -339,6 +339,12 @@ def dense_problem(model, h_c, R, past, d_future):
     return q_factor, r_factor, np.array(columns).T, free
 
 
+def commands(sequence, *signals):
+    """The whole optimal sequence, flat, for histories of outputs, controls and disturbances, and what lies ahead."""
+    gains = (sequence.gain_y, sequence.gain_u, sequence.gain_d, sequence.gain_preview)
+    return sum(gain @ np.ravel(signal) for gain, signal in zip(gains, signals, strict=True))
+
+
 class TestLaw:
     @pytest.mark.parametrize("case", [(8, 8, 8, 1e-3), (5, 12, 4, 1.0), (3, 1, 1, 0.1), (8, 8, 8, 1e-7)])
     @pytest.mark.parametrize("rd", [0, 4])
@@ -349,7 +355,7 @@ class TestLaw:
         d_future = rng.standard_normal((h_p, rd))
         predictor = multi_step_predictor(model, h_p, h_c)
         sequence = gpc_sequence(predictor, Q_PAPER, R)
-        u = sequence.commands(past["y_past"], past["u_past"], past["d_past"], d_future).ravel()
+        u = commands(sequence, past["y_past"], past["u_past"], past["d_past"], d_future)
 
         q_factor, r_factor, tau, free = dense_problem(model, h_c, R, past, d_future)
         stacked = np.vstack([q_factor @ tau, r_factor])
@@ -434,7 +440,7 @@ class TestLaw:
         predictor = multi_step_predictor(model, 4)
         sequence = gpc_sequence(predictor, 1.0, 1e-18)
         past, d = random_past(rng, model), rng.standard_normal((4, 1))
-        u = sequence.commands(*past.values(), d)
+        u = commands(sequence, *past.values(), d).reshape(4, 2)
         assert np.max(np.abs(predictor.predict(u, *past.values(), d))) < 1e-9
 
     def test_forms_of_weights_agree(self, model):
