@@ -68,7 +68,7 @@ def over_time(runs: Mapping[str, Signals], panels: Iterable[tuple[str, str, str,
     ]
 
 
-def bars(quantity: str, label: str, names: Sequence[str], heights: Mapping[str, Sequence[Any]]) -> Panel:
+def bars(quantity: str, label: str, names: Sequence[str], heights: Mapping[str, Sequence[Any]], *more: Series) -> Panel:
     """Groups of bars.
 
     Args:
@@ -76,10 +76,11 @@ def bars(quantity: str, label: str, names: Sequence[str], heights: Mapping[str, 
         label: label of the y axis.
         names: of the groups.
         heights: of the bars in each group, by series; numbers, or distributions (median, low and high).
+        more: series that are drawn over the bars.
     """
     series = []
     for name, values in heights.items():
         spread = all(isinstance(v, Distribution) for v in values)
         middle, low, high = ([getattr(v, at) for v in values] if spread else None for at in ("median", "low", "high"))
         series.append(Series(name, range(len(names)), middle or values, low, high, mode="bar"))
-    return Panel("", quantity, label, series, x_names=names)
+    return Panel("", quantity, label, [*series, *more], x_names=names)
