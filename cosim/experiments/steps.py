@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cosim import SystemComponent
 from cosim.study.case import Case, option
+from cosim.study.experiment import Row
 
 PARTS = (1, 16)
 
@@ -36,6 +38,11 @@ HALVED = {"solver step": {"solver_parts": 2}, "communication step": {"exchange_p
 def halved(case: S) -> dict[str, S]:
     """The case with each of `HALVED`."""
     return {what: replace(case, **finer) for what, finer in HALVED.items()}
+
+
+def with_finer_steps(study: Mapping[Any, Row], case: S) -> dict[str, Row]:
+    """Metrics of a case as in the runs, and with each of `HALVED`, by name."""
+    return {"as in the runs": study[case], **{f"{what} halved": study[c] for what, c in halved(case).items()}}
 
 
 def exchange_step(coarse: Fraction, case: Stepped) -> Fraction:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cosim.recording.peaks import keep_peaks
 from cosim.report.animation import Animation, Phase, Playback, Take
 from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
+from cosim.report.curves import bars, curve, level, over_time
 from cosim.report.maps import Layer, Map
 from cosim.report.model import (
     Figure,
@@ -57,7 +58,11 @@ __all__ = [
     "Series",
     "Table",
     "Take",
+    "bars",
+    "curve",
     "keep_peaks",
+    "level",
+    "over_time",
     "plotly_figure",
     "write_report",
 ]

@@ -7,8 +7,8 @@ are kept as tuples, curves as read-only arrays. Texts are plain text, never mark
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,8 @@ Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black"
 Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
 Mode = Literal["line", "line+markers", "markers", "bar"]
 Scale = Literal["linear", "log"]
+Look = tuple[Color, Dash] | Color
+"""Color and dash of a series, or its color alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +166,15 @@ class Table:
             rows.append(cells)
         assign(self, "rows", tuple(rows))
 
+    @classmethod
+    def of(cls, id: str, title: str, rows: Iterable[Mapping[str, Any]], caption: str = "") -> Table:
+        """A table of rows that name their columns: cells by heading, the same headings in each row."""
+        cells = list(rows)
+        columns = [*cells[0]] if cells else []
+        if any([*row] != columns for row in cells):
+            raise ValueError(f"table '{id}': a row has other columns than {columns}")
+        return cls(id, title, columns, [[*row.values()] for row in cells], caption)
+
 
 @dataclass(frozen=True, eq=False)
 class Section:
@@ -217,8 +228,9 @@ class Result:
 class Report:
     """A report begins with its message: the sentence `lead`, and the `figure` and `animation` that show it.
 
-    `provenance` maps headings to values, lists, or mappings: `{"versions": {"casadi": "3.6.7"}, "seeds": [0, 1]}`.
-    Keep time and machine out of it: the same results must give the same files.
+    `looks`: of series by name, for those that bring none. `provenance` maps headings to values, lists, or mappings:
+    `{"versions": {"casadi": "3.6.7"}, "seeds": [0, 1]}`. Keep time and machine out of it: the same results must give
+    the same files.
     """
 
     experiment: str
@@ -231,12 +243,18 @@ class Report:
     results: Sequence[Result] = ()
     figure: Figure | Map | None = None
     animation: Animation | None = None
+    looks: Mapping[str, Look] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         where = f"report '{self.experiment}'"
         check_text(where, experiment=self.experiment, title=self.title)
         assign(self, "claims", items(where, "claims", self.claims, Claim))
-        assign(self, "sections", items(where, "sections", self.sections, Section))
+        drawn = [
+            replace(s, figures=[_with_looks(f, self.looks) for f in s.figures])
+            for s in items(where, "sections", self.sections, Section)
+        ]
+        assign(self, "figure", _with_looks(self.figure, self.looks))
+        assign(self, "sections", tuple(drawn))
         assign(self, "parameters", items(where, "parameters", self.parameters, Parameter))
         assign(self, "results", items(where, "results", self.results, Result))
         assign(self, "provenance", plain_tree(f"{where}, provenance", self.provenance))
@@ -285,6 +303,19 @@ class Report:
     def counts(self) -> Counts:
         """How often each verdict occurs."""
         return Counts.of(self.claims)
+
+
+def _with_looks(figure: Any, looks: Mapping[str, Look]) -> Any:
+    """A figure whose series have the looks of their names, where they bring none."""
+    if not looks or not isinstance(figure, Figure):
+        return figure
+    panels = [replace(p, series=[_with_look(s, looks.get(s.name)) for s in p.series]) for p in figure.panels]
+    return replace(figure, panels=panels)
+
+
+def _with_look(series: Series, look: Look | None) -> Series:
+    color, dash = (look, None) if look is None or isinstance(look, str) else look
+    return replace(series, color=series.color or color, dash=series.dash or dash)
 
 
 def _check_one_look(figures: Iterable[Figure], look: str) -> None:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from cosim.study.pages import default_report, make_lead, parameters, provenance, sections
     from cosim.study.results import Results, RunFailed
     from cosim.study.runner import Runner
+    from cosim.study.study_report import Content, StudyReport
 
 _PLACES = {
     "cosim.report.claims": ("Band", "Distribution"),
@@ -59,6 +60,7 @@ _PLACES = {
     "cosim.study.pages": ("default_report", "make_lead", "parameters", "provenance", "sections"),
     "cosim.study.results": ("Results", "RunFailed"),
     "cosim.study.runner": ("Runner",),
+    "cosim.study.study_report": ("Content", "StudyReport"),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
@@ -75,6 +77,7 @@ __all__ = [
     "Case",
     "CaseError",
     "ClaimList",
+    "Content",
     "Distribution",
     "Evidence",
     "Experiment",
@@ -92,6 +95,7 @@ __all__ = [
     "Runner",
     "Search",
     "Study",
+    "StudyReport",
     "Task",
     "Wiring",
     "check_choice",

@@ -18,6 +18,7 @@ from pyarrow import parquet as pq
 
 from cosim import Recording
 from cosim.experiments import EXPERIMENTS
+from cosim.study import FmuSet, Results
 
 BIN = Path(sys.executable).parent
 LINES_OF_A_STUDY = 50
@@ -135,6 +136,23 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
     )
     summary = json.loads((workplace / "results" / "summary.json").read_text())
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
+
+
+def test_a_report_of_ones_own(workplace: Path) -> None:
+    """The report of the page, declared below its study: the softest damper has the lowest of these numbers."""
+    (shown,) = (b for b in blocks(STUDIES, "python") if "StudyReport" in b)
+    named = files_shown(STUDIES)["damping.py"].replace("claims=CLAIMS)", "claims=CLAIMS, report=lambda *s: report(*s))")
+    (workplace / "reported.py").write_text(named + shown)
+    experiment = runpy.run_path(str(workplace / "reported.py"))["EXPERIMENT"]
+    tasks = experiment.tasks()
+    results = Results(tasks, [{"metrics": {"comfort": t.case.damping, "grip": 0.03}} for t in tasks])
+    page = experiment.study.report(results, FmuSet(workplace / "fmus"))
+    assert page.lead == "A damping of 3000 N.s/m is the most comfortable one over a short bump."
+    assert page.tables[0].rows[0] == (3e3, 0.1, 30.0)
+    assert [(s.name, s.color, s.dash) for s in page.drawn[0].panels[0].series] == [
+        ("short", "blue", None),
+        ("long", "orange", "dash"),
+    ]
 
 
 SWEEPS = ROOT / "docs" / "how-to" / "sweeps.md"

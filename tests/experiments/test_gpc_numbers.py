@@ -975,6 +975,7 @@ def test_a_failed_run_is_told(made: Runs, page: Report, fmus: FmuSet) -> None:
     broken = report_of(EXPERIMENT, failed(made, Comparison("curb", 70.0, 3)), fmus)
     assert broken.lead == page.lead
     assert broken.sections[-1].title == "Failed runs"
+    assert [s.title for s in broken.sections if "".join(s.paragraphs).startswith("Left out: ")] == ["Curb"]
     assert made_up.table(broken, "failed-runs") == [
         {"run": "comparison-curb-70kmh-seed3", "message": "ComponentError: it broke"}
     ]

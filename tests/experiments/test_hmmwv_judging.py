@@ -37,9 +37,15 @@ from cosim.experiments.hmmwv.tracking import runs as corners
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING
 from cosim.experiments.hmmwv.tracking.published import DENSITIES, VARIANTS, largest_stable_density, robustness_case
 from cosim.experiments.hmmwv.tracking.runs import SIGNALS, square, sweep
-from cosim.report import Claim, Report, write_report
+from cosim.report import Claim, Report, Table, write_report
 from cosim.report.claims import Condition
 from cosim.study import CaseError, Results
+from cosim.study.study_report import section_of
+
+
+def pump_tables(study: Averages) -> list[Table]:
+    """Tables of the section on the pump."""
+    return [item for item in pump_section(study) if isinstance(item, Table)]
 
 
 def test_places_of_the_bump_cover_one_control_period():
@@ -161,7 +167,7 @@ def test_the_pump_with_which_a_figure_holds_is_found():
     assert needed["bump-threefold"].smallest.l_min(Averages(study)) == 45.0
     never = made_up_study(watts(9.0, road="track", controller="mpc"))
     assert needs(never)["track-twofold-mpc"].words(Averages(never)) == "no pump that was tried"
-    (table,) = (t for t in pump_section(Averages(study)).tables if t.id == "pump-needed")
+    (table,) = (t for t in pump_tables(Averages(study)) if t.id == "pump-needed")
     assert [row[4] for row in table.rows if "MPC at least halves" in row[0]] == [words]
     assert words in claims(study)["track-twofold"].reason
 
@@ -197,7 +203,7 @@ def test_the_pump_of_a_file_of_ones_own_is_named():
         120,
         float("inf"),
     ]
-    (table,) = (t for t in pump_section(Averages(study)).tables if t.id == "pump")
+    (table,) = (t for t in pump_tables(Averages(study)) if t.id == "pump")
     assert table.columns[-1] == "25 l/min each, passive over it [-]"
     assert "null opening of the unpowered spool, which damps the passive car: 7 mm" in (
         judged(metric("null_opening", 0.007))["track-twofold"].fitted
@@ -216,7 +222,7 @@ def test_nothing_over_nothing_is_open():
         == f"{nothing}, so there is nothing to compare; holds with: 60 l/min at each actuator, not with 45 l/min"
     )
     assert found.value is None
-    (table,) = (t for t in pump_section(Averages(made_up_study(idle))).tables if t.id == "pump-needed")
+    (table,) = (t for t in pump_tables(Averages(made_up_study(idle))) if t.id == "pump-needed")
     assert [row[2:4] for row in table.rows if "saturate less" in row[0]] == [(nothing, "33 %")]
 
 
@@ -513,7 +519,7 @@ def test_claims_and_sections_of_the_preview_chain():
         title="x",
         lead="x",
         claims=PREVIEW.judge(study),
-        sections=[generated_section(study), chain_section(study)],
+        sections=[section_of("Generated", generated_section(study)), section_of("Sensed", chain_section(study))],
     )
     assert {c.id: c.verdict for c in made.claims} == {
         "preview-dip": "not reproduced",

@@ -27,6 +27,7 @@ from cosim.experiments.hmmwv.tracking.report import section
 from cosim.experiments.hmmwv.tracking.runs import FILTER, Case
 from cosim.report import Report, write_report
 from cosim.study import Results, Runner, run_study
+from cosim.study.study_report import section_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -159,7 +160,7 @@ def test_a_small_study_is_kept_and_reported(fmus, tmp_path):
         {"metrics": full[t.case]} | ({"signals": study.signals(t.case)} if t.case in cases_of(cases) else {})
         for t in EXPERIMENT.tasks()
     ]
-    shown = section(Results(EXPERIMENT.tasks(), entries))
+    shown = section_of("Force tracking", section(Results(EXPERIMENT.tasks(), entries)))
     page = write_report(Report("tracking", "Force tracking", "Lead.", CLAIMS.judge(full), [shown]), tmp_path / "report")
     text = page.read_text(encoding="utf-8")
     for words in (

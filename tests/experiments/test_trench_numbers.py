@@ -672,8 +672,8 @@ def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_
         "Cost",
         "Time histories and spectra",
         "Steps",
-        "Ablation: one part of the controller changed at a time",
-        "Robustness to other vehicles",
+        "Ablation",
+        "Robustness to the vehicle",
     ]
 
 

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
 
-import numpy as np
-
-from cosim.experiments.bench import EXPERIMENT
+from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS, NAMES, over_passive, ratio
-from cosim.experiments.bench.published import (
-    BUMP_DURATIONS,
-    CONTROLLED,
-    HEIGHTS_MM,
-    LIMITED,
-    LONG,
-    RANDOM,
-    SCENARIOS,
-    SHORT,
-    STRETCHES,
-    at,
-    over_height,
-    over_stretches,
-)
-from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, CONTROLLERS, LENGTH, METRICS
-from cosim.experiments.steps import HALVED, halved
-from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
-from cosim.report.model import Scalar
-from cosim.study import FmuSet, Results, Row, make_lead, parameters, provenance, sections
+from cosim.experiments.bench.published import LONG, RANDOM, SCENARIOS, SHORT, STRETCHES, at
+from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, CONTROLLERS, LENGTH, METRICS, Case
+from cosim.experiments.steps import with_finer_steps
+from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve
+from cosim.report.model import Look
+from cosim.study import Content, FmuSet, Results, Row, StudyReport, parameters
 from cosim.study.pages import compared
 from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, LQR_PERIOD, WEIGHTS
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, HORIZON, MPC_PERIOD
@@ -38,279 +22,13 @@ _RANDOM_IS = (
     f"Random: {_FIRST:g} to {_FIRST + LENGTH['random']:g} s of the random motion, the first of its {len(STRETCHES)}"
     " stretches."
 )
-_LOOKS = {"passive": "gray", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
-
-
-def report(study: Results, fmus: FmuSet) -> Report:
-    """The whole report of a study."""
-    makers = (_plates, _forces, _random, _comparison, _limit, _encoders, _solver, _refinement)
-    lead, figure = make_lead(study, _main_result)
-    about = Section(
-        "Runs of the study",
-        [
-            f"A laboratory quarter car crosses bumps of {BUMP_HEIGHT_MM:g} mm and random motion of its road plate:"
-            f" passive, under an LQR, and under model predictive control that keeps the force within {FORCE_LIMIT:g} N."
-            " All components are native FMUs. Figures 6 to 10 of Das and Vinodh Kumar stand beside what these runs"
-            " give. The paper prints neither the bench's parameters nor weights and horizons: they are assumed, as the"
-            " table at the end says."
-        ],
-    )
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="LQR and MPC on a quarter-car bench",
-        lead=lead,
-        figure=figure,
-        claims=CLAIMS.judge(study),
-        sections=[about, *sections(study, makers)],
-        parameters=_parameters(fmus),
-        provenance=provenance(EXPERIMENT, fmus),
-    )
-
-
-def _main_result(study: Results) -> tuple[str, Figure]:
-    """Acceleration of the body, and the force that it takes."""
-    name, heading = "acceleration", METRICS["acceleration"].heading
-    passive, lqr, mpc = (study[at(LONG, c)] for c in ("passive", "lqr", "mpc"))
-    lead = (
-        f"Over a bump of {BUMP_HEIGHT_MM:g} mm in {SCENARIOS[LONG].duration:g} s, the rms acceleration of the body is"
-        f" {lqr[name]:.3g} m/s2 with the LQR (force up to {_peak(lqr):.3g} N) and {mpc[name]:.3g} m/s2 with the MPC"
-        f" (up to {_peak(mpc):.3g} N): {compared(lqr[name], passive[name])} and"
-        f" {compared(mpc[name], passive[name])} than the {passive[name]:.3g} m/s2 of the passive bench."
-    )
-    bars = [
-        Series(
-            NAMES[c],
-            range(len(SCENARIOS)),
-            [study[at(s, c)][name] for s in SCENARIOS],
-            color=_LOOKS[c],  # type: ignore[arg-type]
-            mode="bar",
-        )
-        for c in CONTROLLERS
-    ]
-    panel = Panel("", "road [?]", heading, bars, x_names=list(SCENARIOS))
-    return lead, Figure("main-result", "Acceleration of the body by road and system", _RANDOM_IS, [panel])
-
-
-def _positions(signals: Row) -> list[Series]:
-    def curve(name: str, **look: Any) -> Series:
-        return Series(name, signals["time"], 1e3 * np.array(signals[name]), **look)
-
-    return [curve("road", color="black", dash="dot"), curve("wheel", color="vermilion"), curve("body", color="blue")]
-
-
-def _plates(study: Results) -> Section:
-    figures = []
-    for number, system in ((6, "passive"), (7, "lqr"), (8, "mpc")):
-        panels = [Panel(s, "time [s]", "height [mm]", _positions(study.signals(at(s, system)))) for s in (LONG, SHORT)]
-        figures.append(
-            Figure(
-                f"figure-{number}",
-                f"Plates over the bump, {NAMES[system]} (figure {number} of the paper)",
-                "Heights from rest.",
-                panels,
-                columns=2,
-            )
-        )
-    return Section("Plates over the bump", [], figures)
-
-
-def _forces(study: Results) -> Section:
-    panels = []
-    for s in (LONG, SHORT):
-        n = 1501
-        curves = []
-        for system in ("lqr", "mpc", "mpc-moves"):
-            r = study.signals(at(s, system))
-            curves.append(Series(NAMES[system], r["time"][:n], r["force"][:n], color=_LOOKS[system]))  # type: ignore[arg-type]
-        panels.append(Panel(s, "time [s]", "force [N]", curves))
-    energy = ratio(study, LONG, "force", "mpc-moves", "lqr")
-    return Section(
-        "Actuator force",
-        [
-            (
-                f"The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is"
-                f" {100 * ratio(study, LONG, 'force', 'mpc', 'lqr'):.0f} % of the LQR's over the longer bump, with the"
-                f" weight on the moves {100 * energy:.0f} %."
-            ),
-        ],
-        [
-            Figure(
-                "figure-9", "Actuator force, LQR and MPC (figure 9 of the paper)", "Bumps of 20 mm.", panels, columns=2
-            )
-        ],
-    )
-
-
-def _random(study: Results) -> Section:
-    panels = [
-        Panel(NAMES[s], "time [s]", "height [mm]", _positions(study.signals(at(RANDOM, s)))) for s in ("passive", "mpc")
-    ]
-    shares = {k: over_passive(study, k) for k in METRICS if min(study[c][k] for c in over_stretches("passive")) > 0}
-    table = Table(
-        "random-stretches",
-        f"MPC over passive on {len(STRETCHES)} stretches of the random road",
-        ["quantity", "median [-]", "lowest [-]", "highest [-]"],
-        [[METRICS[k].text, d.median, d.low, d.high] for k, d in shares.items()],
-        f"Each {LENGTH['random']:g} s long.",
-    )
-    figure = Figure(
-        "figure-10",
-        "Plates on the random road (figure 10 of the paper)",
-        f"The paper shows the MPC alone. {_RANDOM_IS}",
-        panels,
-        columns=1,
-    )
-    return Section("Random road", [], [figure], [table])
-
-
-def _comparison(study: Results) -> Section:
-    rows: list[list[Scalar]] = [
-        [
-            scenario,
-            NAMES[system],
-            *(round(m.factor * study[at(scenario, system)][k], 3) for k, m in METRICS.items()),
-        ]
-        for scenario in SCENARIOS
-        for system in CONTROLLERS
-    ]
-    table = Table(
-        "comparison",
-        "All systems on all roads",
-        ["road", "system", *(m.heading for m in METRICS.values())],
-        rows,
-        _RANDOM_IS,
-    )
-    return Section(
-        "Comparison",
-        [
-            (
-                "The LQR minimizes an index of states and force without end and without limit; the MPC minimizes the"
-                f" same index over {HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the"
-                f" same controller but for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms)."
-                " Equation (16) of the paper weighs the changes of the force instead: that is another"
-                " index, with less acceleration and more force."
-            ),
-        ],
-        [],
-        [table],
-    )
-
-
-def _limit(study: Results) -> Section:
-    panels = []
-    for duration in BUMP_DURATIONS:
-        curves = [
-            Series(
-                NAMES[s],
-                HEIGHTS_MM,
-                [study[c]["acceleration"] for c in over_height(duration, s)],
-                color=_LOOKS[s],  # type: ignore[arg-type]
-                mode="line+markers",
-            )
-            for s in LIMITED
-        ]
-        panels.append(Panel(f"bump {duration:g} s", "height of the bump [mm]", "rms acceleration [m/s2]", curves))
-    return Section(
-        "The limit at work",
-        [
-            "Higher bumps keep the force at its limit for longer. The figure shows the benefit of the MPC over"
-            " clipping the LQR."
-        ],
-        [Figure("limit", "Acceleration over the height of the bump", "Force within 8 N.", panels, columns=2)],
-    )
-
-
-def _encoders(study: Results) -> Section:
-    rows: list[list[Scalar]] = []
-    for scenario, system in product(SCENARIOS, CONTROLLED):
-        m, base = study[at(scenario, system, encoders=True)], study[at(scenario, system)]
-        rows.append(
-            [
-                scenario,
-                NAMES[system],
-                round(base["acceleration"], 3),
-                round(m["acceleration"], 3),
-                round(100 * (m["acceleration"] / base["acceleration"] - 1), 1),
-                round(m["force.max"], 3),
-                round(m["force.min"], 3),
-            ]
-        )
-    table = Table(
-        "encoders",
-        "States from encoders",
-        [
-            "road",
-            "system",
-            "exact states [m/s2]",
-            "encoders [m/s2]",
-            "change [%]",
-            "largest force [N]",
-            "smallest force [N]",
-        ],
-        rows,
-        _RANDOM_IS,
-    )
-    return Section(
-        "Encoders",
-        [
-            "The bench measures three positions; velocities are filtered differences. rms acceleration of the body with"
-            " exact and with measured states."
-        ],
-        [],
-        [table],
-    )
-
-
-def _solver(study: Results) -> Section:
-    rows: list[list[Scalar]] = [
-        [s, NAMES[c], int(v["solver.status"]), int(v["solver.iterations"]), f"{v['solver.residual']:.1e}"]
-        for s, c in product(SCENARIOS, CONTROLLERS)
-        if "solver.status" in (v := study[at(s, c)])
-    ]
-    table = Table(
-        "solver",
-        "Quadratic programs, worst of each run",
-        ["road", "system", "status [-]", "iterations [-]", "residual [-]"],
-        rows,
-        _RANDOM_IS,
-    )
-    return Section(
-        "Solver",
-        ["Status 0 is solved; residual as defined for all MPC FMUs. Times per back end are in benchmarks."],
-        [],
-        [table],
-    )
-
-
-def _refinement(study: Results) -> Section:
-    base = {c: study[at(SHORT, c)] for c in CONTROLLERS}
-    rows: list[list[Scalar]] = [
-        ["as in the runs", NAMES[s], base[s]["acceleration"], _peak(base[s]), 0.0] for s in CONTROLLERS
-    ]
-    for what in HALVED:
-        for c in CONTROLLERS:
-            finer = study[halved(at(SHORT, c))[what]]
-            change = 100 * (finer["acceleration"] / base[c]["acceleration"] - 1)
-            rows.append([f"{what} halved", NAMES[c], finer["acceleration"], _peak(finer), change])
-    table = Table(
-        "refinement",
-        f"Results with finer steps, {SHORT}",
-        ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"],
-        rows,
-        "Solver step and communication step of the plant; controllers and road keep their sample times.",
-    )
-    return Section("Steps", ["Whether the results depend on the steps."], [], [table])
-
-
-def _peak(metrics: Row) -> float:
-    return max(metrics["force.max"], -metrics["force.min"])
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    rows = parameters(fmus.path("QuarterCarBench"))
     assumed = "documentation of the bench's maker, assumed for 002"
-    rows += [Parameter(f"weight of {s}", w, "1/SI2", assumed) for s, w in zip(STATES, WEIGHTS, strict=True)]
-    rows += [
+    return [
+        *parameters(fmus.path("QuarterCarBench")),
+        *(Parameter(f"weight of {s}", w, "1/SI2", assumed) for s, w in zip(STATES, WEIGHTS, strict=True)),
         Parameter("weight of the force, or of its moves", FORCE_WEIGHT, "1/N2", assumed),
         Parameter("force limit", FORCE_LIMIT, "N", "002 section V"),
         Parameter("sample time, LQR", LQR_PERIOD, "s", "assumed"),
@@ -318,4 +36,168 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
         Parameter("prediction and control horizon", HORIZON, "-", "assumed"),
         Parameter("height of the bump", BUMP_HEIGHT_MM, "mm", "002 section V"),
     ]
-    return rows
+
+
+_LOOKS: dict[str, Look] = {
+    **dict(zip((NAMES[c] for c in CONTROLLERS), ("gray", "orange", "sky", "green", "purple"), strict=True)),
+    "road": ("black", "dot"),
+    "wheel": "vermilion",
+    "body": "blue",
+}
+report = StudyReport(EXPERIMENT, "LQR and MPC on a quarter-car bench", CLAIMS, _parameters, _LOOKS)
+
+
+@report.lead
+def _main_result(study: Results) -> Content:
+    passive, lqr, mpc = (study[at(LONG, c)] for c in ("passive", "lqr", "mpc"))
+    base, with_lqr, with_mpc = (row["acceleration"] for row in (passive, lqr, mpc))
+    yield f"""Over a bump of {BUMP_HEIGHT_MM:g} mm in {SCENARIOS[LONG].duration:g} s, the rms acceleration of the body
+    is {with_lqr:.3g} m/s2 with the LQR (force up to {_peak(lqr):.3g} N) and {with_mpc:.3g} m/s2 with the MPC (up to
+    {_peak(mpc):.3g} N): {compared(with_lqr, base)} and {compared(with_mpc, base)} than the {base:.3g} m/s2 of the
+    passive bench."""
+    heights = {NAMES[c]: [study[at(s, c)]["acceleration"] for s in SCENARIOS] for c in CONTROLLERS}
+    panel = bars("road [?]", METRICS["acceleration"].heading, [*SCENARIOS], heights)
+    yield Figure("main-result", "Acceleration of the body by road and system", _RANDOM_IS, [panel])
+
+
+@report.section("Runs of the study")
+def _about(_: Results) -> Content:
+    yield f"""A laboratory quarter car crosses bumps of {BUMP_HEIGHT_MM:g} mm and random motion of its road plate:
+    passive, under an LQR, and under model predictive control that keeps the force within {FORCE_LIMIT:g} N. All
+    components are native FMUs. Figures 6 to 10 of Das and Vinodh Kumar stand beside what these runs give. The paper
+    prints neither the bench's parameters nor weights and horizons: they are assumed, as the table at the end says."""
+
+
+def _plate_heights(study: Results, case: Case, title: str) -> Panel:
+    signals = study.signals(case)
+    return Panel(title, "time [s]", "height [mm]", [curve(n, signals, n, 1e3) for n in ("road", "wheel", "body")])
+
+
+@report.section("Plates over the bump")
+def _plates(study: Results) -> Content:
+    for number, system in ((6, "passive"), (7, "lqr"), (8, "mpc")):
+        panels = [_plate_heights(study, at(s, system), s) for s in (LONG, SHORT)]
+        title = f"Plates over the bump, {NAMES[system]} (figure {number} of the paper)"
+        yield Figure(f"figure-{number}", title, "Heights from rest.", panels, columns=2)
+
+
+@report.section("Actuator force")
+def _forces(study: Results) -> Content:
+    shares = [100 * ratio(study, LONG, "force", c, "lqr") for c in ("mpc", "mpc-moves")]
+    yield f"""The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is
+    {shares[0]:.0f} % of the LQR's over the longer bump, with the weight on the moves {shares[1]:.0f} %."""
+    panels = []
+    for s in (LONG, SHORT):
+        curves = [curve(NAMES[c], study.signals(at(s, c)), "force", end=1.5) for c in ("lqr", "mpc", "mpc-moves")]
+        panels.append(Panel(s, "time [s]", "force [N]", curves))
+    yield Figure(
+        "figure-9", "Actuator force, LQR and MPC (figure 9 of the paper)", "Bumps of 20 mm.", panels, columns=2
+    )
+
+
+@report.section("Random road")
+def _random(study: Results) -> Content:
+    panels = [_plate_heights(study, at(RANDOM, s), NAMES[s]) for s in ("passive", "mpc")]
+    caption = f"The paper shows the MPC alone. {_RANDOM_IS}"
+    yield Figure("figure-10", "Plates on the random road (figure 10 of the paper)", caption, panels)
+    shares = {
+        k: over_passive(study, k) for k in METRICS if min(study[c][k] for c in published.over_stretches("passive")) > 0
+    }
+    yield Table.of(
+        "random-stretches",
+        f"MPC over passive on {len(STRETCHES)} stretches of the random road",
+        [
+            {"quantity": METRICS[k].text, "median [-]": d.median, "lowest [-]": d.low, "highest [-]": d.high}
+            for k, d in shares.items()
+        ],
+        f"Each {LENGTH['random']:g} s long.",
+    )
+
+
+@report.section("Comparison")
+def _comparison(study: Results) -> Content:
+    yield f"""The LQR minimizes an index of states and force without end and without limit; the MPC minimizes the same
+    index over {HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the same controller but
+    for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms). Equation (16) of the paper weighs the
+    changes of the force instead: that is another index, with less acceleration and more force."""
+    rows = (
+        {"road": s, "system": NAMES[c]}
+        | {m.heading: round(m.factor * study[at(s, c)][k], 3) for k, m in METRICS.items()}
+        for s, c in product(SCENARIOS, CONTROLLERS)
+    )
+    yield Table.of("comparison", "All systems on all roads", rows, _RANDOM_IS)
+
+
+@report.section("The limit at work")
+def _limit(study: Results) -> Content:
+    yield """Higher bumps keep the force at its limit for longer. The figure shows the benefit of the MPC over clipping
+    the LQR."""
+    panels = []
+    for duration in published.BUMP_DURATIONS:
+        values = {
+            NAMES[s]: [study[c]["acceleration"] for c in published.over_height(duration, s)] for s in published.LIMITED
+        }
+        curves = [Series(name, published.HEIGHTS_MM, y, mode="line+markers") for name, y in values.items()]
+        panels.append(Panel(f"bump {duration:g} s", "height of the bump [mm]", "rms acceleration [m/s2]", curves))
+    yield Figure("limit", "Acceleration over the height of the bump", "Force within 8 N.", panels, columns=2)
+
+
+@report.section("Encoders")
+def _encoders(study: Results) -> Content:
+    yield """The bench measures three positions; velocities are filtered differences. rms acceleration of the body with
+    exact and with measured states."""
+    rows = []
+    for s, c in product(SCENARIOS, published.CONTROLLED):
+        exact, measured = (study[at(s, c, encoders=e)] for e in (False, True))
+        rows.append(
+            {
+                "road": s,
+                "system": NAMES[c],
+                "exact states [m/s2]": round(exact["acceleration"], 3),
+                "encoders [m/s2]": round(measured["acceleration"], 3),
+                "change [%]": round(100 * (measured["acceleration"] / exact["acceleration"] - 1), 1),
+                "largest force [N]": round(measured["force.max"], 3),
+                "smallest force [N]": round(measured["force.min"], 3),
+            }
+        )
+    yield Table.of("encoders", "States from encoders", rows, _RANDOM_IS)
+
+
+@report.section("Solver")
+def _solver(study: Results) -> Content:
+    yield "Status 0 is solved; residual as defined for all MPC FMUs. Times per back end are in benchmarks."
+    rows = (
+        {
+            "road": s,
+            "system": NAMES[c],
+            "status [-]": int(row["solver.status"]),
+            "iterations [-]": int(row["solver.iterations"]),
+            "residual [-]": f"{row['solver.residual']:.1e}",
+        }
+        for s, c in product(SCENARIOS, CONTROLLERS)
+        if "solver.status" in (row := study[at(s, c)])
+    )
+    yield Table.of("solver", "Quadratic programs, worst of each run", rows, _RANDOM_IS)
+
+
+@report.section("Steps")
+def _refinement(study: Results) -> Content:
+    yield "Whether the results depend on the steps."
+    found = {c: with_finer_steps(study, at(SHORT, c)) for c in CONTROLLERS}
+    rows = (
+        {
+            "steps": steps,
+            "system": NAMES[c],
+            "rms acceleration [m/s2]": found[c][steps]["acceleration"],
+            "peak force [N]": _peak(found[c][steps]),
+            "change of the acceleration [%]": 100
+            * (found[c][steps]["acceleration"] / study[at(SHORT, c)]["acceleration"] - 1),
+        }
+        for steps, c in product(found["passive"], CONTROLLERS)
+    )
+    caption = "Solver step and communication step of the plant; controllers and road keep their sample times."
+    yield Table.of("refinement", f"Results with finer steps, {SHORT}", rows, caption)
+
+
+def _peak(metrics: Row) -> float:
+    return max(metrics["force.max"], -metrics["force.min"])

@@ -10,8 +10,8 @@ from cosim.experiments.hmmwv.runs import SHIFTS, STRETCHES, Case
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES
 from cosim.experiments.hmmwv.wiring import EXCHANGE
 from cosim.experiments.steps import halved
-from cosim.report import Section, Table
-from cosim.report.model import Scalar
+from cosim.report import Table
+from cosim.study import Content
 
 
 @dataclass(frozen=True)
@@ -52,56 +52,39 @@ def refinements(study: Averages) -> list[Refinement]:
     return found
 
 
-def section(study: Averages, undecided: list[str]) -> Section:
+def section(study: Averages, undecided: list[str]) -> Content:
     """Table and words of a report; `undecided`: ids of claims whose verdict changes."""
     every = refinements(study)
     worst = max(every, key=lambda r: abs(r.change))
-    rows: list[list[Scalar]] = [
-        [
-            ROAD_NAMES[r.case.road],
-            NAMES[r.case.controller],
-            PUMP.words(study) if r.case.flow_limit else "no limit" if r.case.controller != "passive" else "off",
-            *(None if p is None else round(p, 4) for p in (r.power, r.solver, r.exchange, r.both)),
-            round(r.change, 2),
-        ]
-        for r in every
-    ]
+    where = [ROAD_NAMES[worst.case.road], NAMES[worst.case.controller], *[PUMP.words(study)] * worst.case.flow_limit]
     verdicts = (
         f"The verdict on {', '.join(undecided)} changes with that, so it is given as open."
         if undecided
         else "No verdict changes."
     )
-    return Section(
-        "Refinement of the steps",
-        [
-            (
-                f"Car and actuators exchange values every {1e3 * EXCHANGE:g} ms and integrate with steps of their own,"
-                " 0.5 ms and 0.25 ms at most. Every case that a claim rests on was run again, at every place of the"
-                f" bump and on every stretch, with an exchange every {1e3 * EXCHANGE / 2:g} ms and solver steps divided"
-                f" by 2. The largest change is {worst.change:+.2f} % ({ROAD_NAMES[worst.case.road]},"
-                f" {NAMES[worst.case.controller]}{', ' + PUMP.words(study) if worst.case.flow_limit else ''}). All"
-                f" claims were judged once more by these runs. {verdicts}"
-            ),
-        ],
-        tables=[
-            Table(
-                "refinement",
-                "Absorbed power over steps of exchange and solvers",
-                [
-                    "road",
-                    "controller",
-                    "pump",
-                    "steps of all other tables [W]",
-                    "solver steps halved [W]",
-                    "communication step halved [W]",
-                    "both halved [W]",
-                    "largest change by both [%]",
-                ],
-                rows,
-                f"Powers over bumps: the bump at the first of its {SHIFTS} places on the controllers' grid; off road:"
-                f" the first of the {STRETCHES} stretches of the class E road, which figure 1.10 shows. The largest"
-                " change is that over all places and all stretches. A solver's step is never longer than the exchange."
-                " A dash: not run.",
-            )
-        ],
+    yield f"""Car and actuators exchange values every {1e3 * EXCHANGE:g} ms and integrate with steps of their own, 0.5
+    ms and 0.25 ms at most. Every case that a claim rests on was run again, at every place of the bump and on every
+    stretch, with an exchange every {1e3 * EXCHANGE / 2:g} ms and solver steps divided by 2. The largest change is
+    {worst.change:+.2f} % ({", ".join(where)}). All claims were judged once more by these runs. {verdicts}"""
+    limited = PUMP.words(study)
+    rows = [
+        {
+            "road": ROAD_NAMES[r.case.road],
+            "controller": NAMES[r.case.controller],
+            "pump": limited if r.case.flow_limit else "no limit" if r.case.controller != "passive" else "off",
+            "steps of all other tables [W]": round(r.power, 4),
+            "solver steps halved [W]": None if r.solver is None else round(r.solver, 4),
+            "communication step halved [W]": None if r.exchange is None else round(r.exchange, 4),
+            "both halved [W]": round(r.both, 4),
+            "largest change by both [%]": round(r.change, 2),
+        }
+        for r in every
+    ]
+    yield Table.of(
+        "refinement",
+        "Absorbed power over steps of exchange and solvers",
+        rows,
+        f"Powers over bumps: the bump at the first of its {SHIFTS} places on the controllers' grid; off road: the first"
+        f" of the {STRETCHES} stretches of the class E road, which figure 1.10 shows. The largest change is that over"
+        " all places and all stretches. A solver's step is never longer than the exchange. A dash: not run.",
     )

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
 import numpy as np
 
-from cosim.experiments.preview_lq import EXPERIMENT
-from cosim.experiments.preview_lq.claims import (
-    CLAIMS,
-    INPUT_NAMES,
-    PARTS,
-    WEIGHT_NAMES,
-    eigenvalues,
-    matched,
-    relative,
-    relative_index,
-    short_preview,
-    sprung_mass,
-)
+from cosim.experiments.preview_lq import EXPERIMENT, claims, published
+from cosim.experiments.preview_lq.claims import INPUT_NAMES, PARTS, WEIGHT_NAMES
 from cosim.experiments.preview_lq.design import DESIGNS
-from cosim.experiments.preview_lq.published import (
-    COARSE,
-    CONTROLLED,
-    PAPER_COLUMNS,
-    PAPER_CORNERS,
-    PRINTED,
-    WEIGHT_SETS,
-    corrected,
-    over_preview,
-    plateau,
-)
+from cosim.experiments.preview_lq.published import CONTROLLED, PAPER_COLUMNS, WEIGHT_SETS, corrected
 from cosim.experiments.preview_lq.runs import (
     CAR,
     CONTROLLERS,
@@ -41,19 +24,13 @@ from cosim.experiments.preview_lq.runs import (
     Case,
     designed_weights,
 )
-from cosim.experiments.steps import HALVED, halved
-from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
-from cosim.report.model import Color, Dash, Scalar
-from cosim.study import FmuSet, Results, Row, make_lead, parameters, provenance, sections
+from cosim.experiments.steps import with_finer_steps
+from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve, over_time
+from cosim.report.model import Color, Look
+from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 from fmu_sources.models.corners import CORNERS
 
-_SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in PAPER_CORNERS))
-_LOOKS = {
-    "passive": ("gray", "solid"),
-    "active": ("orange", "dot"),
-    "delay": ("blue", "dash"),
-    "preview": ("green", "solid"),
-}
+_SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in published.PAPER_CORNERS), "J")
 _OVER_TIME = {  # curves of figure 3 -> metrics that are added
     "index J": ["J"],
     "vertical acceleration": ["body.az"],
@@ -61,339 +38,16 @@ _OVER_TIME = {  # curves of figure 3 -> metrics that are added
     "tire deflection": [f"tire.{k}.deflection" for k in CORNERS],
 }
 _OVER_TIME_COLORS: dict[str, Color] = dict(zip(_OVER_TIME, ("orange", "purple", "sky", "green"), strict=True))
-
-
-def report(study: Results, fmus: FmuSet) -> Report:
-    """The whole report of a study."""
-    makers = (_poles, _table3, _figure3, _histories, _sampling, _refinement, _offset)
-    lead, figure = make_lead(study, _main_result)
-    about = Section(
-        "Runs of the study",
-        [
-            f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ"
-            " controller with three information patterns: none of the road, the rear wheels' road from"
-            " the front wheels, and preview ahead. Car, road and controller are native FMUs exchanging"
-            " every millisecond. Tables and figures of"
-            " Marzbanrad, Hojjat, Zohoor and Nikravesh stand beside what these runs give."
-        ],
-    )
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Optimal preview control of a car with seven degrees of freedom",
-        lead=lead,
-        figure=figure,
-        claims=CLAIMS.judge(study),
-        sections=[about, *sections(study, makers)],
-        parameters=_parameters(fmus),
-        provenance=provenance(EXPERIMENT, fmus),
-    )
-
-
-def _main_result(study: Results) -> tuple[str, Figure]:
-    """The index by what the controller knows of the road."""
-    shares = {(i, w, c): relative_index(study, i, w, c) for i, w in PARTS for c in CONTROLLED}
-    preview, delay, active = (
-        " and ".join(f"{shares['both', w, c]:.1f} %" for w in WEIGHT_SETS) for c in ("preview", "delay", "active")
-    )
-    lead = (
-        f"With {PREVIEW_TIME:g} s of preview, the quadratic indices of {' and '.join(WEIGHT_NAMES.values())} are"
-        f" {preview} of the passive car's with input on both sides, compared with {delay} if the controller only"
-        f" knows the road of the rear wheels from the front wheels, and {active} without any information on the road."
-    )
-    bars = [
-        Series(
-            c,
-            range(len(PARTS)),
-            [shares[i, w, c] for i, w in PARTS],
-            color=_LOOKS[c][0],  # type: ignore[arg-type]
-            dash=_LOOKS[c][1],  # type: ignore[arg-type]
-            mode="bar",
-        )
-        for c in CONTROLLED
-    ]
-    names = [f"{WEIGHT_NAMES[w]}, {INPUT_NAMES[i]}" for i, w in PARTS]
-    panel = Panel("", "index, input [?]", "J, per cent of passive [%]", bars, x_names=names)
-    caption = (
-        "active: no information on the road; delay: the road of the rear wheels from the front wheels; preview: the"
-        f" road {PREVIEW_TIME:g} s ahead. The passive car is at 100 %."
-    )
-    return lead, Figure("main-result", "Index J by what the controller knows of the road", caption, [panel])
-
-
-def _poles(study: Results) -> Section:
-    """Closed-loop poles."""
-    rows: list[list[Scalar]] = []
-    for design in DESIGNS:
-        computed = eigenvalues(study, design)
-        if design.startswith("comfort"):
-            rows += [
-                [_design(design), _complex(p), _complex(o), round(100 * distance, 2)]
-                for p, o, distance in matched(computed)
-            ]
-        else:
-            rows += [[_design(design), None, _complex(o), None] for o in computed]
-    table = Table(
-        "table-2",
-        "Closed-loop eigenvalues, upper half plane (table 2 of the paper)",
-        ["design", "printed [1/s]", "computed [1/s]", "distance [%]"],
-        rows,
-    )
-    return Section(
-        "Closed-loop poles",
-        [
-            "Poles of the continuous design from the equations and the numbers of the car FMU, with"
-            f" {sprung_mass(study)}."
-        ],
-        [],
-        [table],
-    )
-
-
-def _design(name: str) -> str:
-    weights, _, rest = name.partition(", ")
-    return WEIGHT_NAMES[weights] + f", {rest} of N" * bool(rest)
-
-
-def _complex(value: complex) -> str:
-    return f"{value.real:.2f} + {value.imag:.2f}i"
-
-
-def _table3(study: Results) -> Section:
-    """Mean squares and index."""
-    tables = []
-    for (input_, weights), part in PARTS.items():
-        rows: list[list[Scalar]] = []
-        for c in CONTROLLERS:
-            computed = relative(study, input_, weights, c)
-            rows.append([c, "computed", *(None if v is None else round(v, 1) for v in computed)])
-            if weights == "comfort" and c != "passive":
-                rows.append([c, "printed", *PRINTED[input_, c]])
-                rows.append([c, "corrected", *corrected(input_, c)])
-        tables.append(
-            Table(
-                f"table-3{part}",
-                f"{INPUT_NAMES[input_].capitalize()}, {WEIGHT_NAMES[weights]}, per cent of passive (table 3{part} of"
-                " the paper)",
-                ["system", "row", *(f"{n} [%]" for n in _SHORT), "J [%]"],
-                rows,
-            )
-        )
-    return Section(
-        "Mean squares and index",
-        [
-            (
-                f"Means over {DURATION:g} s; preview {PREVIEW_TIME:g} s. The size of hole and bump cancels. Columns in"
-                " the paper's order: left front, left rear, right front, right rear."
-            ),
-            (
-                "Misprints of the table: in a) the active system's s4 (s rr) is 137.0, not 1370; in c) t3 and t4 (t fr,"
-                " t rr) are ten times too small; roll with both sides equal is 0/0, printed as 100."
-            ),
-            (
-                "Where the computed and the printed components differ by more than a few per cent, the printed design"
-                " differs too: its two low pole pairs are off (see the poles)."
-            ),
-        ],
-        [],
-        tables,
-    )
-
-
-def _figure3(study: Results) -> Section:
-    """Preview time."""
-    panels = []
-    for input_ in INPUTS:
-        for weights in WEIGHT_SETS:
-            cut, held = (over_preview(input_, weights, hold_tail=h) for h in (False, True))
-            curves = [
-                _over_none(study, text, cut, names, _OVER_TIME_COLORS[text]) for text, names in _OVER_TIME.items()
-            ]
-            curves.append(
-                _over_none(study, "index J, last height held", held, ["J"], _OVER_TIME_COLORS["index J"], "dash")
-            )
-            if weights == "comfort":  # the set of weights that table 3 has
-                curves += _printed_over_none(input_)
-            panels.append(
-                Panel(
-                    f"{WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}",
-                    "preview time [s]",
-                    "relative to no preview [-]",
-                    curves,
-                )
-            )
-    return Section(
-        "Preview time",
-        [
-            "Mean squares over preview time, relative to no preview with the delay between the axles known.",
-            (
-                f"The first 10 to 20 ms make the index worse, by up to {100 * (max(short_preview(study)) - 1):.0f} %,"
-                " before longer previews make it better. The controller with a finite horizon takes the road beyond it"
-                " to be at height 0. Seen from the middle of a bump, a horizon of 10 ms says that the"
-                " road is about to fall to 0 within 10 ms, and the front actuators prepare for an edge"
-                " that is not there; the longer the"
-                " horizon, the farther off and the less urgent the supposed edge. Without any preview the front road"
-                " does not enter the controller at all, so it makes no false assumption. The dashed curve of the index"
-                " shows it: if the road is taken to continue at its last height instead (hold_tail),"
-                " every preview is better than none."
-            ),
-        ],
-        [
-            Figure(
-                "figure-3",
-                "Effect of preview time (figure 3 of the paper)",
-                "Suspension and tire: sums over the four wheels. Points: from the cells of table 3, preview over"
-                " delay.",
-                panels,
-                columns=2,
-            )
-        ],
-    )
-
-
-def _over_none(
-    study: Results, text: str, curve: dict[float, Case], names: list[str], color: Color, dash: Dash = "solid"
-) -> Series:
-    sums = [sum(study[c][n] for n in names) for c in curve.values()]
-    return Series(text, list(curve), [s / sums[0] for s in sums], color=color, dash=dash)
-
-
-def _printed_over_none(input_: str) -> list[Series]:
-    """Ratio of preview to delay in table 3, for curves that are no sums.
-
-    The table gives the parts of sums as per cent of the passive car's values, so they cannot be added.
-    """
-    with_preview, without = (
-        dict(zip((*PAPER_COLUMNS, "J"), corrected(input_, c), strict=True)) for c in ("preview", "delay")
-    )
-    points = []
-    for text, (name, *others) in _OVER_TIME.items():
-        above, below = with_preview[name], without[name]
-        if not others and above is not None and below is not None:
-            points.append(
-                Series(
-                    f"{text}, table 3", [PREVIEW_TIME], [above / below], color=_OVER_TIME_COLORS[text], mode="markers"
-                )
-            )
-    return points
-
-
-def _histories(study: Results) -> Section:
-    """Time histories."""
-    figures = []
-    for number, weights in (("4", "comfort"), ("5", "road-holding")):
-        runs = {c: study.signals(Case("left", weights, c)) for c in CONTROLLERS}
-        panels = []
-        for k in ("fl", "rl"):
-            road = _curve("road", runs["passive"], f"road.road.{k}.height", 1e3, "black", "dot")
-            wheels = [_curve(c, r, f"car.wheel.{k}.z", 1e3, *_LOOKS[c]) for c, r in runs.items()]
-            panels.append(Panel(f"wheel {k}", "time [s]", "height [mm]", [road, *wheels]))
-        figures.append(
-            Figure(
-                f"figure-{number}",
-                f"Wheel tracking, left side, {WEIGHT_NAMES[weights]} (figure {number} of the paper)",
-                "Wheel height over the road under it.",
-                panels,
-                columns=1,
-            )
-        )
-    for number, input_ in (("6", "both"), ("7", "left")):
-        panels = []
-        for weights in WEIGHT_SETS:
-            runs = {c: study.signals(Case(input_, weights, c)) for c in CONTROLLED}
-            for k in ("fl", "rl") if input_ == "both" else CORNERS:
-                forces = [_curve(c, r, f"controller.force.{k}", 1e-3, *_LOOKS[c]) for c, r in runs.items()]
-                panels.append(Panel(f"{WEIGHT_NAMES[weights]}, {k}", "time [s]", "force [kN]", forces))
-        figures.append(
-            Figure(
-                f"figure-{number}",
-                f"Control forces, {INPUT_NAMES[input_]} (figure {number} of the paper)",
-                "Hole and bump 50 mm.",
-                panels,
-                columns=2,
-            )
-        )
-    return Section("Time histories", [], figures)
-
-
-def _curve(
-    name: str, signals: Row, variable: str, factor: float, color: str | None = None, dash: str | None = None
-) -> Series:
-    return Series(name, signals["time"], factor * np.array(signals[variable]), color=color, dash=dash)  # type: ignore[arg-type]
-
-
-def _sampling(study: Results) -> Section:
-    """Sample time."""
-    coarse, fine, passive = (
-        study[c]["J"] for c in (COARSE, *(Case("both", "comfort", c) for c in ("preview", "passive")))
-    )
-    table = Table(
-        "sampling",
-        "Ride comfort with preview, both sides",
-        ["sample time [ms]", "J [% of passive]", "compared with 1 ms [%]"],
-        [
-            [1, round(100 * fine / passive, 2), 0.0],
-            [5, round(100 * coarse / passive, 2), round(100 * (coarse / fine - 1), 2)],
-        ],
-    )
-    return Section(
-        "Sample time",
-        [
-            "The controller of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs),"
-            " not the 1 ms controller run slowly."
-        ],
-        [],
-        [table],
-    )
-
-
-def _refinement(study: Results) -> Section:
-    """Steps."""
-    cases = [Case("both", "comfort", c) for c in CONTROLLERS]
-    base = [study[c]["J"] for c in cases]
-    rows: list[list[Scalar]] = [["as in the runs", *base, 0.0]]
-    for what in HALVED:
-        finer = [study[halved(c)[what]]["J"] for c in cases]
-        rows.append([f"{what} halved", *finer, 100 * max(abs(f / b - 1) for f, b in zip(finer, base, strict=True))])
-    table = Table(
-        "refinement",
-        "Index of ride comfort, both sides, with finer steps",
-        ["steps", *(f"J, {c} [-]" for c in CONTROLLERS), "largest change [%]"],
-        rows,
-        "Solver step and communication step of the car; controller and road keep their sample time of 1 ms.",
-    )
-    return Section("Steps", ["Whether the results depend on the steps."], [], [table])
-
-
-def _offset(study: Results) -> Section:
-    """A road that does not return to zero."""
-    cut, held = (study.signals(plateau(hold_tail=h)) for h in (False, True))
-    curves = {"height 0 beyond the horizon": cut, "last height held": held}
-    panels = [
-        Panel(title, "time [s]", label, [_curve(n, r, variable, factor) for n, r in curves.items()])
-        for title, label, variable, factor in (
-            ("force, front left", "force [kN]", "controller.force.fl", 1e-3),
-            ("body height", "height [mm]", "car.body.z", 1e3),
-        )
-    ]
-    figure = Figure(
-        "offset",
-        f"Driving onto a plateau of {PLATEAU_MM:g} mm",
-        "Without hold_tail the controller takes the road to return to height 0 beyond its horizon and keeps"
-        " drawing the body down.",
-        panels,
-        columns=2,
-    )
-    lasting = [float(np.abs(r["controller.force.fl"][-100:]).mean()) for r in (cut, held)]
-    return Section(
-        "A road that does not return to zero",
-        [
-            "A preview that is truncated at a horizon assumes height 0 beyond it. A constant offset or a slow drift of"
-            f" the road then requests forces without end: {lasting[0]:.0f} N at the front left wheel 2.5 s after a step"
-            f" of {PLATEAU_MM:g} mm. With hold_tail the road is taken to continue at its last height, and the force"
-            f" dies out ({lasting[1]:.1g} N)."
-        ],
-        [figure],
-    )
+_LOOKS: dict[str, Look] = {
+    "road": ("black", "dot"),
+    "passive": ("gray", "solid"),
+    "active": ("orange", "dot"),
+    "delay": ("blue", "dash"),
+    "preview": ("green", "solid"),
+    **{name: (color, "solid") for name, color in _OVER_TIME_COLORS.items()},
+    **{f"{name}, table 3": color for name, color in _OVER_TIME_COLORS.items()},
+    "index J, last height held": (_OVER_TIME_COLORS["index J"], "dash"),
+}
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
@@ -413,3 +67,212 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
         ):
             rows.append(Parameter(f"weight, {WEIGHT_NAMES[weights]}: {name}", value, unit, w.source))
     return rows
+
+
+_TITLE = "Optimal preview control of a car with seven degrees of freedom"
+report = StudyReport(EXPERIMENT, _TITLE, claims.CLAIMS, _parameters, _LOOKS)
+
+
+@report.lead
+def _main_result(study: Results) -> Content:
+    shares = {c: {p: claims.relative_index(study, *p, c) for p in PARTS} for c in CONTROLLED}
+    preview, delay, active = (
+        " and ".join(f"{shares[c]['both', w]:.1f} %" for w in WEIGHT_SETS) for c in ("preview", "delay", "active")
+    )
+    yield f"""With {PREVIEW_TIME:g} s of preview, the quadratic indices of {" and ".join(WEIGHT_NAMES.values())} are
+    {preview} of the passive car's with input on both sides, compared with {delay} if the controller only knows the
+    road of the rear wheels from the front wheels, and {active} without any information on the road."""
+    names = [f"{WEIGHT_NAMES[w]}, {INPUT_NAMES[i]}" for i, w in PARTS]
+    heights = {c: [*values.values()] for c, values in shares.items()}
+    yield Figure(
+        "main-result",
+        "Index J by what the controller knows of the road",
+        "active: no information on the road; delay: the road of the rear wheels from the front wheels; preview: the"
+        f" road {PREVIEW_TIME:g} s ahead. The passive car is at 100 %.",
+        [bars("index, input [?]", "J, per cent of passive [%]", names, heights)],
+    )
+
+
+@report.section("Runs of the study")
+def _about(_: Results) -> Content:
+    yield f"""A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ
+    controller with three information patterns: none of the road, the rear wheels' road from the front wheels, and
+    preview ahead. Car, road and controller are native FMUs exchanging every millisecond. Tables and figures of
+    Marzbanrad, Hojjat, Zohoor and Nikravesh stand beside what these runs give."""
+
+
+@report.section("Closed-loop poles")
+def _poles(study: Results) -> Content:
+    yield f"""Poles of the continuous design from the equations and the numbers of the car FMU, with
+    {claims.sprung_mass(study)}."""
+    rows = []
+    for design in DESIGNS:
+        weights, _, rest = design.partition(", ")
+        name, computed = WEIGHT_NAMES[weights] + f", {rest} of N" * bool(rest), claims.eigenvalues(study, design)
+        pairs = claims.matched(computed) if weights == "comfort" else [(None, own, None) for own in computed]
+        rows += [
+            {
+                "design": name,
+                "printed [1/s]": None if printed is None else _complex(printed),
+                "computed [1/s]": _complex(own),
+                "distance [%]": None if distance is None else round(100 * distance, 2),
+            }
+            for printed, own, distance in pairs
+        ]
+    yield Table.of("table-2", "Closed-loop eigenvalues, upper half plane (table 2 of the paper)", rows)
+
+
+def _complex(value: complex) -> str:
+    return f"{value.real:.2f} + {value.imag:.2f}i"
+
+
+@report.section("Mean squares and index")
+def _table3(study: Results) -> Content:
+    yield f"""Means over {DURATION:g} s; preview {PREVIEW_TIME:g} s. The size of hole and bump cancels. Columns in the
+    paper's order: left front, left rear, right front, right rear.
+
+    Misprints of the table: in a) the active system's s4 (s rr) is 137.0, not 1370; in c) t3 and t4 (t fr, t rr) are ten
+    times too small; roll with both sides equal is 0/0, printed as 100.
+
+    Where the computed and the printed components differ by more than a few per cent, the printed design differs too:
+    its two low pole pairs are off (see the poles)."""
+    for (input_, weights), part in PARTS.items():
+        rows: list[list[Any]] = []
+        for c in CONTROLLERS:
+            computed = claims.relative(study, input_, weights, c)
+            rows.append([c, "computed", *(None if v is None else round(v, 1) for v in computed)])
+            if weights == "comfort" and c != "passive":
+                rows.append([c, "printed", *published.PRINTED[input_, c]])
+                rows.append([c, "corrected", *corrected(input_, c)])
+        title = f"{INPUT_NAMES[input_].capitalize()}, {WEIGHT_NAMES[weights]}, per cent of passive"
+        columns = ["system", "row", *(f"{n} [%]" for n in _SHORT)]
+        yield Table(f"table-3{part}", f"{title} (table 3{part} of the paper)", columns, rows)
+
+
+@report.section("Preview time")
+def _figure3(study: Results) -> Content:
+    yield f"""Mean squares over preview time, relative to no preview with the delay between the axles known.
+
+    The first 10 to 20 ms make the index worse, by up to {100 * (max(claims.short_preview(study)) - 1):.0f} %, before
+    longer previews make it better. The controller with a finite horizon takes the road beyond it to be at height 0.
+    Seen from the middle of a bump, a horizon of 10 ms says that the road is about to fall to 0 within 10 ms, and the
+    front actuators prepare for an edge that is not there; the longer the horizon, the farther off and the less urgent
+    the supposed edge. Without any preview the front road does not enter the controller at all, so it makes no false
+    assumption. The dashed curve of the index shows it: if the road is taken to continue at its last height instead
+    (hold_tail), every preview is better than none."""
+    panels = []
+    for input_, weights in product(INPUTS, WEIGHT_SETS):
+        curves = [_over_none(study, text, names, input_, weights) for text, names in _OVER_TIME.items()]
+        curves.append(_over_none(study, "index J, last height held", ["J"], input_, weights, hold_tail=True))
+        if weights == "comfort":  # the set of weights that table 3 has
+            curves += _printed_over_none(input_)
+        title = f"{WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}"
+        panels.append(Panel(title, "preview time [s]", "relative to no preview [-]", curves))
+    yield Figure(
+        "figure-3",
+        "Effect of preview time (figure 3 of the paper)",
+        "Suspension and tire: sums over the four wheels. Points: from the cells of table 3, preview over delay.",
+        panels,
+        columns=2,
+    )
+
+
+def _over_none(study: Results, name: str, metrics: list[str], *of: str, hold_tail: bool = False) -> Series:
+    cases = published.over_preview(*of, hold_tail=hold_tail)
+    sums = [sum(study[c][m] for m in metrics) for c in cases.values()]
+    return Series(name, list(cases), [s / sums[0] for s in sums])
+
+
+def _printed_over_none(input_: str) -> Iterator[Series]:
+    """Ratio of preview to delay in table 3, for curves that are no sums.
+
+    The table gives the parts of sums as per cent of the passive car's values, so they cannot be added.
+    """
+    with_preview, without = (
+        dict(zip((*PAPER_COLUMNS, "J"), corrected(input_, c), strict=True)) for c in ("preview", "delay")
+    )
+    for text, (name, *others) in _OVER_TIME.items():
+        above, below = with_preview[name], without[name]
+        if not others and above is not None and below is not None:
+            yield Series(f"{text}, table 3", [PREVIEW_TIME], [above / below], mode="markers")
+
+
+@report.section("Time histories")
+def _histories(study: Results) -> Content:
+    for number, weights in (("4", "comfort"), ("5", "road-holding")):
+        runs = {c: study.signals(Case("left", weights, c)) for c in CONTROLLERS}
+        panels = []
+        for k in ("fl", "rl"):
+            wheels = [curve(c, r, f"car.wheel.{k}.z", 1e3) for c, r in runs.items()]
+            road = curve("road", runs["passive"], f"road.road.{k}.height", 1e3)
+            panels.append(Panel(f"wheel {k}", "time [s]", "height [mm]", [road, *wheels]))
+        title = f"Wheel tracking, left side, {WEIGHT_NAMES[weights]} (figure {number} of the paper)"
+        yield Figure(f"figure-{number}", title, "Wheel height over the road under it.", panels)
+    for number, input_ in (("6", "both"), ("7", "left")):
+        panels = []
+        for w in WEIGHT_SETS:
+            forces = [
+                (f"{WEIGHT_NAMES[w]}, {k}", "force [kN]", f"controller.force.{k}", 1e-3)
+                for k in (("fl", "rl") if input_ == "both" else CORNERS)
+            ]
+            panels += over_time({c: study.signals(Case(input_, w, c)) for c in CONTROLLED}, forces)
+        title = f"Control forces, {INPUT_NAMES[input_]} (figure {number} of the paper)"
+        yield Figure(f"figure-{number}", title, "Hole and bump 50 mm.", panels, columns=2)
+
+
+@report.section("Sample time")
+def _sampling(study: Results) -> Content:
+    yield """The controller of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs), not
+    the 1 ms controller run slowly."""
+    fine, passive = (study[Case("both", "comfort", c)]["J"] for c in ("preview", "passive"))
+    rows = (
+        {
+            "sample time [ms]": ms,
+            "J [% of passive]": round(100 * index / passive, 2),
+            "compared with 1 ms [%]": round(100 * (index / fine - 1), 2),
+        }
+        for ms, index in ((1, fine), (5, study[published.COARSE]["J"]))
+    )
+    yield Table.of("sampling", "Ride comfort with preview, both sides", rows)
+
+
+@report.section("Steps")
+def _refinement(study: Results) -> Content:
+    yield "Whether the results depend on the steps."
+    found = {c: with_finer_steps(study, Case("both", "comfort", c)) for c in CONTROLLERS}
+    rows = (
+        {
+            "steps": steps,
+            **{f"J, {c} [-]": rows[steps]["J"] for c, rows in found.items()},
+            "largest change [%]": 100 * max(abs(r[steps]["J"] / r["as in the runs"]["J"] - 1) for r in found.values()),
+        }
+        for steps in found["passive"]
+    )
+    yield Table.of(
+        "refinement",
+        "Index of ride comfort, both sides, with finer steps",
+        rows,
+        "Solver step and communication step of the car; controller and road keep their sample time of 1 ms.",
+    )
+
+
+@report.section("A road that does not return to zero")
+def _offset(study: Results) -> Content:
+    cut, held = (study.signals(published.plateau(hold_tail=h)) for h in (False, True))
+    lasting = [float(np.abs(r["controller.force.fl"][-100:]).mean()) for r in (cut, held)]
+    yield f"""A preview that is truncated at a horizon assumes height 0 beyond it. A constant offset or a slow drift of
+    the road then requests forces without end: {lasting[0]:.0f} N at the front left wheel 2.5 s after a step of
+    {PLATEAU_MM:g} mm. With hold_tail the road is taken to continue at its last height, and the force dies out
+    ({lasting[1]:.1g} N)."""
+    signals = [
+        ("force, front left", "force [kN]", "controller.force.fl", 1e-3),
+        ("body height", "height [mm]", "car.body.z", 1e3),
+    ]
+    yield Figure(
+        "offset",
+        f"Driving onto a plateau of {PLATEAU_MM:g} mm",
+        "Without hold_tail the controller takes the road to return to height 0 beyond its horizon and keeps"
+        " drawing the body down.",
+        over_time({"height 0 beyond the horizon": cut, "last height held": held}, signals),
+        columns=2,
+    )

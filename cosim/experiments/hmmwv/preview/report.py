@@ -4,32 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.experiments.hmmwv.preview import published
 from cosim.experiments.hmmwv.preview.claims import extremes
-from cosim.experiments.hmmwv.preview.published import (
-    CHAINS,
-    COMPENSATED,
-    DRIFTING,
-    DROPOUT,
-    FED,
-    HEIGHTS_MM,
-    PRINTED,
-    SHOWN,
-    SPEEDOMETER_ERRORS,
-    TWICE,
-    generated,
-    long,
-    on_track,
-    words,
-)
+from cosim.experiments.hmmwv.preview.published import HEIGHTS_MM, words
 from cosim.experiments.hmmwv.preview.runs import WINDOW, Case
-from cosim.report import Figure, Panel, Section, Series, Table
-from cosim.report.model import Color, Dash, Scalar
-from cosim.study import Results
+from cosim.report import Figure, Panel, Series, Table, curve
+from cosim.report.model import Color, Dash
+from cosim.study import Content, Results
 
 _LOOKS: dict[Case, tuple[Color, Dash]] = {
-    PRINTED: ("orange", "dash"),
-    COMPENSATED: ("purple", "dot"),
-    FED: ("green", "solid"),
+    published.PRINTED: ("orange", "dash"),
+    published.COMPENSATED: ("purple", "dot"),
+    published.FED: ("green", "solid"),
 }
 _FRONT = "distance of the front wheels [m]"
 
@@ -40,151 +26,108 @@ def curves(study: Results, case: Case) -> dict[str, np.ndarray]:
     return {**found, "front": found["x"] + study[case]["front"]}
 
 
-def generated_section(study: Results) -> Section:
+def generated_section(study: Results) -> Content:
     """Generated preview."""
-    panels = []
-    rows: list[list[Scalar]] = []
-    for error in SPEEDOMETER_ERRORS:
-        case = generated(error)
+    yield """The test track is known beforehand and laid at the distance that the speedometer has counted. Load cells of
+    the passive car show where the bumps are. An error of the speedometer moves the prediction further off with every
+    meter."""
+    panels, rows = [], []
+    for error in published.SPEEDOMETER_ERRORS:
+        case = published.generated(error)
         row = curves(study, case)
-        panels.append(
-            Panel(
-                f"speedometer {error:+g} %",
-                _FRONT,
-                "height [mm]",
-                [
-                    Series("known profile, at the measured distance", row["front"], 1e3 * row["map"], color="blue"),
-                    Series("road under the wheel", row["front"], 1e3 * row["road"], color="black", dash="dot"),
-                    Series("load cell, N / 100", row["front"], row["load"] / 100, color="vermilion"),
-                ],
-            )
-        )
-        rows.append([f"{error:+g}", *(round(1e3 * o) for o in study[case]["offsets"])])
-    return Section(
-        "Generated preview",
-        [
-            (
-                "The test track is known beforehand and laid at the distance that the speedometer has counted. Load"
-                " cells of the passive car show where the bumps are. An error of the speedometer moves the prediction"
-                " further off with every meter."
-            ),
-        ],
-        [
-            Figure(
-                "preview-generated",
-                "Generated preview and loads (figure 1.5 of the paper)",
-                "Front left wheel, passive hydraulic car at 20 mph on the test track.",
-                panels,
-            )
-        ],
-        [
-            Table(
-                "preview-offsets",
-                "Largest load after the predicted crest",
-                ["speedometer error [%]", "first bump [mm]", "second bump [mm]"],
-                rows,
-                "The load peaks where the strut moves fastest, not on the crest; what changes from row to row is the"
-                " drift.",
-            )
-        ],
+        drawn = [
+            curve("known profile, at the measured distance", row, "map", 1e3, x="front", color="blue"),
+            curve("road under the wheel", row, "road", 1e3, x="front", color="black", dash="dot"),
+            Series("load cell, N / 100", row["front"], row["load"] / 100, color="vermilion"),
+        ]
+        panels.append(Panel(f"speedometer {error:+g} %", _FRONT, "height [mm]", drawn))
+        bumps = zip(("first", "second"), study[case]["offsets"], strict=True)
+        rows.append({"speedometer error [%]": f"{error:+g}"} | {f"{n} bump [mm]": round(1e3 * o) for n, o in bumps})
+    yield Figure(
+        "preview-generated",
+        "Generated preview and loads (figure 1.5 of the paper)",
+        "Front left wheel, passive hydraulic car at 20 mph on the test track.",
+        panels,
+    )
+    yield Table.of(
+        "preview-offsets",
+        "Largest load after the predicted crest",
+        rows,
+        "The load peaks where the strut moves fastest, not on the crest; what changes from row to row is the drift.",
     )
 
 
-def chain_section(study: Results) -> Section:
+def chain_section(study: Results) -> Content:
     """Sensed preview."""
-    row = study[on_track(FED)]
+    row = study[published.on_track(published.FED)]
     ahead, front = row["ahead"], row["front"]
     tilted = 0.5 + (ahead + front) / (2 * front)  # height where the sensors look, per height under the front axle
-    return Section(
-        "Sensed preview",
-        [
-            (
-                f"Two range sensors see the road {ahead:.1f} m ahead of the front axle. Their heights are only as good"
-                " as the pose of the body that is taken off them (1.18). A filter that assumes a flat road takes"
-                " the climb over a bump for something else, and the road after the bump gets a dip that is not there."
-            ),
-            (
-                "The paper adds the response of quarter cars to the pose, since feeding the road back into the filter"
-                " was unstable. Both come out here. The reason for the instability is geometric: an error of the"
-                " buffered road tilts the pose when the wheels reach it, and the sensors, ahead of the front axle, put"
-                f" {tilted:.1f} times that error into the buffer again. A filter of relative states integrates the pose"
-                " from rates and lets it follow the buffered road within a second: short errors die out, long ones"
-                " fade by two slow leaks, and the dip is gone. Most of that is due to the relative states: without any"
-                " road their dip is as small. Quarter cars added to their pose count the motion twice:"
-                f" {extremes(study, TWICE, HEIGHTS_MM[0])[1]:.0f} mm of road that is not there, after a bump of"
-                f" {HEIGHTS_MM[0]:.0f} mm."
-            ),
-        ],
-        [
-            Figure(
-                "preview-chain",
-                "Range, corrected road and its rate (figure 1.7 of the paper)",
-                f"Test track at 20 mph, radar with noise and its resolution of {1e3 * row['resolution']:g} mm, car"
-                " without control forces.",
-                _track_panels(study),
-            ),
-            Figure(
-                "preview-dropout",
-                "A sensor that fails",
-                "While the ranges are not valid the buffer continues with the last height; preview.valid is false until"
-                " all wheels have passed that stretch.",
-                [_dropout_panel(study)],
-            ),
-        ],
-        [_dips(study), _drift(study)],
+    yield f"""Two range sensors see the road {ahead:.1f} m ahead of the front axle. Their heights are only as good as
+    the pose of the body that is taken off them (1.18). A filter that assumes a flat road takes the climb over a bump
+    for something else, and the road after the bump gets a dip that is not there.
+
+    The paper adds the response of quarter cars to the pose, since feeding the road back into the filter was unstable.
+    Both come out here. The reason for the instability is geometric: an error of the buffered road tilts the pose when
+    the wheels reach it, and the sensors, ahead of the front axle, put {tilted:.1f} times that error into the buffer
+    again. A filter of relative states integrates the pose from rates and lets it follow the buffered road within a
+    second: short errors die out, long ones fade by two slow leaks, and the dip is gone. Most of that is due to the
+    relative states: without any road their dip is as small. Quarter cars added to their pose count the motion twice:
+    {extremes(study, published.TWICE, HEIGHTS_MM[0])[1]:.0f} mm of road that is not there, after a bump of
+    {HEIGHTS_MM[0]:.0f} mm."""
+    yield Figure(
+        "preview-chain",
+        "Range, corrected road and its rate (figure 1.7 of the paper)",
+        f"Test track at 20 mph, radar with noise and its resolution of {1e3 * row['resolution']:g} mm, car without"
+        " control forces.",
+        _track_panels(study),
     )
+    case = published.DROPOUT
+    dropout = curves(study, case)
+    shown = [
+        curve("true", dropout, "true", 1e3, color="black"),
+        curve("buffered", dropout, "buffered", 1e3, color="green"),
+        curve("preview.valid, 10 mm for true", dropout, "preview valid", 10.0, color="gray"),
+    ]
+    yield Figure(
+        "preview-dropout",
+        "A sensor that fails",
+        "While the ranges are not valid the buffer continues with the last height; preview.valid is false until all"
+        " wheels have passed that stretch.",
+        [Panel(f"range sensors fail for {case.dropout:g} s", "time [s]", "height [mm]", shown)],
+    )
+    columns = [f"{h:.0f} mm bump, {what} [mm]" for h in HEIGHTS_MM for what in ("lowest", "highest")]
+    dips = []
+    for c in published.CHAINS:
+        found = [round(v, 1) for h in HEIGHTS_MM for v in extremes(study, c, h)]
+        dips.append({"correction": words(c), **dict(zip(columns, found, strict=True))})
+    yield Table.of("preview-dips", "Lowest and highest sensed height on the flat road after one bump, no noise", dips)
+    drift = [
+        {"correction": words(c)}
+        | {
+            f"{i * WINDOW:g} to {i * WINDOW + WINDOW:g} s [mm]": round(1e3 * v, 1)
+            for i, v in enumerate(study[published.long(c)]["spread"])
+        }
+        for c in published.DRIFTING
+    ]
+    title = "Standard deviation of the buffered road's error with noise"
+    yield Table.of("preview-drift", title, drift, "One bump of 30 mm at the beginning, then a flat road.")
 
 
 def _track_panels(study: Results) -> list[Panel]:
-    runs = {c: curves(study, on_track(c)) for c in SHOWN}
-    first = runs[SHOWN[0]]
-
-    def compared(title: str, label: str, scale: float, true: str, found: str) -> Panel:
-        shown = [Series("true", first["front"], scale * first[true], color="black")]
+    """What the sensor sees, and the road and its rate that each correction makes of it, over those of the first run."""
+    runs = {c: curves(study, published.on_track(c)) for c in published.SHOWN}
+    first = runs[published.SHOWN[0]]
+    panels = [
+        Panel("range sensor, left", _FRONT, "range [m]", [curve("range", first, "range", x="front", color="black")])
+    ]
+    for title, label, factor, true, found in (
+        ("road under the front left wheel, from the buffer", "height [mm]", 1e3, "true", "buffered"),
+        ("its rate, mean over the 30 ms ahead", "rate [m/s]", 1.0, "true rate", "rate"),
+    ):
+        shown = [curve("true", first, true, factor, x="front", color="black")]
         for chain, run in runs.items():
             color, dash = _LOOKS[chain]
-            shown.append(Series(words(chain), first["front"], scale * run[found], color=color, dash=dash))
-        return Panel(title, _FRONT, label, shown)
-
-    return [
-        Panel(
-            "range sensor, left", _FRONT, "range [m]", [Series("range", first["front"], first["range"], color="black")]
-        ),
-        compared("road under the front left wheel, from the buffer", "height [mm]", 1e3, "true", "buffered"),
-        compared("its rate, mean over the 30 ms ahead", "rate [m/s]", 1.0, "true rate", "rate"),
-    ]
-
-
-def _dropout_panel(study: Results) -> Panel:
-    row = curves(study, DROPOUT)
-    shown = [
-        Series("true", row["time"], 1e3 * row["true"], color="black"),
-        Series("buffered", row["time"], 1e3 * row["buffered"], color="green"),
-        Series("preview.valid, 10 mm for true", row["time"], 10 * row["preview valid"], color="gray"),
-    ]
-    return Panel(f"range sensors fail for {DROPOUT.dropout:g} s", "time [s]", "height [mm]", shown)
-
-
-def _dips(study: Results) -> Table:
-    rows: list[list[Scalar]] = [
-        [words(c), *(round(v, 1) for h in HEIGHTS_MM for v in extremes(study, c, h))] for c in CHAINS
-    ]
-    heights = [f"{h:.0f} mm bump, {what} [mm]" for h in HEIGHTS_MM for what in ("lowest", "highest")]
-    return Table(
-        "preview-dips",
-        "Lowest and highest sensed height on the flat road after one bump, no noise",
-        ["correction", *heights],
-        rows,
-    )
-
-
-def _drift(study: Results) -> Table:
-    rows: list[list[Scalar]] = [[words(c), *(round(1e3 * v, 1) for v in study[long(c)]["spread"])] for c in DRIFTING]
-    windows = [f"{a:g} to {a + WINDOW:g} s [mm]" for a in WINDOW * np.arange(len(rows[0]) - 1)]
-    return Table(
-        "preview-drift",
-        "Standard deviation of the buffered road's error with noise",
-        ["correction", *windows],
-        rows,
-        "One bump of 30 mm at the beginning, then a flat road.",
-    )
+            over = {**run, "front": first["front"]}
+            shown.append(curve(words(chain), over, found, factor, x="front", color=color, dash=dash))
+        panels.append(Panel(title, _FRONT, label, shown))
+    return panels
