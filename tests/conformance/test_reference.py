@@ -226,7 +226,7 @@ def changed_value(v) -> float | None:  # type: ignore[no-untyped-def]
         return 1.0 - start
     candidates = [start * 1.01, start * 0.99, start + 0.5] if v.kind == "real" else [start + 1, start - 1]
     for value in candidates:
-        if value != start and (v.min is None or value >= v.min) and (v.max is None or value <= v.max):
+        if value != start and (v.low is None or value >= v.low) and (v.high is None or value <= v.high):
             return value
     return None
 

@@ -123,7 +123,7 @@ class SystemLibrary(Library):
         if v.kind != "real":
             return np.full(len(at), start)
         moved = start + 0.01 * (1 + abs(start)) * np.sin(0.3 * at + i)
-        return np.clip(moved, -np.inf if v.min is None else v.min, np.inf if v.max is None else v.max)
+        return np.clip(moved, -np.inf if v.low is None else v.low, np.inf if v.high is None else v.high)
 
 
 @pytest.fixture(scope="module")
