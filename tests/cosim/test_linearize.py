@@ -1,8 +1,5 @@
 """Linear models of FMUs and systems: small ones whose matrices are known, and the growth of runs."""
 
-import subprocess
-import sys
-
 import casadi
 import control
 import numpy as np
@@ -397,8 +394,3 @@ def test_lists_are_no_states(raises):
     system.add("pusher", Remembers(), step="1 ms")
     with raises(CosimError):
         system.linearize(discrete=True)
-
-
-def test_import_of_cosim_stays_light():
-    code = "import sys, cosim; print(sorted({'control', 'matplotlib', 'pandas'} & sys.modules.keys()))"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from probes import Delta, Integrator
+from probes import Integrator
 from same import assert_same
 
 from cosim import AlgebraicLoopWarning, LoopError, PythonComponent, Recording, System
@@ -209,11 +209,6 @@ def test_a_linear_model_solves_loops():
     assert system.linearize([], ["a.y"]).output_labels == ["a_y"]
     with pytest.raises(LoopError):
         system.linearize([], ["a.y"], settle=0.01)
-
-
-def test_discrete_components_are_refused_as_before(raises):
-    with raises(LoopError):
-        ring(Delta(), Delta()).schedule()
 
 
 # FMUs.
