@@ -84,7 +84,7 @@ def description(version: int, name: str) -> str:
 
 def build(version: int, folder: Path, *, units: bool = True) -> Path:
     """The FMU for this machine, in a folder. Without `units` values are exchanged as they are."""
-    sources = [making.HERE / name for name in ("follower.c", "not_offered.c")]
+    sources = [making.HERE / "follower.c", making.others(folder, f"follower{version}", version)]
     library = making.compile_library(folder, f"follower{version}", version, sources)
     text = description(version, f"Follower{version}")
     text = text if units else re.sub(r' unit="\w+"', "", text)
