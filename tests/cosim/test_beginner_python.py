@@ -100,13 +100,10 @@ def test_a_number_in_another_unit_is_converted_in_the_message(raises) -> None:
         system.add("car", "QuarterCarBench", start={"force": "1.5 kN"})
 
 
-def test_a_stop_time_before_the_start(raises) -> None:
+def test_a_stop_time_before_the_start(refused) -> None:
     with System() as system:
         system.add("spring", Spring, start={"z": 0.0})
-        with raises(CosimError):
-            system.run(-1)
-        with raises(CosimError):
-            system.run(1, start_time=2)
+        refused(CosimError, lambda: system.run(-1), lambda: system.run(1, start_time=2))
 
 
 # ----------------------------------------------------------------------------------------------- components in Python
