@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import ctypes as c
 import io
-import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Mapping
@@ -324,10 +323,3 @@ class Instance(calls.Instance):
 
     def _vector(self, function: str, n: int) -> np.ndarray:  # type: ignore[override]
         return np.array(super()._vector(function, n))
-
-
-def structured_name(name: str) -> bool:
-    """Whether a name follows the structured naming of the standard (without quoted names)."""
-    part = r"[A-Za-z_][A-Za-z_0-9]*(\[[0-9]+(,[0-9]+)*\])?"
-    identifier = rf"{part}(\.{part})*"
-    return re.fullmatch(rf"{identifier}|der\({identifier}(,[0-9]+)?\)", name) is not None

@@ -10,9 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import binaries
-import fmpy
 import pytest
-from api import OK, Library, Model, structured_name
+from api import OK, Library, Model
 from applies import applies_to
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
@@ -27,7 +26,6 @@ from cosim.core.terminals import by_names, by_path
 from cosim.fmu.file import FmuFile
 from cosim.fmu.validation import Verdict
 
-SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 PNG = b"\x89PNG\r\n\x1a\n"
 MATHEMATICS = {
     f"{n}{suffix}"
@@ -41,14 +39,12 @@ def test_validates_without_finding(fmu: Library) -> None:
     assert FmuFile(fmu.path, strict=True).verdict == Verdict()
 
 
-def test_further_descriptions_follow_their_schemas(fmu: Library) -> None:
-    found = {p.name: p for p in fmu.folder.rglob("*.xml")}
+def test_further_descriptions_are_there(fmu: Library) -> None:
+    """That these conform to their schemas is for `cosim check` to find (test_compliance)."""
     expected = {"modelDescription.xml", "fmi-ls-manifest.xml"}
     if fmu.fmi == 3:
         expected |= {"buildDescription.xml", "terminalsAndIcons.xml"}
-        for name, schema in (("buildDescription", "BuildDescription"), ("terminalsAndIcons", "TerminalsAndIcons")):
-            etree.XMLSchema(file=str(SCHEMAS / f"fmi3{schema}.xsd")).assertValid(etree.parse(found[f"{name}.xml"]))
-    assert set(found) == expected
+    assert {p.name for p in fmu.folder.rglob("*.xml")} == expected
 
 
 def test_sources_are_complete(fmu: Library) -> None:
@@ -184,9 +180,10 @@ def test_capabilities(fmu: Library) -> None:
 def test_names_are_structured_and_the_same_in_both_versions(pair: tuple[Library, Library]) -> None:
     two, three = pair
     assert two.order == three.order
+    assert {f.xml.get("variableNamingConvention") for f in pair} == {"structured"}
     for name in two.order:
         a, b = two.variables[name], three.variables[name]
-        assert structured_name(name)
+        assert "'" not in name
         assert (a.causality, a.variability, a.initial, a.unit, a.low, a.high) == (
             b.causality,
             b.variability,
@@ -299,9 +296,6 @@ def related_files(fmu: Library) -> dict[str, list[Path]]:
     """What the manifest of FMI-LS-REF names, by role."""
     base = fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref"
     manifest = etree.parse(base / "fmi-ls-manifest.xml").getroot()
-    schema, fixed = layered._schema(layered.SCHEMAS[base.name][0])
-    assert schema.validate(manifest), schema.error_log
-    assert fixed == {short: layered._attribute(manifest, short) for short in ("name", "description")}
     assert layered._attribute(manifest, "version") == layered.SCHEMAS[base.name][1]
     by_role: dict[str, list[Path]] = {}
     for related in manifest:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes as c
 import os
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -154,41 +153,6 @@ def test_reset_equals_fresh(fmu: Library) -> None:
         a.reset()
         a.enter_initialization()
         check()
-
-
-def test_interleaved_instances(fmu: Library) -> None:
-    with fmu.instance() as a, fmu.instance() as b:
-        a.initialize(fmu.stimulus.row(0))
-        alone_a = a.run(STEPS)
-        a.reset()
-        a.initialize(fmu.stimulus.row(7))
-        alone_b = a.run(STEPS, first=0)
-        a.reset()
-        a.initialize(fmu.stimulus.row(0))
-        b.initialize(fmu.stimulus.row(7))
-        together = [(a.run(1, first=k)[0], b.run(1, first=k)[0]) for k in range(STEPS)]
-        assert np.array([x for x, _ in together]).tobytes() == alone_a.tobytes()
-        assert np.array([y for _, y in together]).tobytes() == alone_b.tobytes()
-
-
-def test_two_threads(fmu: Library) -> None:
-    """Two instances stepped at the same time give what each gives alone (ctypes releases the lock during calls)."""
-    results: dict[int, bytes] = {}
-
-    def work(k: int) -> None:
-        with fmu.instance() as a:
-            a.initialize(fmu.stimulus.row(k))
-            results[k] = a.run(60, first=0).tobytes()
-
-    work(0)
-    work(9)
-    alone = dict(results)
-    threads = [threading.Thread(target=work, args=(k,)) for k in (0, 9)]
-    for t in threads:
-        t.start()
-    for t in threads:
-        t.join()
-    assert results == alone
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the resident size from /proc")
