@@ -7,6 +7,8 @@ from pathlib import Path
 
 from foreign import making
 
+from cosim.fmu.calls import platform_folder
+
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
 SAVING = {
     2: ("canGetAndSetFMUstate", "canSerializeFMUstate"),
@@ -80,6 +82,16 @@ def description(version: int, name: str) -> str:
         f"<UnitDefinitions>{units}</UnitDefinitions><ModelVariables>{''.join(elements)}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
+
+
+def unpacked(version: int, folder: Path, text: str) -> Path:
+    """A folder as of an unpacked archive with this description, whose library is empty."""
+    where, suffix = platform_folder(str(version))
+    binary = folder / "binaries" / where / f"follower{suffix}"
+    binary.parent.mkdir(parents=True)
+    binary.touch()
+    (folder / "modelDescription.xml").write_text(text, encoding="utf-8")
+    return folder
 
 
 def build(version: int, folder: Path, *, units: bool = True) -> Path:
