@@ -5,11 +5,10 @@ They are `awkward.c`, compiled, and archives with a description by hand.
 
 from __future__ import annotations
 
-import subprocess
-import zipfile
 from pathlib import Path
 
-from build_fmus.compile import find_toolchain, host
+from foreign import making
+
 from cosim.fmu.calls import platform_folder
 
 NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY = range(7)
@@ -76,21 +75,15 @@ def variable(
 
 def library(version: int, folder: Path, *macros: str) -> bytes:
     """`awkward.c` as a shared library of this machine."""
-    path = folder / f"awkward{version}{'_'.join(macros)}.so"
-    source = Path(__file__).with_suffix(".c")
-    defines = [f"-D{macro}" for macro in (f"FMI={version}", *macros)]
-    command = [*find_toolchain(host()).command, "-shared", "-fPIC", "-std=c99", *defines, source, "-o", path, "-lm"]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    return path.read_bytes()
+    flags = [f"-D{macro}" for macro in macros]
+    name = f"awkward{version}{'_'.join(macros)}"
+    return making.compile_library(folder, name, version, [Path(__file__).with_suffix(".c")], *flags).read_bytes()
 
 
 def archive(path: Path, xml: bytes, *, binary: bytes | None = None, **components: bytes) -> Path:
     """An FMU file; `binary` is the library of this machine."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("modelDescription.xml", xml)
-        if binary is not None:
-            folder, suffix = platform_folder("3" if b'fmiVersion="3' in xml else "2")
-            file.writestr(f"binaries/{folder}/Awkward{suffix}", binary)
-        for name, data in components.items():
-            file.writestr(name, data)
-    return path
+    files = {"modelDescription.xml": xml}
+    if binary is not None:
+        folder, suffix = platform_folder("3" if b'fmiVersion="3' in xml else "2")
+        files[f"binaries/{folder}/Awkward{suffix}"] = binary
+    return making.pack(path, files | components)

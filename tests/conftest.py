@@ -121,6 +121,22 @@ def raises(sentence):
 
 
 @pytest.fixture
+def refused(sentence):
+    """As `raises` for several calls: their messages, a line each, are compared with one snapshot of the test."""
+
+    def expect(kind, *calls: Callable[[], object]) -> list[str]:
+        messages = []
+        for call in calls:
+            with pytest.raises(kind) as caught:
+                call()
+            messages.append(str(caught.value))
+        sentence("\n".join(messages))
+        return messages
+
+    return expect
+
+
+@pytest.fixture
 def warns(sentence):
     """As `pytest.warns`; the warnings of this kind are compared with the snapshot of the test."""
 

@@ -12,25 +12,7 @@
 
 #include "fmu_model.h"
 
-#if FMI == 2
-#include "fmi2Functions.h"
-#define F(name) fmi2##name
-#define STATE(prefix, suffix) fmi2##prefix##FMUstate##suffix
-#define DESERIALIZE fmi2DeSerializeFMUstate
-typedef fmi2Component Instance;
-typedef fmi2Status Status;
-typedef fmi2FMUstate Saved;
-typedef int Flag;
-#else
-#include "fmi3Functions.h"
-#define F(name) fmi3##name
-#define STATE(prefix, suffix) fmi3##prefix##FMUState##suffix
-#define DESERIALIZE fmi3DeserializeFMUState
-typedef fmi3Instance Instance;
-typedef fmi3Status Status;
-typedef fmi3FMUState Saved;
-typedef fmi3Boolean Flag;
-#endif
+#include "fmi_names.h"
 
 #if FMI == 2
 static void logger(void *e, const char *name, Status status, const char *category, const char *message, ...) {

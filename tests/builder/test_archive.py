@@ -9,8 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
-from importlib import resources
 from pathlib import Path
 
 import fmpy
@@ -28,7 +26,7 @@ from build_fmus.compile import (
     host,
     resolve_platforms,
 )
-from build_fmus.generate import RUNTIME_HEADERS, RUNTIME_SOURCES, generate_c, identity
+from build_fmus.generate import generate_c, identity
 from build_fmus.package import build_fmu, source_files
 
 needs_nm = pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of binutils")
@@ -199,19 +197,6 @@ def test_ziglang_builds_for_the_host(no_compiler: None, tmp_path: Path) -> None:
     result = fmpy.simulate_fmu(str(path), stop_time=0.1, start_values={"y[3]": 1.0}, output=["u[1]", "samples"])
     assert result["samples"][-1] == 19
     assert result["u[1]"][-1] == 3.0  # third gain times one
-
-
-def test_installed_package_has_the_runtime_and_the_templates() -> None:
-    package = resources.files("build_fmus")
-    for name in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c"):
-        assert package.joinpath("runtime", name).read_text().startswith("/*")
-    assert "{{ component.name }}" in package.joinpath("templates", "documentation.html").read_text()
-    assert package.joinpath("py.typed").is_file()
-    assert "MIT" in package.joinpath("third_party", "musl", "COPYRIGHT").read_text()
-
-    project = Path(__file__).parents[2] / "pyproject.toml"
-    patterns = tomllib.loads(project.read_text())["tool"]["setuptools"]["package-data"]["*"]
-    assert {"*.c", "*.h", "*.html", "*.toml", "py.typed", "COPYRIGHT"} <= set(patterns)
 
 
 def test_generated_code_is_plain_c() -> None:

@@ -178,39 +178,6 @@ def test_an_edit_of_the_master_builds_what_is_made_with_it(tmp_path: Path, monke
     assert [n for n in catalog if before[n] != after[n]] == ["GpcImplicit", "GpcExplicit", "GpcPreview", "Own"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["NoSuchFmu"], "no FMU named 'NoSuchFmu'"),
-        (["QuarterCarHmmvw"], "did you mean 'QuarterCarHmmwv'"),
-        (["--fmi", "1", "SpeedProfile"], "--fmi 1: choose 2, 3 or both"),
-        (["--platform", "amiga", "SpeedProfile"], "unknown platform 'amiga'"),
-        (["--vehicle", "missing.toml"], "missing.toml: no such file"),
-        (
-            ["--out", "{file}/below", "SpeedProfile"],
-            "file/below (Not a directory); choose another directory with --out",
-        ),
-    ],
-)
-def test_messages_of_the_command_line(
-    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """One line that names the culprit, and exit code 1; also for an output directory that cannot be made."""
-    blocked = tmp_path / "file"
-    blocked.write_text("a file where a directory should be")
-    arguments = [a.replace("{file}", str(blocked)) for a in arguments]
-    if "--out" not in arguments:
-        arguments += ["--out", str(tmp_path / "fmus")]
-    monkeypatch.setattr(sys, "argv", ["build-fmus", *arguments])
-    monkeypatch.setenv("COLUMNS", "400")
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    said = " ".join(capsys.readouterr().err.split())
-    assert end.value.code == 1
-    assert message in said
-    assert "Traceback" not in said
-
-
 def test_modules_with_declarations_are_known() -> None:
     package = Path(registration.__file__).parent
     files = {p for p in package.rglob("*.py") if "\n@component(" in p.read_text()}

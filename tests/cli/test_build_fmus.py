@@ -61,6 +61,7 @@ def test_mistakes_in_a_road_file(road: str, tmp_path: Path, sentence) -> None:
     "arguments",
     [
         ["RoadSin"],
+        ["NoSuchFmu"],
         ["--fmi", "4"],
         ["--qp", "gurobi"],
         ["SpeedProfile", "--platform", "amiga"],

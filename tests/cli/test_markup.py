@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ast
 import subprocess
-import zipfile
 from pathlib import Path
 
 import pytest
+from foreign.making import redescribed
 from programs import BIN
 
 ROOT = Path(__file__).parents[2]
@@ -28,10 +28,7 @@ def system(gain: float = 1.0):
 def folder(follower: dict[int, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A script whose FMU has units of markup."""
     made = tmp_path_factory.mktemp("markup")
-    with zipfile.ZipFile(follower[2]) as archive, zipfile.ZipFile(made / "F.fmu", "w") as other:
-        for name in archive.namelist():
-            content = archive.read(name)
-            other.writestr(name, content.replace(b'"rad"', f'"{UNIT}"'.encode()) if name.endswith(".xml") else content)
+    redescribed(follower[2], made / "F.fmu", (b'"rad"', f'"{UNIT}"'.encode()))
     (made / "mine.py").write_text(SCRIPT)
     return made
 

@@ -1,4 +1,4 @@
-"""Run one FMU in Ecos.
+"""Run FMUs in Ecos.
 
 Reads a job as JSON from standard input, prints the outputs before and after each of its steps as JSON.
 """
@@ -17,17 +17,20 @@ job = json.load(sys.stdin)
 EcosLib.set_log_level("warn")
 SUFFIX = {"real": "real", "integer": "integer", "boolean": "bool"}
 CAST = {"real": float, "integer": int, "boolean": bool}
-structure = EcosSimulationStructure()
-structure.add_model("model", job["fmu"])
-with EcosSimulation(structure=structure, step_size=job["step"]) as simulation:
-    simulation.init()
-    for name, value in job["inputs"].items():
-        kind = job["kinds"][name]
-        getattr(simulation, f"set_{SUFFIX[kind]}")(f"model::{name}", CAST[kind](value))
-    get = [(getattr(simulation, f"get_{SUFFIX[job['kinds'][n]]}"), f"model::{n}") for n in job["outputs"]]
-    rows = [[read(name) for read, name in get]]
-    for _ in range(job["steps"]):
-        simulation.step(1)
-        rows.append([read(name) for read, name in get])
-    simulation.terminate()
-print(json.dumps(rows))
+results = []
+for fmu in job["fmus"]:
+    structure = EcosSimulationStructure()
+    structure.add_model("model", fmu)
+    with EcosSimulation(structure=structure, step_size=job["step"]) as simulation:
+        simulation.init()
+        for name, value in job["inputs"].items():
+            kind = job["kinds"][name]
+            getattr(simulation, f"set_{SUFFIX[kind]}")(f"model::{name}", CAST[kind](value))
+        get = [(getattr(simulation, f"get_{SUFFIX[job['kinds'][n]]}"), f"model::{n}") for n in job["outputs"]]
+        rows = [[read(name) for read, name in get]]
+        for _ in range(job["steps"]):
+            simulation.step(1)
+            rows.append([read(name) for read, name in get])
+        simulation.terminate()
+    results.append(rows)
+print(json.dumps(results))

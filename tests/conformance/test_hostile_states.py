@@ -162,8 +162,8 @@ def outside(v: Variable) -> list[float]:
     if v.kind == "boolean":
         return [2.0, 0.5, -1.0]
     if v.kind == "integer":
-        return [0.5, 1e300, *([] if v.max is None else [v.max + 1])]
-    limits = ((v.min, -1.0), (v.max, 1e3)) if v.causality == "parameter" else ()
+        return [0.5, 1e300, *([] if v.high is None else [v.high + 1])]
+    limits = ((v.low, -1.0), (v.high, 1e3)) if v.causality == "parameter" else ()
     return [limit + d for limit, d in limits if limit is not None]
 
 

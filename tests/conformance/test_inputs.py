@@ -13,14 +13,14 @@ STEPS = 8
 def limited(fmu: Model) -> list[str]:
     """Real inputs with a limit."""
     variables = (fmu.variables[n] for n in fmu.inputs)
-    return [v.name for v in variables if v.kind == "real" and (v.min is not None or v.max is not None)]
+    return [v.name for v in variables if v.kind == "real" and (v.low is not None or v.high is not None)]
 
 
 def beyond(fmu: Library, name: str) -> list[tuple[float, float]]:
     """(value beyond a limit, the limit) of an input, close by and far away."""
     v = fmu.variables[name]
     pairs = []
-    for limit, outward in ((v.min, -1.0), (v.max, 1.0)):
+    for limit, outward in ((v.low, -1.0), (v.high, 1.0)):
         if limit is not None:
             pairs += [(limit + outward * max(abs(limit), 1.0) * by, limit) for by in (1e-5, 1e3)]
     return pairs
@@ -34,7 +34,7 @@ def constants(fmu: Model) -> dict[str, float]:
 def whole(fmu: Model) -> list[tuple[str, float]]:
     """Integer inputs, with a value beyond each of their limits."""
     variables = [v for v in (fmu.variables[n] for n in fmu.inputs) if v.kind == "integer"]
-    return [(v.name, limit + d) for v in variables for limit, d in ((v.min, -1), (v.max, 1)) if limit is not None]
+    return [(v.name, limit + d) for v in variables for limit, d in ((v.low, -1), (v.high, 1)) if limit is not None]
 
 
 def problems(a: Instance) -> list[str]:
@@ -62,7 +62,7 @@ def test_a_constant_that_is_not_that_of_the_source_is_told_once(fmu: Library) ->
     """It is no error, changes nothing, and 0 and the constant itself are silent."""
     for name, value in constants(fmu).items():
         v = fmu.variables[name]
-        assert (v.causality, v.start_value, v.min, v.max) == ("input", 0.0, None, None)
+        assert (v.causality, v.start_value, v.low, v.high) == ("input", 0.0, None, None)
         row = fmu.stimulus.row(0)
         assert row[name] == value, "the reference shows it connected"
         with fmu.instance() as a, fmu.instance() as b:

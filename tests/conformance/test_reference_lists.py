@@ -45,7 +45,7 @@ def test_a_list_that_is_changed_in_place_is_read_anew(fmu: Library) -> None:
     with fmu.instance() as a:
         running(a, fmu)
         expected = dict(zip(names, a.get(names), strict=True))
-        references = a.references(fmu.variables[n].reference for n in names)
+        references = a.numbers(fmu.variables[n].reference for n in names)
         assert read(a, references) == list(expected.values())
         middle = len(names) // 2
         references[middle] = fmu.variables[names[0]].reference  # first and last stay
@@ -63,8 +63,8 @@ def test_a_reference_may_be_read_several_times_and_in_any_order(fmu: Library) ->
     with fmu.instance() as a, fmu.instance() as b:
         running(a, fmu)
         running(b, fmu)
-        alone = {n: read(b, b.references([fmu.variables[n].reference]))[0] for n in names}
-        assert read(a, a.references(fmu.variables[n].reference for n in names)) == [alone[n] for n in names]
+        alone = {n: read(b, b.numbers([fmu.variables[n].reference]))[0] for n in names}
+        assert read(a, a.numbers(fmu.variables[n].reference for n in names)) == [alone[n] for n in names]
 
 
 @applies_to(lambda fmu: bool(real(fmu, fmu.inputs)))

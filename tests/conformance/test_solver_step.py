@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import components
 import numpy as np
 import pytest
-from api import ERROR, OK, CallFailed, Library, Model
+from api import ERROR, OK, Library, Model, Refused
 from applies import applies_to, continuous
 from built import FMUS
 
@@ -39,7 +39,7 @@ def verdict(fmu: Library, values: dict[str, float], kind: str = "cs") -> Refusal
     with fmu.instance(kind) as a:
         try:
             a.initialize(values)
-        except CallFailed as error:
+        except Refused as error:
             found = _REFUSAL.search(str(error))
             if not found:
                 raise
@@ -146,6 +146,6 @@ def test_no_option_is_refused(fmu: Library) -> None:
     """Every Boolean and Integer parameter, each of its values: what experiments switch on and off is no false alarm."""
     for name in options(fmu):
         v = fmu.variables[name]
-        values = (0, 1) if v.kind == "boolean" else range(int(v.min or 0), int(v.max or 0) + 1)
+        values = (0, 1) if v.kind == "boolean" else range(int(v.low or 0), int(v.high or 0) + 1)
         for value in values:
             assert verdict(fmu, {name: value}) is None, (name, value)

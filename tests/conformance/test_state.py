@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes as c
 import os
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -142,8 +141,8 @@ def test_reset_equals_fresh(fmu: Library) -> None:
         check()
         parameters = [fmu.variables[n] for n in fmu.names("parameter", "real")]
         a.reset()
-        moved = {v.name: v.start_value * 1.001 for v in parameters if (v.max or np.inf) >= v.start_value * 1.001 >= 0}
-        if a.try_set(moved) <= WARNING and a.enter_initialization() <= WARNING:
+        moved = {v.name: v.start_value * 1.001 for v in parameters if (v.high or np.inf) >= v.start_value * 1.001 >= 0}
+        if a.try_set(moved) <= WARNING and a.try_enter() <= WARNING:
             a.call("ExitInitializationMode")
         check()
         a.do_step(-1.0, 1.0)
@@ -156,65 +155,12 @@ def test_reset_equals_fresh(fmu: Library) -> None:
         check()
 
 
-def test_interleaved_instances(fmu: Library) -> None:
-    with fmu.instance() as a, fmu.instance() as b:
-        a.initialize(fmu.stimulus.row(0))
-        alone_a = a.run(STEPS)
-        a.reset()
-        a.initialize(fmu.stimulus.row(7))
-        alone_b = a.run(STEPS, first=0)
-        a.reset()
-        a.initialize(fmu.stimulus.row(0))
-        b.initialize(fmu.stimulus.row(7))
-        together = [(a.run(1, first=k)[0], b.run(1, first=k)[0]) for k in range(STEPS)]
-        assert np.array([x for x, _ in together]).tobytes() == alone_a.tobytes()
-        assert np.array([y for _, y in together]).tobytes() == alone_b.tobytes()
-
-
-def test_two_threads(fmu: Library) -> None:
-    """Two instances stepped at the same time give what each gives alone (ctypes releases the lock during calls)."""
-    results: dict[int, bytes] = {}
-
-    def work(k: int) -> None:
-        with fmu.instance() as a:
-            a.initialize(fmu.stimulus.row(k))
-            results[k] = a.run(60, first=0).tobytes()
-
-    work(0)
-    work(9)
-    alone = dict(results)
-    threads = [threading.Thread(target=work, args=(k,)) for k in (0, 9)]
-    for t in threads:
-        t.start()
-    for t in threads:
-        t.join()
-    assert results == alone
-
-
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the resident size from /proc")
 def test_instances_leave_no_memory_behind(fmu: Library) -> None:
     with fmu.instance() as a:
-        if fmu.fmi == 2:
-            arguments = (b"x", 1, fmu.token.encode(), fmu.resources or b"", c.byref(a._callbacks), 0, 0)
-            function = "Instantiate"
-        else:
-            arguments = (
-                b"x",
-                fmu.token.encode(),
-                fmu.resources,
-                False,
-                False,
-                False,
-                False,
-                None,
-                c.c_size_t(0),
-                None,
-                a._logger,
-                None,
-            )
-            function = "InstantiateCoSimulation"
+        make = a.maker()
         get, free_state, free = (
-            getattr(fmu.dll, f"fmi{fmu.fmi}{f}")
+            getattr(fmu.loaded.dll("cs"), f"fmi{fmu.fmi}{f}")
             for f in (f"Get{fmu.state_type}", f"Free{fmu.state_type}", "FreeInstance")
         )
         state = c.c_void_p()
@@ -222,7 +168,7 @@ def test_instances_leave_no_memory_behind(fmu: Library) -> None:
 
         def cycle(n: int) -> None:
             for _ in range(n):
-                handle = c.c_void_p(a.raw(function, *arguments))
+                handle = c.c_void_p(make())
                 get(handle, at)
                 free_state(handle, at)
                 free(handle)
@@ -241,7 +187,7 @@ def resident() -> int:
 
 def unbounded(fmu: Model) -> list[str]:
     """States that may start anywhere."""
-    return [n for n in fmu.states if fmu.variables[n].initial == "exact" and fmu.variables[n].max is None]
+    return [n for n in fmu.states if fmu.variables[n].initial == "exact" and fmu.variables[n].high is None]
 
 
 @applies_to(unbounded)

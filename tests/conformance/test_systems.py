@@ -31,7 +31,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 ROWS = 60
 
 LEFT_OUT = {
-    "test_further_descriptions_follow_their_schemas": "systems have no terminals",
+    "test_further_descriptions_are_there": "systems have no terminals",
     "test_terminals_hold_every_signal_once_under_its_name": "systems have no terminals",
     "test_sources_are_complete": "the sources of members lie in folders of theirs and are included by others",
     "test_every_file_by_others_has_its_license": "those of members have folders of theirs",
@@ -123,7 +123,7 @@ class SystemLibrary(Library):
         if v.kind != "real":
             return np.full(len(at), start)
         moved = start + 0.01 * (1 + abs(start)) * np.sin(0.3 * at + i)
-        return np.clip(moved, -np.inf if v.min is None else v.min, np.inf if v.max is None else v.max)
+        return np.clip(moved, -np.inf if v.low is None else v.low, np.inf if v.high is None else v.high)
 
 
 @pytest.fixture(scope="module")

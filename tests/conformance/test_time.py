@@ -99,8 +99,8 @@ def test_samples_are_counted_exactly(load, start: float) -> None:  # type: ignor
         with fmu.instance() as a:
             a.initialize(start=start)
             flags, last = (c.c_bool * 3)(), c.c_double()
-            tail = (a.flag(True), *(() if fmi == 2 else (*(c.byref(flags, i) for i in range(3)), c.byref(last))))
-            function = getattr(fmu.dll, f"fmi{fmi}DoStep")
+            tail = (True, *(() if fmi == 2 else (*(c.byref(flags, i) for i in range(3)), c.byref(last))))
+            function = getattr(fmu.loaded.dll("cs"), f"fmi{fmi}DoStep")
             h = c.c_double(fmu.step)
             for k in range(20_000):
                 assert function(a.handle, c.c_double(start + k * fmu.step), h, *tail) == 0

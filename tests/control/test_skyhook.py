@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from named import Named
 
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.skyhook import skyhook
@@ -25,11 +26,7 @@ def controller(car):
 
 def command(controller, parameters=None, **inputs):
     """Outputs by name for inputs by name (`__` for `.`), all others 0."""
-    evaluator = Evaluator(controller, parameters or {})
-    slots = {e.name: e.slot for e in controller.elements("input")}
-    for name, value in inputs.items():
-        evaluator.u[slots[name.replace("__", ".")]] = value
-    return dict(zip((e.name for e in controller.output_elements()), evaluator.outputs(), strict=True))
+    return Named(controller, parameters).put(**inputs).shown()
 
 
 def test_heave_roll_pitch_and_wheel(controller):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from built import BuiltFmus
+from foreign.making import redescribed
 from lxml import etree
 from probes import Clock
 from rich.console import Console
@@ -31,19 +32,15 @@ def aliased(request: pytest.FixtureRequest, built_fmus: BuiltFmus, tmp_path_fact
     As scalars (`measured[1]` of `y[1]`, ...) and with real arrays (`measured` of `y`).
     """
     original = built_fmus.path("ProbeDiscrete", 3, arrays=request.param)
+    with zipfile.ZipFile(original) as archive:
+        text = archive.read("modelDescription.xml")
+    root = etree.fromstring(text)
+    for element in root.iterfind("ModelVariables/*"):
+        base, bracket, index = element.get("name").partition("[")
+        if base in ALIASES:
+            etree.SubElement(element, "Alias", name=ALIASES[base] + bracket + index, description="again")
     path = tmp_path_factory.mktemp("aliased") / "ProbeDiscrete.fmu"
-    with zipfile.ZipFile(original) as old, zipfile.ZipFile(path, "w") as new:
-        for name in old.namelist():
-            data = old.read(name)
-            if name == "modelDescription.xml":
-                root = etree.fromstring(data)
-                for element in root.iterfind("ModelVariables/*"):
-                    base, bracket, index = element.get("name").partition("[")
-                    if base in ALIASES:
-                        etree.SubElement(element, "Alias", name=ALIASES[base] + bracket + index, description="again")
-                data = etree.tostring(root)
-            new.writestr(name, data)
-    return path
+    return redescribed(original, path, (text, etree.tostring(root)))
 
 
 def wired(fmu: Path, names: dict[str, str]) -> System:

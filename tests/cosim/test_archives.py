@@ -13,6 +13,7 @@ import tempfile
 import zipfile
 import zlib
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -38,88 +39,69 @@ def float64(name="x", reference="0", inner="", more=""):
 # -------------------------------------------------------------------------------------------------------- description
 
 
-@pytest.mark.parametrize(
-    ("version", "variables", "words"),
-    [
-        (2, real("wheel", inner=""), ["'wheel'", "has no type", "Real"]),
-        (2, real("wheel", inner="<Float64/>"), ["'wheel' is Float64", "FMI 3.0", "declares FMI 2.0"]),
-        (3, '<Real name="wheel" valueReference="0"/>', ["'wheel' is Real", "FMI 2.0", "declares FMI 3.0"]),
-        (3, '<Quaternion name="wheel" valueReference="0"/>', ["'wheel' is Quaternion", "Float64"]),
-        (2, real("wheel", "-1"), ["'wheel': valueReference is '-1'", "0 and 4294967295"]),
-        (2, real("wheel", str(2**32)), ["'wheel': valueReference is '4294967296'"]),
-        (3, float64("wheel", "-1"), ["'wheel': valueReference is '-1'"]),
-        (3, float64("wheel", str(2**32)), ["'wheel': valueReference is '4294967296'"]),
-        (2, real("wheel", "1.5"), ["'wheel': valueReference is '1.5'", "not a whole number"]),
-        (2, real("wheel", "9" * 5000), ["'wheel': valueReference is '9999", "..."]),
-        (2, '<ScalarVariable name="wheel"><Real/></ScalarVariable>', ["'wheel': valueReference is missing"]),
-        (2, '<ScalarVariable valueReference="1"><Real/></ScalarVariable>', ["variable number 1 has no name"]),
-        (2, real("wheel", inner='<Real start="one"/>'), ["'wheel': start is 'one'"]),
-        (2, real("wheel", inner='<Integer start="1.0"/>'), ["'wheel': start is '1.0'"]),
-        (2, real("wheel", inner='<Real min="low"/>'), ["'wheel': min is 'low'"]),
-        (2, real("wheel", inner='<Real derivative="x"/>'), ["'wheel': derivative is 'x'"]),
-        (
-            3,
-            float64("wheel", inner='<Dimension start="1000000000"/>'),
-            ["'wheel' has 1000000000 elements", "at most 200000", "Limits(variables=1000000000)"],
-        ),
-        (3, float64("wheel", inner='<Dimension start="100000"/>' * 4), ["'wheel' has 100000 x 100000"]),
-        (3, float64("wheel", inner='<Dimension start="-3"/>'), ["'wheel': Dimension is '-3'"]),
-        (3, float64("wheel", inner='<Dimension start="two"/>'), ["'wheel': Dimension is 'two'"]),
-        (
-            3,
-            float64("wheel", inner='<Dimension valueReference="7"/>'),
-            ["'wheel'", "Dimension", "structural parameter"],
-        ),
-        (3, float64("wheel", inner="<Dimension/>"), ["'wheel'", "Dimension", "start"]),
-        (
-            3,
-            '<UInt64 name="n" valueReference="7" causality="structuralParameter" start=" "/>'
-            + float64("wheel", inner='<Dimension valueReference="7"/>'),
-            ["'n': start is ' '"],
-        ),
-    ],
+UNREADABLE_VARIABLES = (
+    (2, real("wheel", inner="")),
+    (2, real("wheel", inner="<Float64/>")),
+    (3, '<Real name="wheel" valueReference="0"/>'),
+    (3, '<Quaternion name="wheel" valueReference="0"/>'),
+    (2, real("wheel", "-1")),
+    (2, real("wheel", str(2**32))),
+    (3, float64("wheel", "-1")),
+    (3, float64("wheel", str(2**32))),
+    (2, real("wheel", "1.5")),
+    (2, real("wheel", "9" * 5000)),
+    (2, '<ScalarVariable name="wheel"><Real/></ScalarVariable>'),
+    (2, '<ScalarVariable valueReference="1"><Real/></ScalarVariable>'),
+    (2, real("wheel", inner='<Real start="one"/>')),
+    (2, real("wheel", inner='<Integer start="1.0"/>')),
+    (2, real("wheel", inner='<Real min="low"/>')),
+    (2, real("wheel", inner='<Real derivative="x"/>')),
+    (3, float64("wheel", inner='<Dimension start="1000000000"/>')),
+    (3, float64("wheel", inner='<Dimension start="100000"/>' * 4)),
+    (3, float64("wheel", inner='<Dimension start="-3"/>')),
+    (3, float64("wheel", inner='<Dimension start="two"/>')),
+    (3, float64("wheel", inner='<Dimension valueReference="7"/>')),
+    (3, float64("wheel", inner="<Dimension/>")),
+    (
+        3,
+        '<UInt64 name="n" valueReference="7" causality="structuralParameter" start=" "/>'
+        + float64("wheel", inner='<Dimension valueReference="7"/>'),
+    ),
 )
-def test_variables_that_cannot_be_read(tmp_path, version, variables, words):
-    path = archive(tmp_path / "odd.fmu", description(version, variables))
-    with pytest.raises(FmuError) as caught:
-        Fmu(path)
-    for word in ["odd.fmu", *words]:
-        assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 400
 
 
-@pytest.mark.parametrize(
-    ("xml", "words"),
-    [
-        (description(2, experiment='stepSize="1e999999999"'), ["stepSize", "'1e999999999'"]),
-        (description(2, experiment='stepSize="1e-99"'), ["stepSize", "shorter than 1e-15 s"]),
-        (description(3, experiment='stepSize="1e99"'), ["stepSize", "longer than 1e+12 s"]),
-        (description(2, experiment=f'stepSize="{"1" * 5000}"'), ["stepSize", "1..."]),
-        (description(2, experiment='stepSize="0.1" tolerance="small"'), ["tolerance is 'small'"]),
-        (description(2, identifier=""), ["modelIdentifier is ''"]),
-        (description(2, identifier="../../../evil"), ["modelIdentifier is '../../../evil'"]),
-        (
-            description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'),
-            ["unit 'N': kg"],
-        ),
-        (description(2, structure='<Outputs><Unknown index="9"/></Outputs>'), ["index is 9", "no such variable"]),
-        (description(3, structure='<Output valueReference="1" dependencies="77"/>'), ["dependencies is 77"]),
-        (description(3, structure="<Output/>"), ["valueReference is missing"]),
-        (b'<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).split(b"\n", 1)[1], ["document type declaration"]),
-        (
-            ('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"),
-            ["document type"],
-        ),
-        (b"<a>" * 300, ["not well-formed"]),
-        (b"", ["not well-formed"]),
-    ],
+def test_variables_that_cannot_be_read(tmp_path, refused):
+    paths = [
+        archive(tmp_path / f"odd{i}.fmu", description(version, variables))
+        for i, (version, variables) in enumerate(UNREADABLE_VARIABLES)
+    ]
+    for message in refused(FmuError, *(partial(Fmu, path) for path in paths)):
+        assert "\n" not in message
+        assert len(message) < 400
+
+
+UNREADABLE = (
+    description(2, experiment='stepSize="1e999999999"'),
+    description(2, experiment='stepSize="1e-99"'),
+    description(3, experiment='stepSize="1e99"'),
+    description(2, experiment=f'stepSize="{"1" * 5000}"'),
+    description(2, experiment='stepSize="0.1" tolerance="small"'),
+    description(2, identifier=""),
+    description(2, identifier="../../../evil"),
+    description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'),
+    description(2, structure='<Outputs><Unknown index="9"/></Outputs>'),
+    description(3, structure='<Output valueReference="1" dependencies="77"/>'),
+    description(3, structure="<Output/>"),
+    b'<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).split(b"\n", 1)[1],
+    ('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"),
+    b"<a>" * 300,
+    b"",
 )
-def test_descriptions_that_cannot_be_read(tmp_path, xml, words):
-    with pytest.raises(FmuError) as caught:
-        Fmu(archive(tmp_path / "odd.fmu", xml))
-    for word in ["odd.fmu", *words]:
-        assert word in str(caught.value)
+
+
+def test_descriptions_that_cannot_be_read(tmp_path, refused):
+    paths = [archive(tmp_path / f"odd{i}.fmu", xml) for i, xml in enumerate(UNREADABLE)]
+    refused(FmuError, *(partial(Fmu, path) for path in paths))
 
 
 def test_derivatives_of_arrays_of_different_size(tmp_path, raises):
@@ -181,13 +163,10 @@ def test_steps_without_a_practicable_common_divisor(awkward_fmus, raises):
             system.run(1000)
 
 
-def test_values_that_do_not_fit_their_type(awkward_fmus, raises):
+def test_values_that_do_not_fit_their_type(awkward_fmus, refused):
     with System() as system:
         component = system.add("a", awkward_fmus[3])
-        with raises(WiringError):
-            component.set(trouble=2**31)
-        with raises(WiringError):
-            component.set(at=10**400)
+        refused(WiringError, lambda: component.set(trouble=2**31), lambda: component.set(at=10**400))
 
 
 # ------------------------------------------------------------------------------------------------- archives and sizes

@@ -205,11 +205,8 @@ def test_a_tick_within_a_step_needs_steps_of_other_lengths(tmp_path: Path, raise
         run(path, 0.08, step="40 ms")
 
 
-def test_early_return_and_endless_events_are_refused_by_name(fmu: Build, raises) -> None:
-    with raises(ComponentError):
-        run(fmu("early"))
-    with raises(ComponentError):
-        run(fmu("endless"))
+def test_early_return_and_endless_events_are_refused_by_name(fmu: Build, refused) -> None:
+    refused(ComponentError, lambda: run(fmu("early")), lambda: run(fmu("endless")))
 
 
 def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path, raises) -> None:

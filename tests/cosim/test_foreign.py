@@ -3,9 +3,11 @@
 import shutil
 import sysconfig
 import zipfile
+from functools import partial
 
 import numpy as np
 import pytest
+from foreign.making import redescribed
 from probes import Clock
 from rich.console import Console
 
@@ -148,37 +150,20 @@ def test_truncated_and_foreign_files(foreign, tmp_path):
         Fmu(tmp_path)
 
 
-def rewritten(source, target, component, replacements):
-    """A copy of an FMU with one member changed."""
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
-        for name in old.namelist():
-            data = old.read(name)
-            if name == component:
-                for before, after in replacements:
-                    assert before in data
-                    data = data.replace(before, after)
-            new.writestr(name, data)
-    return target
-
-
-@pytest.mark.parametrize(
-    "replacements",
-    [
-        [(b'fmiVersion="2.0"', b'fmiVersion="1.0"')],
-        [(b"CoSimulation", b"ScheduledExecution")],
-        [(b"</fmiModelDescription>", b"")],
-        [(b'valueReference="0"', b'valueReference="x"')],
-    ],
-)
-def test_fmus_this_master_cannot_run(foreign, tmp_path, replacements, raises):
-    path = rewritten(foreign["AddOne2"], tmp_path / "bad.fmu", "modelDescription.xml", replacements)
-    with raises(FmuError):
-        System().add("a", path, step=1)
+def test_fmus_this_master_cannot_run(foreign, tmp_path, refused):
+    changes = (
+        (b'fmiVersion="2.0"', b'fmiVersion="1.0"'),
+        (b"CoSimulation", b"ScheduledExecution"),
+        (b"</fmiModelDescription>", b""),
+        (b'valueReference="0"', b'valueReference="x"'),
+    )
+    paths = [redescribed(foreign["AddOne2"], tmp_path / f"bad{i}.fmu", c) for i, c in enumerate(changes)]
+    refused(FmuError, *(partial(System().add, "a", path, step=1) for path in paths))
 
 
 def test_the_binaries_of_an_fmu_without_one_for_this_platform_are_named(foreign, tmp_path):
-    other = [(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')]
-    path = rewritten(foreign["AddOne2"], tmp_path / "bad.fmu", "modelDescription.xml", other)
+    other = (b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')
+    path = redescribed(foreign["AddOne2"], tmp_path / "bad.fmu", other)
     with pytest.raises(FmuError, match=r"bad\.fmu .*\(binaries/.*binaries/.*/AddOne2\..*'Other'"):
         System().add("a", path, step=1)
 

@@ -1,8 +1,5 @@
 """Linear models of FMUs and systems: small ones whose matrices are known, and the growth of runs."""
 
-import subprocess
-import sys
-
 import casadi
 import control
 import numpy as np
@@ -118,16 +115,13 @@ def test_an_fmu_is_a_state_space_with_names(small, version):
     }
 
 
-def test_signals_are_chosen_by_name_and_pattern(small, raises):
+def test_signals_are_chosen_by_name_and_pattern(small, raises, refused):
     fmu = Fmu(small["mass3"])
     model = fmu.linearize("body.force", ["body.a", "body.x"])
     assert model.output_labels == ["body_a", "body_x"]
     np.testing.assert_allclose(model.D, [[0.5], [0]])
     assert fmu.linearize([], "*.v").input_labels == ["nothing"]  # python-control has no models without inputs
-    with raises(WiringError):
-        fmu.linearize("*.power")
-    with raises(WiringError):
-        fmu.linearize("body.x")
+    refused(WiringError, lambda: fmu.linearize("*.power"), lambda: fmu.linearize("body.x"))
     with pytest.raises(WiringError, match=r"no variable 'body\.acc'"):
         fmu.linearize(outputs="body.acc")
     with raises(WiringError):
@@ -397,8 +391,3 @@ def test_lists_are_no_states(raises):
     system.add("pusher", Remembers(), step="1 ms")
     with raises(CosimError):
         system.linearize(discrete=True)
-
-
-def test_import_of_cosim_stays_light():
-    code = "import sys, cosim; print(sorted({'control', 'matplotlib', 'pandas'} & sys.modules.keys()))"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

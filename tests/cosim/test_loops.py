@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from probes import Delta, Integrator
+from probes import Integrator
 from same import assert_same
 
 from cosim import (
@@ -407,11 +407,6 @@ def test_a_linear_model_solves_loops():
     system.connect("b.y", "a.u")
     for settle in (0.0, 0.01):
         assert system.linearize([], ["a.y"], settle=settle).output_labels == ["a_y"]
-
-
-def test_discrete_components_are_refused_as_before(raises):
-    with raises(LoopError):
-        ring(Delta(), Delta()).schedule()
 
 
 # FMUs.

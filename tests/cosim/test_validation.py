@@ -62,7 +62,7 @@ def findings(path):
         ('colour="red"', "attribute 'colour': The attribute 'colour' is not allowed"),
     ],
 )
-def test_values_that_contradict_each_other(tmp_path, version, attributes, words, raises):
+def test_values_that_contradict_each_other(tmp_path, version, attributes, words, refused):
     path = archive(tmp_path / "odd.fmu", xml(version, input_(version) + variable(version, "wheel", "1", attributes)))
     with pytest.warns(
         FmuWarning, match=rf"odd\.fmu: modelDescription\.xml deviates from FMI {version}\.0: line 4: variable 'wheel': "
@@ -70,10 +70,7 @@ def test_values_that_contradict_each_other(tmp_path, version, attributes, words,
         Fmu(path)
     assert words in str(told[0].message)
     assert len(told) == 1
-    with raises(FmuError):
-        Fmu(path, strict=True)
-    with raises(FmuError):
-        System().add("a", path, strict=True)
+    refused(FmuError, lambda: Fmu(path, strict=True), lambda: System().add("a", path, strict=True))
 
 
 @VERSIONS
@@ -241,13 +238,8 @@ def test_limits_can_be_raised(tmp_path, name, number, make, raises):
 
 
 @pytest.mark.parametrize("wrong", [{"variables": 0}, {"variables": -1}, {"files": 1.5}, {"files": True}])
-def test_limits_are_whole_numbers(wrong, raises):
-    with raises(FmuError):
-        Limits(**wrong)
-    with raises(FmuError):
-        Limits.of(["variable=3"])
-    with raises(FmuError):
-        Limits.of(["files=many"])
+def test_limits_are_whole_numbers(wrong, refused):
+    refused(FmuError, lambda: Limits(**wrong), lambda: Limits.of(["variable=3"]), lambda: Limits.of(["files=many"]))
     assert Limits.of(["files=3", "variables=5"]) == Limits(files=3, variables=5)
 
 

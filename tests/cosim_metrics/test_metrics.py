@@ -52,13 +52,13 @@ class TestLowPass:
     def test_a_cutoff_just_below_half_the_rate(self):
         np.testing.assert_allclose(metrics.low_pass(np.ones(2000), 2.1)[-1], 1.0)
 
-    def test_refuses_order_and_shapes(self, raises):
-        with raises(ValueError):
-            metrics.low_pass(np.ones(10), RATE, order=0)
-        with raises(ValueError):
-            metrics.low_pass([], RATE)
-        with raises(ValueError):
-            metrics.low_pass(np.ones((5, 2)), RATE)
+    def test_refuses_order_and_shapes(self, refused):
+        refused(
+            ValueError,
+            lambda: metrics.low_pass(np.ones(10), RATE, order=0),
+            lambda: metrics.low_pass([], RATE),
+            lambda: metrics.low_pass(np.ones((5, 2)), RATE),
+        )
 
 
 class TestResponse:
@@ -105,11 +105,12 @@ class TestActuator:
         assert metrics.actuator_force(np.zeros((100, 4)), RATE) == 0.0
         assert metrics.actuator_power(np.zeros((100, 4)), RATE) == 0.0
 
-    def test_refuses_one_dimension(self, raises):
-        with raises(ValueError):
-            metrics.actuator_force(np.zeros(100), RATE)
-        with raises(ValueError):
-            metrics.actuator_power(np.zeros((0, 4)), RATE)
+    def test_refuses_one_dimension(self, refused):
+        refused(
+            ValueError,
+            lambda: metrics.actuator_force(np.zeros(100), RATE),
+            lambda: metrics.actuator_power(np.zeros((0, 4)), RATE),
+        )
 
 
 class TestRatios:
@@ -127,15 +128,15 @@ class TestRatios:
         assert math.isnan(metrics.force_normalized_effectiveness(undefined, 10.0))
 
     @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
-    def test_refuses_what_no_run_can_give(self, bad, raises):
+    def test_refuses_what_no_run_can_give(self, bad, refused):
         with pytest.raises(ValueError, match=r"^J is"):
             metrics.improvement(bad, 1.0)
-        with raises(ValueError):
-            metrics.improvement(1.0, bad)
-        with raises(ValueError):
-            metrics.force_normalized_effectiveness(0.1, bad)
-        with raises(ValueError):
-            metrics.power_normalized_effectiveness(0.1, bad)
+        refused(
+            ValueError,
+            lambda: metrics.improvement(1.0, bad),
+            lambda: metrics.force_normalized_effectiveness(0.1, bad),
+            lambda: metrics.power_normalized_effectiveness(0.1, bad),
+        )
 
     def test_refuses_infinite_improvement(self, raises):
         with raises(ValueError):

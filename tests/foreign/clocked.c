@@ -6,13 +6,9 @@
  * how its interval is known; `pulse` ticks at every third tick. */
 #include <math.h>
 #include <stdarg.h>
-#include <stdbool.h>
-#include <stdint.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "fmi3Functions.h"
+#include "../fmi_names.h"
 
 enum { CONSTANT, FIXED, TUNABLE, CHANGING, COUNTDOWN, EARLY, ENDLESS };
 enum { U, Y, Z, TICKS, LAST, PERIOD, SHIFT, START, CLOCK, PULSE, W, TIME = 100 }; /* value references */
@@ -239,20 +235,8 @@ fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], 
     for (size_t i = 0; i < n; i++) value[i] = ((Model *)instance)->v.begin;
     return fmi3OK;
 }
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
-    if (!*state) *state = malloc(sizeof(Values));
-    memcpy(*state, &((Model *)instance)->v, sizeof(Values));
-    return fmi3OK;
-}
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
-    memcpy(&((Model *)instance)->v, state, sizeof(Values));
-    return fmi3OK;
-}
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
+#define VALUES(C) (&((Model *)(C))->v)
+COPIED_STATES(Values, VALUES)
 fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
     fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
     IN(BIT(STEP));

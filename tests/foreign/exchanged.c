@@ -18,24 +18,8 @@
  *
  * `last` is the time of the last event, `steps` counts completed steps of the integrator. */
 #include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
 
-#if FMI == 2
-#include "fmi2Functions.h"
-typedef fmi2Component Instance;
-typedef fmi2Status Status;
-typedef fmi2Boolean Flag;
-#define F(name) fmi2##name
-#else
-#include "fmi3Functions.h"
-typedef fmi3Instance Instance;
-typedef fmi3Status Status;
-typedef fmi3Boolean Flag;
-#define F(name) fmi3##name
-#endif
+#include "../fmi_names.h"
 
 enum { U, X, DX, V, DV, K, KIND, COUNT, STEPS, LAST };
 
@@ -99,12 +83,10 @@ static void start(Model *m) {
 #if FMI == 2
 Instance fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
     const fmi2CallbackFunctions *callbacks, Flag visible, Flag logging) {
-    (void)name, (void)guid, (void)resources, (void)callbacks, (void)visible, (void)logging;
     if (type != fmi2ModelExchange) return NULL;
 #else
 Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, Flag visible,
     Flag logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
-    (void)name, (void)token, (void)resources, (void)environment, (void)log, (void)visible, (void)logging;
 #endif
     Model *m = malloc(sizeof *m);
     if (m) start(m);
@@ -113,7 +95,7 @@ Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3Str
 
 void F(FreeInstance)(Instance c) { free(c); }
 Status F(Reset)(Instance c) { return start(c), F(OK); }
-Status F(Terminate)(Instance c) { return (void)c, F(OK); }
+Status F(Terminate)(Instance c) { return F(OK); }
 Status F(ExitInitializationMode)(Instance c) { return ((Model *)c)->in_event = true, F(OK); }
 Status F(EnterEventMode)(Instance c) {
     Model *m = c;
@@ -141,7 +123,7 @@ Status F(SetContinuousStates)(Instance c, const double x[], size_t n) {
     return m->value[X] = x[0], m->value[V] = x[1], F(OK);
 }
 Status F(GetNominalsOfContinuousStates)(Instance c, double x[], size_t n) {
-    return (void)c, (void)n, x[0] = x[1] = 1.0, F(OK);
+    return x[0] = x[1] = 1.0, F(OK);
 }
 Status F(GetEventIndicators)(Instance c, double z[], size_t n) {
     const Model *m = c;
@@ -166,75 +148,25 @@ static Status set(Model *m, const uint32_t r[], size_t n, const double *v) {
     return F(OK);
 }
 
-#if FMI == 2
-Status fmi2SetupExperiment(Instance c, Flag a, double b, double t, Flag d, double e) {
-    (void)a, (void)b, (void)d, (void)e;
-    return ((Model *)c)->time = t, fmi2OK;
+Status F(CompletedIntegratorStep)(Instance c, Flag prior, Flag *enter, Flag *end) {
+    ((Model *)c)->value[STEPS] += 1.0;
+    return *enter = *end = false, F(OK);
 }
-Status fmi2EnterInitializationMode(Instance c) { return (void)c, fmi2OK; }
+SETUP((((Model *)c)->time = begin, F(OK)), F(OK))
+ACCESS(REAL, double, return get(c, vr, n, value), return set(c, vr, n, value))
+COPIED_STATES(Model, )
+#if FMI == 2
 Status fmi2GetDerivatives(Instance c, double dx[], size_t n) { return derivatives(c, dx, n); }
 Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) {
     i->nominalsOfContinuousStatesChanged = false;
     return update(c, &i->newDiscreteStatesNeeded, &i->terminateSimulation, &i->valuesOfContinuousStatesChanged,
         &i->nextEventTimeDefined, &i->nextEventTime);
 }
-Status fmi2CompletedIntegratorStep(Instance c, Flag prior, Flag *enter, Flag *end) {
-    (void)prior;
-    ((Model *)c)->value[STEPS] += 1.0;
-    return *enter = *end = false, fmi2OK;
-}
-Status fmi2GetReal(Instance c, const fmi2ValueReference r[], size_t n, double v[]) { return get(c, r, n, v); }
-Status fmi2SetReal(Instance c, const fmi2ValueReference r[], size_t n, const double v[]) { return set(c, r, n, v); }
-Status fmi2GetFMUstate(Instance c, fmi2FMUstate *s) {
 #else
-Status fmi3EnterInitializationMode(Instance c, Flag a, double b, double t, Flag d, double e) {
-    (void)a, (void)b, (void)d, (void)e;
-    return ((Model *)c)->time = t, fmi3OK;
-}
 Status fmi3GetContinuousStateDerivatives(Instance c, double dx[], size_t n) { return derivatives(c, dx, n); }
 Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined,
     double *next) {
     *nominals = false;
     return update(c, again, end, states, defined, next);
 }
-Status fmi3CompletedIntegratorStep(Instance c, Flag prior, Flag *enter, Flag *end) {
-    (void)prior;
-    ((Model *)c)->value[STEPS] += 1.0;
-    return *enter = *end = false, fmi3OK;
-}
-Status fmi3GetFloat64(Instance c, const fmi3ValueReference r[], size_t n, double v[], size_t m) {
-    return (void)m, get(c, r, n, v);
-}
-Status fmi3SetFloat64(Instance c, const fmi3ValueReference r[], size_t n, const double v[], size_t m) {
-    return (void)m, set(c, r, n, v);
-}
-Status fmi3GetFMUState(Instance c, fmi3FMUState *s) {
 #endif
-    if (!*s) *s = malloc(sizeof(Model));
-    return *s ? memcpy(*s, c, sizeof(Model)), F(OK) : F(Error);
-}
-#if FMI == 2
-Status fmi2SetFMUstate(Instance c, fmi2FMUstate s) { return memcpy(c, s, sizeof(Model)), fmi2OK; }
-Status fmi2FreeFMUstate(Instance c, fmi2FMUstate *s) { return (void)c, free(*s), *s = NULL, fmi2OK; }
-Status fmi2SerializedFMUstateSize(Instance c, fmi2FMUstate s, size_t *n) {
-    return (void)c, (void)s, *n = sizeof(Model), fmi2OK;
-}
-Status fmi2SerializeFMUstate(Instance c, fmi2FMUstate s, fmi2Byte b[], size_t n) {
-    return (void)c, memcpy(b, s, n), fmi2OK;
-}
-Status fmi2DeSerializeFMUstate(Instance c, const fmi2Byte b[], size_t n, fmi2FMUstate *s) {
-#else
-Status fmi3SetFMUState(Instance c, fmi3FMUState s) { return memcpy(c, s, sizeof(Model)), fmi3OK; }
-Status fmi3FreeFMUState(Instance c, fmi3FMUState *s) { return (void)c, free(*s), *s = NULL, fmi3OK; }
-Status fmi3SerializedFMUStateSize(Instance c, fmi3FMUState s, size_t *n) {
-    return (void)c, (void)s, *n = sizeof(Model), fmi3OK;
-}
-Status fmi3SerializeFMUState(Instance c, fmi3FMUState s, fmi3Byte b[], size_t n) {
-    return (void)c, memcpy(b, s, n), fmi3OK;
-}
-Status fmi3DeserializeFMUState(Instance c, const fmi3Byte b[], size_t n, fmi3FMUState *s) {
-#endif
-    (void)c;
-    *s = malloc(sizeof(Model));
-    return *s && n == sizeof(Model) ? memcpy(*s, b, n), F(OK) : F(Error);
-}

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
-
-from build_fmus.compile import find_toolchain, host
-from cosim.check.binary import required
-from cosim.fmu.calls import platform_folder
+from foreign import making
 
 _VARIABLES = (  # name, causality, variability, further attributes of the type; value references as in exchanged.c
     ("u", "input", "continuous", 'start="0"'),
@@ -23,10 +17,6 @@ _VARIABLES = (  # name, causality, variability, further attributes of the type; 
     ("count", "output", "discrete", ""),
     ("steps", "output", "discrete", ""),
     ("last", "output", "discrete", ""),
-)
-_SCHEDULED = tuple(
-    f"fmi3{n}"
-    for n in ("ActivateModelPartition", "InstantiateScheduledExecution", "SetShiftDecimal", "SetShiftFraction")
 )
 INDICATOR = 1  # value reference of x
 
@@ -71,19 +61,9 @@ def description(version: int) -> str:
 
 def build(version: int, folder: Path) -> Path:
     """The FMU for this machine, in a folder."""
-    path = folder / f"Exchanged{version}.fmu"
-    where, suffix = platform_folder(str(version))
-    library = folder / f"exchanged{version}{suffix}"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    others = folder / f"others{version}.c"  # FMPy looks for every function, those of Co-Simulation included
-    names = [*required(str(version), {"cs", "me"}), *(_SCHEDULED if version == 3 else ())]
-    others.write_text("".join(f"__attribute__((weak)) int {n}(void) {{ return 3; }}\n" for n in names))
-    command = [
-        *(*find_toolchain(host()).command, "-O2", "-shared", "-fPIC", "-std=c99", f"-DFMI={version}", f"-I{headers}"),
-        *(Path(__file__).with_name("exchanged.c"), others, "-o", library, "-lm"),
-    ]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", description(version))
-        archive.write(library, f"binaries/{where}/exchanged{suffix}")
-    return path
+    name = f"exchanged{version}"
+    sources = [making.HERE / "exchanged.c", making.others(folder, name, version)]  # FMPy looks for every function
+    library = making.compile_library(folder, name, version, sources, "-O2")
+    return making.pack(
+        folder / f"Exchanged{version}.fmu", making.contents(version, "exchanged", description(version), library)
+    )

@@ -7,40 +7,13 @@
  * method; with `adaptive` Euler's with error control. */
 #include <fenv.h>
 #include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
-#if FMI == 2
-#include "fmi2Functions.h"
-typedef fmi2Component Instance;
-typedef fmi2Status Status;
-typedef fmi2Boolean Flag;
-typedef fmi2Integer Whole;
-typedef fmi2FMUstate Saved;
-typedef fmi2String Text;
-typedef fmi2ValueReference Reference;
-typedef fmi2CallbackLogger Logger;
-typedef fmi2Byte Byte;
-enum { OK = fmi2OK, DISCARD = fmi2Discard, ERROR = fmi2Error, FATAL = fmi2Fatal };
-#define F(NAME) fmi2##NAME
-#else
-#include "fmi3Functions.h"
-typedef fmi3Instance Instance;
-typedef fmi3Status Status;
-typedef fmi3Boolean Flag;
-typedef fmi3Int32 Whole;
-typedef fmi3FMUState Saved;
-typedef fmi3String Text;
-typedef fmi3ValueReference Reference;
-typedef fmi3LogMessageCallback Logger;
-typedef fmi3Byte Byte;
-enum { OK = fmi3OK, DISCARD = fmi3Discard, ERROR = fmi3Error, FATAL = fmi3Fatal };
-#define F(NAME) fmi3##NAME
-#endif
+#include "../fmi_names.h"
+
+typedef FMI2_OR_3(fmi2CallbackLogger, fmi3LogMessageCallback) Log;
+enum { OK = F(OK), DISCARD = F(Discard), ERROR = F(Error), FATAL = F(Fatal) };
 
 enum { TIME, U, K, D, X, V, DX, DV, FORCE, COUNT, GAIN, ON, C, Z, N_VARIABLES }; /* value references */
 enum { INSTANTIATED = 1, INITIALIZATION = 2, EVENT = 4, CONTINUOUS = 8, STEP = 16, TERMINATED = 32 };
@@ -60,7 +33,7 @@ typedef struct {
     double stale[2];
     bool stale_valid;
     double tolerance, guess; /* of the integrator with error control: not part of the state */
-    Logger logger;
+    Log logger;
     void *environment;
     char name[64];
     Data *kept;
@@ -189,7 +162,7 @@ static double real(Model *m, Reference vr) {
 static bool is_real(Reference vr) { return vr < N_VARIABLES && vr != COUNT && vr != GAIN && vr != ON; }
 
 static Model *instantiate(
-    Text name, Text token, bool co_simulation, bool logging, Logger logger, void *environment, const char *resources) {
+    Text name, Text token, bool co_simulation, bool logging, Log logger, void *environment, const char *resources) {
     Model *m = calloc(1, sizeof *m);
     if (!m) return NULL;
     m->logger = logger, m->environment = environment, m->co_simulation = co_simulation, m->logging = logging;
@@ -414,6 +387,29 @@ static Status deserialize(Model *m, const Byte bytes[], size_t size, Saved *save
     return OK;
 }
 
+#define SIZED FMI2_OR_3(, k != n ? fail(m, "sizes") :)
+#define CHECKED(NAME, TYPE, GET, SET)                                                                                  \
+    ACCESS(NAME, TYPE, REQUIRE(ANY ^ INSTANTIATED, "Get"); return SIZED GET(m, vr, n, value),                          \
+        REQUIRE(ANY ^ TERMINATED, "Set"); return SIZED SET(m, vr, n, value))
+CHECKED(REAL, double, get_real, set_real)
+CHECKED(INTEGER, Whole, get_whole, set_whole)
+CHECKED(Boolean, Flag, get_flag, set_flag)
+Status STATE(Get, )(Instance c, Saved *s) { REQUIRE(ANY, "GetFMUState"); return save(m, s); }
+Status STATE(Set, )(Instance c, Saved s) { REQUIRE(ANY, "SetFMUState"); return restore(m, s); }
+Status STATE(Free, )(Instance c, Saved *s) { REQUIRE(ANY, "FreeFMUState"); return release(m, s); }
+Status STATE(Serialized, Size)(Instance c, Saved s, size_t *size) {
+    REQUIRE(ANY, "SerializedFMUStateSize");
+    return size_of(m, s, size);
+}
+Status STATE(Serialize, )(Instance c, Saved s, Byte b[], size_t size) {
+    REQUIRE(ANY, "SerializeFMUState");
+    return serialize(m, s, b, size);
+}
+Status DESERIALIZE(Instance c, const Byte b[], size_t size, Saved *s) {
+    REQUIRE(ANY, "DeserializeFMUState");
+    return deserialize(m, b, size, s);
+}
+
 /* d unknown / d known. */
 static Status partial(Model *m, const Reference z[], size_t nz, const Reference v[], size_t nv, const double seed[],
     double result[], bool adjoint) {
@@ -497,18 +493,6 @@ Status fmi2EnterInitializationMode(Instance c) {
     m->data.mode = INITIALIZATION;
     return OK;
 }
-#define ACCESS(NAME, GET, SET, TYPE)                                                                                   \
-    Status fmi2Get##NAME(Instance c, const Reference vr[], size_t n, TYPE value[]) {                                   \
-        REQUIRE(ANY ^ INSTANTIATED, "Get");                                                                            \
-        return GET(m, vr, n, value);                                                                                   \
-    }                                                                                                                  \
-    Status fmi2Set##NAME(Instance c, const Reference vr[], size_t n, const TYPE value[]) {                             \
-        REQUIRE(ANY ^ TERMINATED, "Set");                                                                              \
-        return SET(m, vr, n, value);                                                                                   \
-    }
-ACCESS(Real, get_real, set_real, fmi2Real)
-ACCESS(Integer, get_whole, set_whole, fmi2Integer)
-ACCESS(Boolean, get_flag, set_flag, fmi2Boolean)
 Status fmi2GetString(Instance c, const Reference vr[], size_t n, fmi2String value[]) {
     REQUIRE(ANY, "Get");
     return (void)vr, (void)value, n ? fail(m, "no strings") : OK;
@@ -516,21 +500,6 @@ Status fmi2GetString(Instance c, const Reference vr[], size_t n, fmi2String valu
 Status fmi2SetString(Instance c, const Reference vr[], size_t n, const fmi2String value[]) {
     REQUIRE(ANY, "Set");
     return (void)vr, (void)value, n ? fail(m, "no strings") : OK;
-}
-Status fmi2GetFMUstate(Instance c, Saved *s) { REQUIRE(ANY, "GetFMUstate"); return save(m, s); }
-Status fmi2SetFMUstate(Instance c, Saved s) { REQUIRE(ANY, "SetFMUstate"); return restore(m, s); }
-Status fmi2FreeFMUstate(Instance c, Saved *s) { REQUIRE(ANY, "FreeFMUstate"); return release(m, s); }
-Status fmi2SerializedFMUstateSize(Instance c, Saved s, size_t *size) {
-    REQUIRE(ANY, "SerializedFMUstateSize");
-    return size_of(m, s, size);
-}
-Status fmi2SerializeFMUstate(Instance c, Saved s, Byte b[], size_t size) {
-    REQUIRE(ANY, "SerializeFMUstate");
-    return serialize(m, s, b, size);
-}
-Status fmi2DeSerializeFMUstate(Instance c, const Byte b[], size_t size, Saved *s) {
-    REQUIRE(ANY, "DeSerializeFMUstate");
-    return deserialize(m, b, size, s);
 }
 Status fmi2GetDirectionalDerivative(
     Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv, const fmi2Real dv[], fmi2Real dz[]) {
@@ -598,33 +567,6 @@ Status fmi3EnterInitializationMode(Instance c, Flag a, double tolerance, double 
     if (setup(m, a, tolerance, begin, b, end) != OK) return ERROR;
     m->data.mode = INITIALIZATION;
     return OK;
-}
-#define ACCESS(NAME, GET, SET, TYPE)                                                                              \
-    Status fmi3Get##NAME(Instance c, const Reference vr[], size_t n, TYPE value[], size_t k) {                    \
-        REQUIRE(ANY ^ INSTANTIATED, "Get");                                                                       \
-        return k != n ? fail(m, "sizes") : GET(m, vr, n, value);                                                  \
-    }                                                                                                             \
-    Status fmi3Set##NAME(Instance c, const Reference vr[], size_t n, const TYPE value[], size_t k) {              \
-        REQUIRE(ANY ^ TERMINATED, "Set");                                                                         \
-        return k != n ? fail(m, "sizes") : SET(m, vr, n, value);                                                  \
-    }
-ACCESS(Float64, get_real, set_real, fmi3Float64)
-ACCESS(Int32, get_whole, set_whole, fmi3Int32)
-ACCESS(Boolean, get_flag, set_flag, fmi3Boolean)
-Status fmi3GetFMUState(Instance c, Saved *s) { REQUIRE(ANY, "GetFMUState"); return save(m, s); }
-Status fmi3SetFMUState(Instance c, Saved s) { REQUIRE(ANY, "SetFMUState"); return restore(m, s); }
-Status fmi3FreeFMUState(Instance c, Saved *s) { REQUIRE(ANY, "FreeFMUState"); return release(m, s); }
-Status fmi3SerializedFMUStateSize(Instance c, Saved s, size_t *size) {
-    REQUIRE(ANY, "SerializedFMUStateSize");
-    return size_of(m, s, size);
-}
-Status fmi3SerializeFMUState(Instance c, Saved s, Byte b[], size_t size) {
-    REQUIRE(ANY, "SerializeFMUState");
-    return serialize(m, s, b, size);
-}
-Status fmi3DeserializeFMUState(Instance c, const Byte b[], size_t size, Saved *s) {
-    REQUIRE(ANY, "DeserializeFMUState");
-    return deserialize(m, b, size, s);
 }
 Status fmi3GetDirectionalDerivative(Instance c, const Reference z[], size_t nz, const Reference v[], size_t nv,
     const fmi3Float64 dv[], size_t ndv, fmi3Float64 dz[], size_t ndz) {

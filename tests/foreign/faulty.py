@@ -14,8 +14,6 @@ from pathlib import Path
 
 from foreign import making
 
-from cosim.check.binary import required
-
 BOTH = (2, 3)
 
 
@@ -64,21 +62,35 @@ def _without_dependency(unknown: int, known: int, group: str) -> Callable[[dict[
     return spoil
 
 
-def _moved_library(files: dict[str, bytes], version: int) -> None:
-    path = next(p for p in files if p.startswith("binaries/"))
-    files["binaries/win64/faulty.dll" if version == 2 else "binaries/x86_64-windows/faulty.dll"] = files[path]
+def _added(element: str) -> Callable[[dict[str, bytes], int], None]:
+    """One more variable."""
+    return _replaced("</ModelVariables>", f"{element}</ModelVariables>")
 
 
-def _damaged_library(files: dict[str, bytes], version: int) -> None:
-    files["binaries/win64/faulty.dll" if version == 2 else "binaries/x86_64-windows/faulty.dll"] = b"no library at all"
+def _file(path: str, content: str) -> Callable[[dict[str, bytes], int], None]:
+    """A file more in the archive, or another one."""
+
+    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+        files[path] = content.encode()
+
+    return spoil
 
 
-def _reference(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
-    files["documentation/Faulty_ref.csv"] = reference(1.02).encode()
+def _library_of_windows(content: bytes | None) -> Callable[[dict[str, bytes], int], None]:
+    """Without `content` it is that of this machine."""
+
+    def spoil(files: dict[str, bytes], version: int) -> None:
+        ours = next(p for p in files if p.startswith("binaries/"))
+        folder = "win64" if version == 2 else "x86_64-windows"
+        files[f"binaries/{folder}/faulty.dll"] = files[ours] if content is None else content
+
+    return spoil
 
 
-def _license(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
-    files["documentation/licenses/readme.txt"] = b"see elsewhere"
+def _no_initial_unknown(files: dict[str, bytes], version: int) -> None:
+    """A derivative is not listed."""
+    two = (r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>', r"\1")
+    _replaced(*(two if version == 2 else (r'<InitialUnknown valueReference="6"[^>]*/>', "")))(files, version)
 
 
 def _sources(files: dict[str, bytes], version: int) -> None:
@@ -88,33 +100,25 @@ def _sources(files: dict[str, bytes], version: int) -> None:
         )
     else:
         text = (
-            '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration'
-            ' modelIdentifier="faulty"><SourceFileSet><SourceFile'
-            ' name="lost.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
+            '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="faulty"><SourceFileSet>'
+            '<SourceFile name="lost.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
         )
-        files["sources/buildDescription.xml"] = text.encode()
+        _file("sources/buildDescription.xml", text)(files, version)
 
 
-def _terminals(inner: str) -> Callable[[dict[str, bytes], int], None]:
-    """A file of terminals with this in it."""
-
-    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
-        text = f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{inner}</Terminals></fmiTerminalsAndIcons>'
-        files["terminalsAndIcons/terminalsAndIcons.xml"] = text.encode()
-
-    return spoil
+def _terminals(rule: str, members: str, times: int = 1) -> Fault:
+    """A terminal with this in it."""
+    inner = f'<Terminal name="a" matchingRule="{rule}">{members}</Terminal>' * times
+    text = f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{inner}</Terminals></fmiTerminalsAndIcons>'
+    spoil = _file("terminalsAndIcons/terminalsAndIcons.xml", text)
+    return Fault(("archive.terminals",), versions=(3,), spoil=spoil)
 
 
-def _manifest(name: str, root: str, attributes: str) -> Callable[[dict[str, bytes], int], None]:
+def _manifest(name: str, root: str, attributes: str) -> Fault:
     """A layered standard with this root element in its manifest."""
-
-    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
-        namespace = 'xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"'
-        files[f"extra/{name}/fmi-ls-manifest.xml"] = (
-            f"<{root[: root.find('>')]} {namespace} {attributes}{root[root.find('>') :]}".encode()
-        )
-
-    return spoil
+    element, end, rest = root.partition(">")
+    text = f'<{element} xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest" {attributes}{end}{rest}'
+    return Fault(("archive.layered",), spoil=_file(f"extra/{name}/fmi-ls-manifest.xml", text))
 
 
 _LS_REF = (
@@ -130,13 +134,6 @@ def _member(variable: str, name: str = 'memberName="a" ') -> str:
     return f'<TerminalMemberVariable variableKind="signal" {name}variableName="{variable}"/>'
 
 
-def _clocked(files: dict[str, bytes], version: int) -> None:
-    """A clock that others would tick, and a clocked variable that may change at any time."""
-    clock = '<Clock name="clock" valueReference="77" causality="input" intervalVariability="triggered"/>'
-    clocked = '<Float64 name="clocked" valueReference="78" causality="local" variability="continuous" clocks="77"/>'
-    _replaced(r"</ModelVariables>", f"{clock}{clocked}</ModelVariables>")(files, version)
-
-
 def _without_exchange(files: dict[str, bytes], version: int) -> None:
     """Co-Simulation without directional derivatives, for which nobody reads the derivatives.
 
@@ -144,29 +141,15 @@ def _without_exchange(files: dict[str, bytes], version: int) -> None:
     """
     _replaced(r"<ModelExchange [^>]*/>", "")(files, version)
     _replaced(r'providesDirectionalDerivatives?="true"( providesAdjointDerivatives="true")?', "")(files, version)
-    _replaced(
-        (
-            r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>'
-            if version == 2
-            else r'<InitialUnknown valueReference="6"[^>]*/>'
-        ),
-        r"\1" if version == 2 else "",
-    )(files, version)
+    _no_initial_unknown(files, version)
 
 
 def _alias_for_derivative(files: dict[str, bytes], version: int) -> None:
     """Among the unknowns of initialization an alias stands for a state derivative."""
-    _replaced(
-        r"</ModelVariables>", '<ScalarVariable name="rate" valueReference="6"><Real/></ScalarVariable></ModelVariables>'
-    )(files, version)
+    _added('<ScalarVariable name="rate" valueReference="6"><Real/></ScalarVariable>')(files, version)
     _replaced(
         r'(<InitialUnknowns>)<Unknown index="7"([^>]*)/>(.*)(</InitialUnknowns>)', r'\1\3<Unknown index="15"\2/>\4'
     )(files, version)
-
-
-def _known_state(files: dict[str, bytes], version: int) -> None:
-    """A state that is exact is no unknown of initialization."""
-    _replaced("<InitialUnknowns>", '<InitialUnknowns><Unknown index="5"/>')(files, version)
 
 
 def _backslashes(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
@@ -178,6 +161,17 @@ def _fixed_step(files: dict[str, bytes], version: int) -> None:
     """FMI 3.0 says that internal steps are fixed, FMI 2.0 cannot."""
     if version == 3:
         _replaced("<CoSimulation ", '<CoSimulation fixedInternalStepSize="0.01" ')(files, version)
+
+
+def reference(factor: float = 1.0) -> str:
+    """The free motion from x = 1, as a table."""
+    w, decay = math.sqrt(4.0 - 0.04), 0.2
+    rows = ["time,x"]
+    for i in range(51):
+        t = i * 0.01
+        x = math.exp(-decay * t) * (math.cos(w * t) + decay / w * math.sin(w * t))
+        rows.append(f"{t:.17g},{factor * x:.17g}")
+    return "\n".join(rows) + "\n"
 
 
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
@@ -202,21 +196,16 @@ FAULTS = {
     "two-starts": Fault(
         ("description.references",),
         versions=(2,),
-        spoil=_replaced(
-            r"</ModelVariables>",
-            '<ScalarVariable name="u2" valueReference="1" causality="input" variability="continuous"><Real start="0"'
-            ' unit="m"/></ScalarVariable></ModelVariables>',
+        spoil=_added(
+            '<ScalarVariable name="u2" valueReference="1" causality="input" variability="continuous">'
+            '<Real start="0" unit="m"/></ScalarVariable>'
         ),
     ),
     "same-reference": Fault(
         ("description.references",),
         ("values.start", "values.set", "values.reset", "saved.parameters"),
         versions=(3,),
-        spoil=_replaced(
-            r"</ModelVariables>",
-            '<Float64 name="u2" valueReference="1" causality="local" variability="constant"'
-            ' start="0"/></ModelVariables>',
-        ),
+        spoil=_added('<Float64 name="u2" valueReference="1" causality="local" variability="constant" start="0"/>'),
     ),
     "continuous-integer": Fault(
         ("description.variability",),
@@ -246,13 +235,7 @@ FAULTS = {
             "</Outputs>" if v == 2 else "",
         )(f, v),
     ),
-    "no-initial-unknown": Fault(
-        ("description.structure",),
-        spoil=lambda f, v: _replaced(
-            r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>',
-            r"\1" if v == 2 else "",
-        )(f, v),
-    ),
+    "no-initial-unknown": Fault(("description.structure",), spoil=_no_initial_unknown),
     "kinds": Fault(
         ("description.dependencies",),
         spoil=_replaced('dependencies="5"', 'dependencies="5" dependenciesKind="dependent fixed"'),
@@ -261,80 +244,59 @@ FAULTS = {
         ("description.clocks",),
         ("description.capabilities",),
         versions=(3,),
-        spoil=_replaced(
-            r"</ModelVariables>",
-            '<Clock name="clock" valueReference="77" causality="input"'
-            ' intervalVariability="constant"/></ModelVariables>',
+        spoil=_added('<Clock name="clock" valueReference="77" causality="input" intervalVariability="constant"/>'),
+    ),
+    "clocked-continuous": Fault(  # a clock that others would tick, and a clocked variable that may change at any time
+        ("description.clocks",),
+        ("description.capabilities",),
+        versions=(3,),
+        spoil=_added(
+            '<Clock name="clock" valueReference="77" causality="input" intervalVariability="triggered"/>'
+            '<Float64 name="clocked" valueReference="78" causality="local" variability="continuous" clocks="77"/>'
         ),
     ),
-    "clocked-continuous": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_clocked),
     "experiment": Fault(("description.experiment",), spoil=_replaced('stopTime="1"', 'stopTime="-1"')),
     "serialize-without-saving": Fault(
         ("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)
     ),
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),
-    "license": Fault(("archive.layout",), versions=(3,), spoil=_license),
+    "license": Fault(
+        ("archive.layout",), versions=(3,), spoil=_file("documentation/licenses/readme.txt", "see elsewhere")
+    ),
     "sources": Fault(("archive.sources",), spoil=_sources),
-    "terminals": Fault(
-        ("archive.terminals",),
-        versions=(3,),
-        spoil=_terminals(f'<Terminal name="a" matchingRule="plug">{_member("nobody")}</Terminal>'),
+    "terminals": _terminals("plug", _member("nobody")),
+    "terminal-of-time": _terminals("bus", _member("time")),
+    "terminal-rule": _terminals("none", _member("u")),
+    "terminal-member": _terminals("bus", _member("u", "")),
+    "terminal-twice": _terminals("bus", _member("u") * 2),
+    "terminals-alike": _terminals("bus", "", times=2),
+    "layered-version": _manifest(
+        "com.example.ls",
+        "manifest></manifest>",
+        'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"',
     ),
-    "terminal-of-time": Fault(
-        ("archive.terminals",),
-        versions=(3,),
-        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("time")}</Terminal>'),
+    "related-role": _manifest(
+        "org.fmi-standard.fmi-ls-ref",
+        'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>',
+        _LS_REF,
     ),
-    "terminal-rule": Fault(
-        ("archive.terminals",),
-        versions=(3,),
-        spoil=_terminals(f'<Terminal name="a" matchingRule="none">{_member("u")}</Terminal>'),
-    ),
-    "terminal-member": Fault(
-        ("archive.terminals",),
-        versions=(3,),
-        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u", "")}</Terminal>'),
-    ),
-    "terminal-twice": Fault(
-        ("archive.terminals",),
-        versions=(3,),
-        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u") * 2}</Terminal>'),
-    ),
-    "terminals-alike": Fault(
-        ("archive.terminals",), versions=(3,), spoil=_terminals('<Terminal name="a" matchingRule="bus"/>' * 2)
-    ),
-    "layered-version": Fault(
-        ("archive.layered",),
-        spoil=_manifest(
-            "com.example.ls",
-            "manifest></manifest>",
-            'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"',
-        ),
-    ),
-    "related-role": Fault(
-        ("archive.layered",),
-        spoil=_manifest(
-            "org.fmi-standard.fmi-ls-ref",
-            'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>',
-            _LS_REF,
-        ),
-    ),
-    "struct-description": Fault(
-        ("archive.layered",),
-        spoil=_manifest(
-            "org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT
-        ),
+    "struct-description": _manifest(
+        "org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT
     ),
     "backslashes": Fault(("archive.zip",), ("archive.layout",), spoil=_backslashes),
     "no-derivative-unknown": Fault(("description.structure",), spoil=_without_exchange),
     "alias-for-derivative": Fault(("description.structure",), versions=(2,), spoil=_alias_for_derivative),
-    "known-unknown": Fault(("description.structure",), versions=(2,), spoil=_known_state),
+    "known-unknown": Fault(
+        ("description.structure",),
+        versions=(2,),
+        spoil=_replaced("<InitialUnknowns>", '<InitialUnknowns><Unknown index="5"/>'),
+    ),
     "lost-library": Fault(
         ("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)
     ),
     # ---------------------------------------------------------------------------------------------------------- binary
-    "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
-    "no-library": Fault(("binary.header",), spoil=_damaged_library),
+    "wrong-folder": Fault(("binary.header",), spoil=_library_of_windows(None)),
+    "no-library": Fault(("binary.header",), spoil=_library_of_windows(b"no library at all")),
     "symbol": Fault(("binary.symbols",), macros=("LACKING",)),
     "library-version": Fault(("states.version",), macros=('VERSION="1.0"',)),
     # ---------------------------------------------------------------------------------------------------------- states
@@ -414,7 +376,7 @@ FAULTS = {
     ),
     "nominal": Fault(("exchange.nominals",)),
     "indicators": Fault(("exchange.counts",), versions=(3,)),
-    "reference": Fault(("references.results",), spoil=_reference),
+    "reference": Fault(("references.results",), spoil=_file("documentation/Faulty_ref.csv", reference(1.02))),
 }
 """Name -> what is wrong and which checks say so."""
 
@@ -513,32 +475,14 @@ def description(version: int) -> str:
     )
 
 
-def reference(factor: float = 1.0) -> str:
-    """The free motion from x = 1, as a table."""
-    w, decay = math.sqrt(4.0 - 0.04), 0.2
-    rows = ["time,x"]
-    for i in range(51):
-        t = i * 0.01
-        x = math.exp(-decay * t) * (math.cos(w * t) + decay / w * math.sin(w * t))
-        rows.append(f"{t:.17g},{factor * x:.17g}")
-    return "\n".join(rows) + "\n"
-
-
 def compile_library(version: int, folder: Path, macros: tuple[str, ...] = ()) -> Path:
     """The library for this machine. Functions that `faulty.c` lacks return an error."""
     name = re.sub(r"\W", "_", "_".join(macros))
     left_out = {"fmi2GetStatus", "fmi3GetClock"} if "LACKING" in macros else set()
-    stubs = folder / f"stubs{version}{name}.c"
-    stubs.write_text(
-        "".join(
-            f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n"
-            for f in required(str(version), {"cs", "me"})
-            if f not in left_out
-        )
-    )
+    others = making.others(folder, f"faulty{version}{name}", version, scheduled=False, without=left_out)
     given = [f"-D{m}" for m in macros if "=" not in m]
     given.append('-DVERSION="1.0"' if any(m.startswith("VERSION") for m in macros) else f'-DVERSION="{version}.0"')
-    sources = [making.HERE / "faulty.c", stubs]
+    sources = [making.HERE / "faulty.c", others]
     return making.compile_library(folder, f"faulty{version}{name}", version, sources, "-std=gnu99", *given)
 
 

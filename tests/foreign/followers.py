@@ -7,6 +7,8 @@ from pathlib import Path
 
 from . import making
 
+from cosim.fmu.calls import platform_folder
+
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
 SAVING = {
     2: ("canGetAndSetFMUstate", "canSerializeFMUstate"),
@@ -82,9 +84,19 @@ def description(version: int, name: str) -> str:
     )
 
 
+def unpacked(version: int, folder: Path, text: str) -> Path:
+    """A folder as of an unpacked archive with this description, whose library is empty."""
+    where, suffix = platform_folder(str(version))
+    binary = folder / "binaries" / where / f"follower{suffix}"
+    binary.parent.mkdir(parents=True)
+    binary.touch()
+    (folder / "modelDescription.xml").write_text(text, encoding="utf-8")
+    return folder
+
+
 def build(version: int, folder: Path, *, units: bool = True) -> Path:
     """The FMU for this machine, in a folder. Without `units` values are exchanged as they are."""
-    sources = [making.HERE / name for name in ("follower.c", "not_offered.c")]
+    sources = [making.HERE / "follower.c", making.others(folder, f"follower{version}", version)]
     library = making.compile_library(folder, f"follower{version}", version, sources)
     text = description(version, f"Follower{version}")
     text = text if units else re.sub(r' unit="\w+"', "", text)

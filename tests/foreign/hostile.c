@@ -10,44 +10,20 @@
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
-#include <stdbool.h>
-#include <stdint.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
-#if FMI == 2
-#include "fmi2Functions.h"
-#define NAME(n) fmi2##n
-typedef fmi2Component Instance;
-typedef fmi2Status Status;
-#define OK fmi2OK
-#else
-#include "fmi3Functions.h"
-#define NAME(n) fmi3##n
-typedef fmi3Instance Instance;
-typedef fmi3Status Status;
-#define OK fmi3OK
-#endif
-
+#include "../fmi_names.h"
 
 static char phase[32], deed[32];
 static double u, y, bad;
 static int steps, status, faulty_step = 10;
 static bool slow;
-#if FMI == 2
-static const fmi2CallbackFunctions *callbacks;
-#else
-static fmi3LogMessageCallback message;
-#endif
+static Logger log_;
 
 static void say(const char *text) {
-#if FMI == 2
-    callbacks->logger(callbacks->componentEnvironment, "hostile", fmi2Warning, "deeds", "%s", text);
-#else
-    message(NULL, fmi3Warning, "deeds", text);
-#endif
+    FMI2_OR_3(log_->logger(log_->componentEnvironment, "hostile", fmi2Warning, "deeds", "%s", text),
+        log_(NULL, fmi3Warning, "deeds", text));
 }
 
 static int deeper(volatile int n) { return n ? deeper(n + 1) + n : 0; }
@@ -166,7 +142,7 @@ static void commit(void) {
 }
 
 static void at(const char *now) {
-    status = OK;
+    status = F(OK);
     if (strncmp(phase, "late-", 5) == 0) { /* only when it has made its steps */
         if (strcmp(phase + 5, now) == 0 && steps >= faulty_step) commit();
         return;
@@ -199,7 +175,7 @@ static Instance made(void) {
     y = u = bad = 0;
     steps = 0;
     at("instantiate");
-    return status == OK ? &instance : NULL;
+    return status == F(OK) ? &instance : NULL;
 }
 
 static void step(double h) {
@@ -210,141 +186,64 @@ static void step(double h) {
     y += bad;
 }
 
-#define PLAIN(name, phase)           \
-    Status NAME(name)(Instance i) {  \
-        (void)i;                     \
-        at(phase);                   \
-        return (Status)status;       \
-    }
-PLAIN(ExitInitializationMode, "exit")
-PLAIN(Terminate, "terminate")
-Status NAME(Reset)(Instance i) {
-    (void)i;
+static Status passed(const char *now) {
+    at(now);
+    return (Status)status;
+}
+static Status set(double value) {
+    u = value;
+    return passed("set");
+}
+static Status get(double *value) {
+    at("get");
+    *value = y + bad;
+    return (Status)status;
+}
+
+INSTANTIATE((log_ = logger, made()))
+void F(FreeInstance)(Instance c) { at("free"); }
+SETUP(passed("setup"), passed("enter"))
+Status F(ExitInitializationMode)(Instance c) { return passed("exit"); }
+Status F(Terminate)(Instance c) { return passed("terminate"); }
+Status F(Reset)(Instance c) {
     y = u = bad = 0;
     steps = 0;
-    at("reset");
-    return (Status)status;
+    return passed("reset");
 }
-void NAME(FreeInstance)(Instance i) {
-    (void)i;
-    at("free");
-}
-
-static Status set(const double *v) {
-    u = v[0];
-    at("set");
-    return (Status)status;
-}
-
-static Status get(double *v) {
-    at("get");
-    v[0] = y + bad;
-    return (Status)status;
-}
+ACCESS(REAL, double, return n ? get(value) : F(OK), return n ? set(*value) : F(OK))
+DO_STEP((step(h), (Status)status))
 
 /* A state is the number of steps and y; its bytes are the same. */
 typedef struct { double y; int64_t steps; } State;
 
-static Status save(void **state) {
+Status STATE(Get, )(Instance c, Saved *state) {
     at("save");
     State *s = *state ? *state : malloc(sizeof *s);
     *s = (State){y, steps};
     *state = s;
     return (Status)status;
 }
-static Status restore(const void *state) {
+Status STATE(Set, )(Instance c, Saved state) {
     const State *s = state;
     at("restore");
     y = s->y, steps = (int)s->steps;
     return (Status)status;
 }
-static Status forget(void **state) {
-    free(*state);
-    *state = NULL;
-    return OK;
-}
-static Status size_of(size_t *n) {
+Status STATE(Free, )(Instance c, Saved *state) { return free(*state), *state = NULL, F(OK); }
+Status STATE(Serialized, Size)(Instance c, Saved state, size_t *n) {
     at("size");
     *n = strcmp(deed, "huge") == 0 && strcmp(phase, "size") == 0 ? (size_t)1 << 60 : sizeof(State);
     return (Status)status;
 }
-static Status serialize(const void *state, void *bytes) {
+Status STATE(Serialize, )(Instance c, Saved state, Byte bytes[], size_t n) {
     at("serialize");
     memcpy(bytes, state, sizeof(State));
     return (Status)status;
 }
-static Status deserialize(const void *bytes, size_t n, void **state) {
+Status DESERIALIZE(Instance c, const Byte bytes[], size_t n, Saved *state) {
     at("deserialize");
-    if (n != sizeof(State)) return (Status)3;
+    if (n != sizeof(State)) return F(Error);
     *state = malloc(n);
     memcpy(*state, bytes, n);
     return (Status)status;
 }
-#if FMI == 2
-#define STATES(f) fmi2##f##FMUstate
-Status fmi2SerializedFMUstateSize(Instance i, void *s, size_t *n) { return (void)i, (void)s, size_of(n); }
-Status fmi2DeSerializeFMUstate(Instance i, const char *b, size_t n, void **s) { return (void)i, deserialize(b, n, s); }
-Status fmi2SerializeFMUstate(Instance i, void *s, char *b, size_t n) { return (void)i, (void)n, serialize(s, b); }
-#else
-#define STATES(f) fmi3##f##FMUState
-Status fmi3SerializedFMUStateSize(Instance i, void *s, size_t *n) { return (void)i, (void)s, size_of(n); }
-Status fmi3DeserializeFMUState(Instance i, const uint8_t *b, size_t n, void **s) {
-    return (void)i, deserialize(b, n, s);
-}
-Status fmi3SerializeFMUState(Instance i, void *s, uint8_t *b, size_t n) { return (void)i, (void)n, serialize(s, b); }
-#endif
-Status STATES(Get)(Instance i, void **s) { return (void)i, save(s); }
-Status STATES(Set)(Instance i, void *s) { return (void)i, restore(s); }
-Status STATES(Free)(Instance i, void **s) { return (void)i, forget(s); }
-
-#if FMI == 2
-const char *fmi2GetTypesPlatform(void) { return "default"; }
-const char *fmi2GetVersion(void) { return "2.0"; }
-Instance fmi2Instantiate(
-    const char *n, fmi2Type t, const char *g, const char *r, const fmi2CallbackFunctions *c, int v, int l) {
-    (void)n, (void)t, (void)g, (void)r, (void)v, (void)l;
-    callbacks = c;
-    return made();
-}
-Status fmi2SetupExperiment(Instance i, int d, double t, double a, int e, double b) {
-    (void)i, (void)d, (void)t, (void)a, (void)e, (void)b;
-    at("setup");
-    return (Status)status;
-}
-PLAIN(EnterInitializationMode, "enter")
-Status fmi2SetReal(Instance i, const unsigned *r, size_t n, const double *v) {
-    return (void)i, (void)r, n ? set(v) : OK;
-}
-Status fmi2GetReal(Instance i, const unsigned *r, size_t n, double *v) { return (void)i, (void)r, n ? get(v) : OK; }
-Status fmi2DoStep(Instance i, double t, double h, int p) {
-    (void)i, (void)t, (void)p;
-    step(h);
-    return (Status)status;
-}
-#else
-const char *fmi3GetVersion(void) { return "3.0"; }
-Instance fmi3InstantiateCoSimulation(const char *n, const char *g, const char *r, bool v, bool l, bool e, bool early,
-    const unsigned *q, size_t m, void *env, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback up) {
-    (void)n, (void)g, (void)r, (void)v, (void)l, (void)e, (void)early, (void)q, (void)m, (void)env, (void)up;
-    message = log;
-    return made();
-}
-Status fmi3EnterInitializationMode(Instance i, bool d, double t, double a, bool e, double b) {
-    (void)i, (void)d, (void)t, (void)a, (void)e, (void)b;
-    at("enter");
-    return (Status)status;
-}
-Status fmi3SetFloat64(Instance i, const unsigned *r, size_t n, const double *v, size_t m) {
-    return (void)i, (void)r, (void)m, n ? set(v) : OK;
-}
-Status fmi3GetFloat64(Instance i, const unsigned *r, size_t n, double *v, size_t m) {
-    return (void)i, (void)r, (void)m, n ? get(v) : OK;
-}
-Status fmi3DoStep(Instance i, double t, double h, bool p, bool *a, bool *b, bool *c, double *last) {
-    (void)i, (void)p;
-    *a = *b = *c = false;
-    *last = t + h;
-    step(h);
-    return (Status)status;
-}
-#endif

@@ -256,16 +256,9 @@ def _wide(rng: random.Random, data: bytes) -> bytes:
 
 
 CHANGES: tuple[Callable[[random.Random, bytes], bytes], ...] = (
-    _field,
-    _field,
-    _field,
-    _field,
-    _both,
-    _both,
-    _overlap,
-    _around,
-    _wide,
-    mutate.cut,
+    *[_field] * 4,
+    *[_both] * 2,
+    *(_overlap, _around, _wide, mutate.cut),
 )
 
 

@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from crg_files import crg
 
 from build_fmus.base import safe_files
 from cosim import CosimError, Recording, Table, TableError
@@ -75,7 +76,7 @@ def _seeds() -> dict[str, tuple[bytes, ...]]:
             _crg("LRFI", ""),
             _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n"),
             _crg("KRBI", "REFERENCE_LINE_END_U = 4.0\n"),
-            _crg("KDBI", "$\n$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n"),
+            _crg("KDBI", "", "$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n$\n"),
         ),
         "vehicle.toml": tuple(p.read_bytes() for p in vehicles),
         "weights.toml": tuple(p.read_bytes() for p in weights),
@@ -93,28 +94,17 @@ def _seeds() -> dict[str, tuple[bytes, ...]]:
     }
 
 
-def _crg(form: str, more: str) -> bytes:
-    width = 10 if form == "LRFI" else 20
-    text = (
-        "$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 0.5 !"
-        f" m\n{more}$\n$KD_Definition\n#:{form}\nU:reference line u,m,0.0,0.5\n"
+def _crg(form: str, more: str, blocks: str = "") -> bytes:
+    """A course of three long sections."""
+    file = crg(
+        [[0.01 * i * k for k in range(4)] for i in range(9)],
+        [f"long section at v = {v},m" for v in (-1.0, 0.0, 1.0)],
+        form=form,
+        channels=("reference line slope,m/m",),
+        head=more,
+        more=blocks,
     )
-    text += (
-        "D:reference line slope,m/m\n"
-        + "".join(f"D:long section at v = {v},m\n" for v in (-1.0, 0.0, 1.0))
-        + "$\n"
-        + "$" * 80
-        + "\n"
-    )
-    if form in ("KRBI", "KDBI"):
-        size = 4 if form == "KRBI" else 8
-        values = np.outer(np.arange(10), 0.01 * np.arange(4))  # whole blocks of 80 bytes
-        return (
-            text.encode()
-            + values[: 9 if form == "KRBI" else 10].astype(f">f{size}").tobytes()
-            + b"\x7f\xc0\x00\x00" * (4 if form == "KRBI" else 0)
-        )
-    return (text + "".join("".join(f"{0.01 * i * k:{width}.6f}" for k in range(4)) + "\n" for i in range(9))).encode()
+    return file if isinstance(file, bytes) else file.encode()
 
 
 def _law() -> str:

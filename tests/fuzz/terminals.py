@@ -10,7 +10,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from cosim import CosimError, FmuError, System
-from cosim.fmu.calls import platform_folder
 from cosim.fmu.file import FmuFile
 from cosim.fmu.terminals_file import FILE
 from cosim.system import terminal_wires
@@ -39,12 +38,9 @@ def make(rng: random.Random) -> bytes:
 def run(case: bytes, folder: Path) -> None:
     from foreign import followers
 
-    (folder / "modelDescription.xml").write_text(followers.description(3, "Follower"))
+    followers.unpacked(3, folder, followers.description(3, "Follower"))
     (folder / FILE).parent.mkdir()
     (folder / FILE).write_bytes(case)
-    binary = folder / "binaries" / platform_folder("3")[0] / f"follower{platform_folder('3')[1]}"
-    binary.parent.mkdir(parents=True)
-    binary.touch()
     fmu = FmuFile(folder)
     with System() as system:
         for name in "ab":

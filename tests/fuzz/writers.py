@@ -34,7 +34,6 @@ from cosim.check.page import to_html
 from cosim.check.rules import Check, Finding
 from cosim.export.code import SystemCode, exported_schedule
 from cosim.export.variables import choose
-from cosim.fmu.calls import platform_folder
 from cosim.ssp.write import export_ssp
 from cosim.study import FmuSet
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
@@ -167,13 +166,13 @@ def _same_but_for_strings(write: Callable[..., str], *texts: str) -> list[str]:
 def _follower(folder: Path, name: str) -> Path:
     from foreign import followers
 
-    (at := folder / f"follower{len(list(folder.iterdir()))}").mkdir()
     described = followers.description(3, "NAME").replace('"NAME"', quoteattr(held(name).replace("\r", " ")))
-    (at / "modelDescription.xml").write_text(described, encoding="utf-8")
-    binary = at / "binaries" / platform_folder("3")[0] / f"follower{platform_folder('3')[1]}"
-    binary.parent.mkdir(parents=True)
-    binary.touch()
-    return at
+    return followers.unpacked(3, folder / f"follower{len(list(folder.iterdir()))}", described)
+
+
+def _name(component: str) -> str:
+    """What of a text a component may be called."""
+    return "".join(component.replace(".", "").split()) or "m"
 
 
 def _system(folder: Path, component: str, model: str, group: str) -> System:
@@ -187,7 +186,7 @@ def _system(folder: Path, component: str, model: str, group: str) -> System:
 
 
 def _plan(folder: Path, component: str, model: str, group: str) -> None:
-    component = "".join(component.replace(".", "").split()) or "m"
+    component = _name(component)
 
     def write(component: str, model: str, group: str) -> str:
         with _system(folder, component, model, group) as system:
@@ -241,7 +240,7 @@ def _tags(root: etree._Element) -> list[str]:
 
 
 def _picture(folder: Path, component: str, model: str, title: str) -> None:
-    component = "".join(component.replace(".", "").split()) or "m"
+    component = _name(component)
     with _system(folder, component, model, "group") as system:
         root = etree.fromstring(system.draw(title))
     with _system(folder, PLAIN, PLAIN, "group") as system:
@@ -252,7 +251,7 @@ def _picture(folder: Path, component: str, model: str, title: str) -> None:
 
 
 def _ssp(folder: Path, component: str, group: str, about: str) -> None:
-    component = "".join(component.replace(".", "").split()) or "m"
+    component = _name(component)
     with _system(folder, component, "Model", group) as system:
         path = export_ssp(
             system.components.values(),

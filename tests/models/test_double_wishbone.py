@@ -144,14 +144,14 @@ def points(suspension, **changes):
     return {**suspension.front.mechanism.points, **{n: np.array(v) for n, v in changes.items()}}
 
 
-def test_hardpoints_that_make_no_suspension_are_named(suspension, raises):
+def test_hardpoints_that_make_no_suspension_are_named(suspension, refused):
     good = points(suspension)
-    with raises(HardpointError):
-        DoubleWishbone(points(suspension, upper_rear=good["upper_front"]))
-    with raises(HardpointError):
-        DoubleWishbone(points(suspension, lower_ball=(good["lower_front"] + good["lower_rear"]) / 2))
-    with raises(HardpointError):
-        DoubleWishbone({n: v for n, v in good.items() if n not in ("spring_top", "tierod_outer")})
+    refused(
+        HardpointError,
+        lambda: DoubleWishbone(points(suspension, upper_rear=good["upper_front"])),
+        lambda: DoubleWishbone(points(suspension, lower_ball=(good["lower_front"] + good["lower_rear"]) / 2)),
+        lambda: DoubleWishbone({n: v for n, v in good.items() if n not in ("spring_top", "tierod_outer")}),
+    )
 
 
 def test_travel_beyond_the_mechanism_does_not_close(suspension, raises):

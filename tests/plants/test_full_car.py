@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from named import Named
 from oracles.eigenvalues import eigenvalues_by_point
 
-from build_fmus.reference import Evaluator, simulate
+from build_fmus.reference import simulate
 from build_fmus.stability import check_solver
 from cosim.experiments.metrics.response import response_objective
 from fmu_sources.plants import full_car
@@ -47,9 +48,9 @@ class Car:
 
     def y(self, x, u=None, p=None):
         u, p = self.u() if u is None else u, self.p() if p is None else p
-        run = Evaluator(self.c)
+        run = Named(self.c)
         run.p, run.u, run.x = p, u, x
-        return dict(zip(self.outputs, run.outputs(), strict=True))
+        return run.shown()
 
     @staticmethod
     def _fill(vector, names, values):
@@ -97,7 +98,7 @@ def test_rests_on_whatever_road_it_starts_on(car):
     warped = car.u(
         road__fl__height=0.05, road__fr__height=-0.01, road__rl__height=0.01, road__rr__height=0.02, target__speed=0.0
     )
-    run = Evaluator(car.c)
+    run = Named(car.c)
     run.u = warped
     before = run.x.copy()
     y = car.y(before, warped)
@@ -111,7 +112,7 @@ def test_rests_on_whatever_road_it_starts_on(car):
 
 
 def test_stands_still_at_speed_0(car):
-    run = Evaluator(car.c)
+    run = Named(car.c)
     run.u = car.u(target__speed=0.0)
     before = run.x.copy()
     for _ in range(500):
@@ -272,7 +273,7 @@ def test_energy_is_kept_to_integrator_order(car):
     of = energy(car, dict.fromkeys(CORNERS, 0.0))
     drift = []
     for step in (1e-3, 5e-4, 2.5e-4):
-        run = Evaluator(car.c, {k.replace("__", "."): v for k, v in CONSERVATIVE.items()})
+        run = Named(car.c, {k.replace("__", "."): v for k, v in CONSERVATIVE.items()})
         run.p[0] = step
         x = run.x.copy()
         for name, value in {"body.z": 0.03, "body.roll": 0.02, "body.pitch": -0.02, "body.yaw_rate": 0.1}.items():
@@ -292,14 +293,14 @@ def test_energy_is_kept_to_integrator_order(car):
 
 
 def test_tire_lifts_off_and_never_pulls(car):
-    run = Evaluator(car.c)
+    run = Named(car.c)
     run.u = car.u(target__speed=10.0)
     run.x = run.x
     run.u[:4] = -0.5  # the ground drops away
     forces, travels = [], []
     for _ in range(600):
         run.step(1e-3)
-        y = dict(zip(car.outputs, run.outputs(), strict=True))
+        y = run.shown()
         forces.append([y[f"tire.{k}.force"] for k in CORNERS])
         travels.append([y[f"suspension.{k}.deflection"] for k in CORNERS])
         if len(forces) == 100:  # in the air
@@ -358,13 +359,13 @@ def test_actuator_pushes_body_up_and_wheel_down(car):
 
 def test_brakes_and_drive_pitch_the_car_about_the_cg_height(car):
     """In steady acceleration the load moves from front to rear by M a h / wheelbase."""
-    run = Evaluator(car.c, {"speed_control.integral_gain": 0.0})
+    run = Named(car.c, {"speed_control.integral_gain": 0.0})
     run.u = car.u(target__speed=10.0)
     run.x = run.x
     for _ in range(3000):
         run.u[car.inputs.index("target.speed")] += 1e-3  # ends in 1 m/s2
         run.step(1e-3)
-    y = dict(zip(car.outputs, run.outputs(), strict=True))
+    y = run.shown()
     moved = sum(y[f"tire.{k}.force"] for k in ("rl", "rr")) - 2 * (110 * G + 5000 * G * 0.6 / 2)
     a = car.rhs(run.x, run.u, run.p)[car.states.index("body.vx")]
     assert a == pytest.approx(1.0, abs=0.02)
@@ -372,13 +373,13 @@ def test_brakes_and_drive_pitch_the_car_about_the_cg_height(car):
 
 
 def test_driver_changes_lane_and_speed(car):
-    run = Evaluator(car.c)
+    run = Named(car.c)
     run.u = car.u(target__speed=15.0)
     run.x = run.x
     run.u = car.u(target__speed=17.0, target__y=1.0)
     for _ in range(8000):
         run.step(1e-3)
-    y = dict(zip(car.outputs, run.outputs(), strict=True))
+    y = run.shown()
     assert y["y"] == pytest.approx(1.0, abs=0.02)
     assert y["speed"] == pytest.approx(17.0, abs=0.02)
 
@@ -386,14 +387,14 @@ def test_driver_changes_lane_and_speed(car):
 @pytest.mark.parametrize(("vehicle", "start", "target"), [("car", 0.0, 25.0), ("basic", 25.0, 0.0)])
 def test_hardest_drive_and_brake_neither_spin_nor_lock_the_wheels(request, vehicle, start, target):
     model = request.getfixturevalue(vehicle)
-    run = Evaluator(model.c)
+    run = Named(model.c)
     run.u = model.u(target__speed=start)
     run.x = run.x
     run.u = model.u(target__speed=target)
     speeds = []
     for _ in range(5500):
         run.step(1e-3)
-        y = dict(zip(model.outputs, run.outputs(), strict=True))
+        y = run.shown()
         speeds.append(y["speed"])
         if y["speed"] > 3:
             assert abs(y["wheel.fl.spin"] * 0.45 / y["speed"] - 1) < 0.5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from named import Named
 
 from build_fmus.reference import Evaluator, simulate
 from build_fmus.stability import check_solver
@@ -41,10 +42,8 @@ def test_static_response(car):
 
 
 def test_parameters_take_effect(car):
-    run = Evaluator(car, {"body.mass": 1400.0})
-    run.u[:] = 0, 0, 1000.0
-    values = dict(zip((e.name for e in car.output_elements()), run.outputs(), strict=True))
-    assert values["body.az"] == pytest.approx(1000 / 1400)
+    shown = Named(car, {"body.mass": 1400.0}).put(force=1000.0).shown()
+    assert shown["body.az"] == pytest.approx(1000 / 1400)
 
 
 def test_reference_run_is_finite_and_solver_stable(car):

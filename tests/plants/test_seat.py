@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from named import Named
 from scipy.spatial.transform import Rotation
 
-from build_fmus.reference import Evaluator
 from fmu_sources.plants import full_car, ride_car, three_axle_trench
 from fmu_sources.vehicles import load_full_car, load_ride_car, load_three_axle, load_three_axle_trench, load_vehicle
 
@@ -39,7 +39,7 @@ class Moving:
     def __init__(self, component, rng, **parameters):
         self.model = component.model()
         self.names = [e.name for e in self.model.elements("state")]
-        self.run = Evaluator(self.model)
+        self.run = Named(self.model)
         self.run.p = self.model.vector("parameter", parameters)
         self.p = dict(zip([e.name for e in self.model.elements("parameter")], self.run.p, strict=True))
         x = np.asarray(self.model.functions["start"](self.model.vector("state"), self.run.u, self.run.p)).ravel()
@@ -61,7 +61,7 @@ class Moving:
 
     def outputs(self):
         self.run.x = self.x
-        return dict(zip([e.name for e in self.model.output_elements()], self.run.outputs(), strict=True))
+        return self.run.shown()
 
     def position(self, x, place, arm):
         return place(

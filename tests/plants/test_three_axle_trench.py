@@ -13,7 +13,7 @@ from cosim import CosimError, Recording, StopWhen, System
 from cosim.experiments.metrics.crossing import Crossing, crossing, failures
 from cosim.experiments.trench import published as trench_published
 from fmu_sources.plants import ride_car, three_axle_trench
-from fmu_sources.vehicles import VehicleError, load_three_axle, load_three_axle_trench, load_vehicle
+from fmu_sources.vehicles import load_three_axle, load_three_axle_trench, load_vehicle
 
 CORNERS = ("a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
 START, AHEAD, BEHIND = 5.0, 3.25, 3.30  # m: of the trench; bumper tips ahead of and behind the CG
@@ -317,11 +317,6 @@ def test_what_does_not_count_is_not_checked(fmu) -> None:
     drive(fmu, 0.01, 1.0, obstacle__shape=2, trench__start=0.0)
     drive(fmu, 0.01, 1.0, obstacle__shape=2, outline__points=2, **{"outline__left__x[4]": 0.0})
     drive(fmu, 0.01, 1.0, obstacle__shape=0, trench__start=0.0)
-
-
-def test_other_kinds_of_vehicle_are_refused(raises) -> None:
-    with raises(VehicleError):
-        load_three_axle_trench("three_axle")
 
 
 def test_the_ride_model_and_the_trench_share_their_numbers() -> None:

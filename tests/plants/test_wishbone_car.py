@@ -3,14 +3,14 @@
 import casadi as ca
 import numpy as np
 import pytest
+from named import Named
 
-from build_fmus.reference import Evaluator
 from cosim import Record, System
 from cosim.core.errors import CosimError
 from fmu_sources.plants import wishbone_car
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
 from fmu_sources.roads import RoadLayout, road_half_round
-from fmu_sources.vehicles import VehicleError, load_wishbone_car
+from fmu_sources.vehicles import load_wishbone_car
 
 CORNERS = ("fl", "fr", "rl", "rr")
 G = 9.81
@@ -28,7 +28,6 @@ class Car:
     def __init__(self, vehicle):
         self.c = wishbone_car(vehicle, "FullCarTest").model()
         self.names = {role: [e.name for e in self.c.elements(role)] for role in ("state", "input", "parameter")}
-        self.outputs = [e.name for e in self.c.output_elements()]
 
     def vector(self, role, **values):
         vector = self.c.vector(role)
@@ -44,9 +43,9 @@ class Car:
         return dict(zip(self.names["state"], dx, strict=True))
 
     def shows(self, x, u, p):
-        run = Evaluator(self.c)
+        run = Named(self.c)
         run.p, run.u, run.x = p, u, x
-        return dict(zip(self.outputs, run.outputs(), strict=True))
+        return run.shown()
 
 
 @pytest.fixture(scope="module")
@@ -213,13 +212,9 @@ def test_depth_on_a_half_round_is_that_of_the_exact_area(ahead, height):
 
 def test_road_shows_what_tires_touch(vehicle):
     road = road_half_round(RoadLayout.of(vehicle)).model()
-    run = Evaluator(road)
-    names = [e.name for e in road.elements("input")]
-    run.p = road.vector("parameter")
-    run.u = np.zeros(len(names))
     place, _ = vehicle.wheel_place("front")
-    run.u[names.index("x")] = 30.0 - place - 0.1  # the middle of the half-round 0.1 m ahead of the front wheels
-    shown = dict(zip([e.name for e in road.output_elements()], run.outputs(), strict=True))
+    run = Named(road).put(x=30.0 - place - 0.1)  # the middle of the half-round 0.1 m ahead of the front wheels
+    shown = run.shown()
     bump = 8 * INCH
     under = np.sqrt(bump**2 - 0.1**2)
     assert shown["road.fl.height"] == pytest.approx(under, abs=1e-12)
@@ -267,46 +262,3 @@ def test_rolls_on_roads_of_other_cars_too(built_fmus):
 def test_table_that_does_not_increase_is_refused_by_the_fmu(built_fmus, raises):
     with raises(CosimError):
         drive(built_fmus, "RoadHalfRoundHmmwvPublic", 0.01, **{"tire.deflection[2]": 0.0})
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (
-            '[suspension.front.spring]\ncompression = { value = [0.0, 0.02, 0.01], unit = "m", source = "x" }',
-            ["suspension.front.spring.compression", "value 3 is 0.01 m after 0.02 m", "must increase"],
-        ),
-        (
-            '[tire]\nforce = { value = [0.0, 1e5], unit = "N", source = "x" }',
-            ["tire", "deflection has 3 values", "force has 2 values"],
-        ),
-        (
-            '[suspension.rear.points]\nupper_ball = { value = [1.4, 28.17], unit = "in", source = "x" }',
-            ["suspension.rear.points.upper_ball", "2 values; 3 are needed"],
-        ),
-        (
-            '[suspension.front.points]\nupper_ball = { value = [-2.088, 17.9, 9.0], unit = "in", source = "x" }',
-            ["suspension.front", "points", "cannot be assembled at a travel of"],
-        ),
-        (
-            '[suspension.front.points]\nlower_rear = { value = [8.79, 12.09, 0.0], unit = "in", source = "x" }',
-            ["suspension.front", "lower_front and lower_rear coincide"],
-        ),
-        (
-            '[suspension.front.travel]\nleast = { value = -0.3, unit = "m", source = "x" }',
-            ["suspension.front", "cannot be assembled at a travel of -0.1"],
-        ),
-        (
-            '[suspension.front.points]\nwheel_center = { value = [0, 0, 0], unit = "in", source = "x" }',
-            ["wheel_center", "did you mean 'wheel_centre'"],
-        ),
-        ('[tire]\nforce = { value = [0.0, nan, 1.0], unit = "N", source = "x" }', ["tire.force", "finite"]),
-    ],
-)
-def test_mistakes_in_a_file_are_named(tmp_path, text, words):
-    path = tmp_path / "mine.toml"
-    path.write_text(f'base = "hmmwv_public"\n{text}\n')
-    with pytest.raises(VehicleError) as told:
-        load_wishbone_car(path)
-    for word in ("mine.toml", *words):
-        assert word in str(told.value)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from named import Named
 from scipy import linalg
 
-from build_fmus.reference import Evaluator
 from fmu_sources.controllers.lq.design import LqError
 from fmu_sources.controllers.lq.three_axle import LqrThreeAxleWeights, design, lqr_three_axle
 from fmu_sources.plants import ride_car
@@ -40,12 +40,7 @@ def test_gain_is_that_of_the_riccati_equation(car, lqr):
 
 
 def answer(lqr, **inputs):
-    """Outputs by name, inputs by name with `__` for `.`."""
-    run = Evaluator(lqr, {})
-    slots = {e.name: e.slot for e in lqr.elements("input")}
-    for name, value in inputs.items():
-        run.u[slots[name.replace("__", ".")]] = value
-    return dict(zip([e.name for e in lqr.output_elements()], run.outputs(), strict=True))
+    return Named(lqr).put(**inputs).shown()
 
 
 def test_the_reference_is_taken_off_the_pitch(lqr):

@@ -654,12 +654,13 @@ def test_wrong_weights_are_named(outputs, controls, raises):
         output_index(sedan(), outputs, controls)
 
 
-def test_wrong_index_is_refused(raises):
+def test_wrong_index_is_refused(raises, refused):
     zeros = np.zeros((2, 2))
-    with raises(ValueError):
-        QuadraticIndex(np.eye(2), zeros, [[1, 1], [1, 1]], zeros, zeros)
-    with raises(ValueError):
-        QuadraticIndex(np.eye(2), zeros, [[1, 0], [0, 0]], zeros, zeros)
+    refused(
+        ValueError,
+        lambda: QuadraticIndex(np.eye(2), zeros, [[1, 1], [1, 1]], zeros, zeros),
+        lambda: QuadraticIndex(np.eye(2), zeros, [[1, 0], [0, 0]], zeros, zeros),
+    )
     with pytest.raises(ValueError, match=r"nonnegative index.*-1"):
         QuadraticIndex(np.eye(2), 2 * np.eye(2), np.eye(2), zeros, zeros)
     with raises(ValueError):
@@ -682,14 +683,9 @@ def test_wrong_plant_is_refused(raises):
         replace(plant, outputs=("body.az", *OUTPUTS[:-1]))
 
 
-def test_wrong_arguments_are_refused(raises):
+def test_wrong_arguments_are_refused(refused):
     law = COMFORT_LAW()
-    with raises(ValueError):
-        law.foh_weights(0, 5)
-    with raises(ValueError):
-        law.foh_weights(0.005, 0)
-    with raises(ValueError):
-        law.kernel(-0.1)
+    refused(ValueError, lambda: law.foh_weights(0, 5), lambda: law.foh_weights(0.005, 0), lambda: law.kernel(-0.1))
     with pytest.raises(ValueError, match="period is nan s; give"):
         sampled_lq(law.plant, law.index, float("nan"))
     foh = law.foh_weights(0.005, 10)

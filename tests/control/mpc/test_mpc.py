@@ -9,12 +9,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from named import Named
 from oracles.mpc import MpcReference
 from scipy import integrate
 
 from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.qp import Daqp, Osqp
-from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import (
     Case,
     Disturbance,
@@ -138,9 +138,8 @@ def test_component_solves_the_problem_of_the_reference(car, model) -> None:
     """All kinds of bounds, references, preview and both cases, at random states, in and out of the bounds."""
     mpc = settings(model)
     c, reference = law(mpc, car), MpcReference(mpc)
-    ev = Evaluator(c)
+    ev = Named(c)
     slot = {e.name: e.slot for e in c.elements("input")}
-    names = [e.name for e in c.output_elements()]
     random = np.random.default_rng(0)
     previous, active, slack = np.zeros(1), 0, 0.0
     for k in range(150):
@@ -154,7 +153,7 @@ def test_component_solves_the_problem_of_the_reference(car, model) -> None:
         for i in range(20):
             ev.u[slot[f"reference.height[{i + 1}]"]] = requested[i]
         ev.step(PERIOD)
-        got = dict(zip(names, ev.outputs(), strict=True))
+        got = ev.shown()
         w = np.append(road, road[-1])[None, :] * (k % 3 > 0)
         r = np.vstack([np.zeros((2, 20)), np.append(requested[1:], requested[-1])])
         step = reference.step(x, previous, w, r, case)
@@ -226,15 +225,14 @@ def test_reference_minimises_the_index(model) -> None:
 def test_input_that_leaves_its_bounds_with_the_case_comes_back_at_its_rate(car, model) -> None:
     mpc = settings(model, horizon=Horizon(20, 3))
     c = law(mpc, car)
-    ev = Evaluator(c)
+    ev = Named(c)
     slot = {e.name: e.slot for e in c.elements("input")}
-    names = [e.name for e in c.output_elements()]
     ev.u[slot["body.z"]] = -0.05  # the spring lifts: the force is to pull down
     forces = []
     for k in range(8):
         ev.u[slot["case"]] = k >= 4
         ev.step(PERIOD)
-        got = dict(zip(names, ev.outputs(), strict=True))
+        got = ev.shown()
         assert got["solver.status"] == 0
         forces.append(got["force"])
     assert forces[3] < -1500.0
@@ -255,22 +253,21 @@ def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None
     if why == "infeasible":
         mpc = replace(mpc, outputs=(mpc.outputs[0], hard, mpc.outputs[2]))
     c = law(mpc, car, backend)
-    ev = Evaluator(c)
+    ev = Named(c)
     slot = {e.name: e.slot for e in c.elements("input")}
-    names = [e.name for e in c.output_elements()]
     ev.u[slot["body.vz"]] = 0.05 if why == "infeasible" else 0.0
     ev.step(PERIOD)
-    first = dict(zip(names, ev.outputs(), strict=True))
+    first = ev.shown()
     assert not first["command.held"]
     ev.u[slot["body.z"]] = 0.5
     ev.step(PERIOD)
-    got = dict(zip(names, ev.outputs(), strict=True))
+    got = ev.shown()
     assert got["command.held"]
     assert got["solver.status"] == (2 if why == "infeasible" else 1)
     assert got["force"] == first["force"]
     ev.u[slot["case"]] = 1  # now at least 500 N are asked for: held, but within the bounds
     ev.step(PERIOD)
-    assert dict(zip(names, ev.outputs(), strict=True))["force"] == pytest.approx(500.0)
+    assert ev.shown()["force"] == pytest.approx(500.0)
     assert first["force"] < 500.0
 
 
@@ -284,18 +281,17 @@ def test_condensed_matrices(model) -> None:
 
 def test_example_of_the_docs_sees_a_bump_coming() -> None:
     path = Path(__file__).parents[3] / "docs" / "examples" / "quarter_car_mpc.py"
-    ev = Evaluator(runpy.run_path(str(path))["make"]().model())
+    ev = Named(runpy.run_path(str(path))["make"]().model())
     slot = {e.name: e.slot for e in ev.component.elements("input")}
-    names = [e.name for e in ev.component.output_elements()]
     forces = {}
     for case in (0, 1):
-        ev = Evaluator(ev.component)
+        ev = Named(ev.component)
         ev.u[slot["case"]] = case
         for i in range(11, 32):
             ev.u[slot[f"preview[{i}]"]] = 0.02
         for _ in range(2):
             ev.step(PERIOD)
-            got = dict(zip(names, ev.outputs(), strict=True))
+            got = ev.shown()
             assert got["solver.status"] == 0
         forces[case] = got["force"]
     assert forces[0] != 0.0

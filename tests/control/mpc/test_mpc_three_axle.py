@@ -5,9 +5,9 @@ Commands are compared with quadprog on an independent prediction.
 
 import numpy as np
 import pytest
+from named import Named
 from oracles.mpc import MpcReference
 
-from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import MpcError, Observer
 from fmu_sources.controllers.mpc.three_axle import (
     FORCES,
@@ -157,24 +157,20 @@ class Loop:
     def __init__(self, law, designed, *, estimator, hold_height=True, retraction=1):
         self.model, gains, self.mpc = designed
         self.reference = MpcReference(self.mpc)
-        self.run = Evaluator(law, {"estimator": estimator, "hold_height": hold_height, "retraction": retraction})
+        self.run = Named(law, {"estimator": estimator, "hold_height": hold_height, "retraction": retraction})
         self.gain = [None, gains["offsets"], gains["road"]][estimator]
         self.choice = (hold_height, retraction)
-        self.slots = {e.name: e.slot for e in law.elements("input")}
-        self.names = [e.name for e in law.output_elements()]
         self.u, self.z = np.zeros(6), None
         self.worst, self.residual, self.active = 0.0, 0.0, 0
 
     def step(self, inputs, road, pitch, case, use_preview):
         """One sample: outputs of the law; the largest difference to the reference is kept."""
-        for name, value in inputs.items():
-            self.run.u[self.slots[name]] = value
+        self.run.put(inputs, case=case, use_preview=use_preview)
         for i, k in enumerate(SIX_CORNERS):
-            self.run.u[self.slots[f"preview.{k}[1]"] + np.arange(50)] = road[i]
-        self.run.u[self.slots["reference.pitch[1]"] + np.arange(50)] = pitch
-        self.run.u[self.slots["case"]], self.run.u[self.slots["use_preview"]] = case, use_preview
+            self.run.u[self.run.slots[f"preview.{k}[1]"] + np.arange(50)] = road[i]
+        self.run.u[self.run.slots["reference.pitch[1]"] + np.arange(50)] = pitch
         self.run.step(0.005)
-        y = dict(zip(self.names, self.run.outputs(), strict=True))
+        y = self.run.shown()
 
         n = len(self.model.states)
         states = np.array([inputs[s] for s in self.model.states[:18]] + [0.0] * (n - 18))
@@ -216,13 +212,11 @@ def test_every_command_of_a_crossing_is_that_of_quadprog(
 ):
     """The first axle goes down and the second follows, 0.25 m deep: bounds on forces and outputs are met."""
     loop = Loop(law, designed, estimator=estimator, hold_height=hold_height)
-    plant = Evaluator(car.model(), {})
-    slots = {e.name: e.slot for e in car.model().elements("input")}
-    names = [e.name for e in car.model().output_elements()]
+    plant = Named(car.model())
     places = np.repeat([1.98, -0.02, -2.02], 2)
     for k in range(int(1.1 / speed / 0.005) if speed < 4 else 60):
         t = 0.005 * k
-        y = dict(zip(names, plant.outputs(), strict=True))
+        y = plant.shown()
         road = np.array([trench(p + speed * (t + 0.005 * np.arange(50)), 0.25) for p in places])
         pitch = 0.02 * np.sin(3.0 * (t + 0.005 * np.arange(50)))
         inputs = {n: y[n] for n in [*designed[0].states[:18], "body.az"]}
@@ -230,9 +224,9 @@ def test_every_command_of_a_crossing_is_that_of_quadprog(
         for j in range(5):
             x = places + speed * (t + 1e-3 * j)
             for i, c in enumerate(SIX_CORNERS):
-                plant.u[slots[f"road.{c}.height"]] = trench(x[i], 0.25)
-                plant.u[slots[f"road.{c}.rate"]] = speed * (trench(x[i] + 1e-6, 0.25) - trench(x[i], 0.25)) / 1e-6
-                plant.u[slots[f"force.{c}"]] = u[i]
+                plant.u[plant.slots[f"road.{c}.height"]] = trench(x[i], 0.25)
+                plant.u[plant.slots[f"road.{c}.rate"]] = speed * (trench(x[i] + 1e-6, 0.25) - trench(x[i], 0.25)) / 1e-6
+                plant.u[plant.slots[f"force.{c}"]] = u[i]
             plant.step(1e-3)
     assert loop.worst <= 1e-6  # scaled; 1e-3 is asked for
     assert loop.residual <= 1e-6
@@ -261,9 +255,9 @@ def test_commands_in_all_cases_are_those_of_quadprog(law, designed, hold_height,
 
 
 def test_a_flat_road_asks_for_nothing(law):
-    run = Evaluator(law, {})
+    run = Named(law)
     run.step(0.1)
-    y = dict(zip([e.name for e in law.output_elements()], run.outputs(), strict=True))
+    y = run.shown()
     assert [y[f] for f in FORCES] == pytest.approx([0.0] * 6, abs=1e-6)
     assert y["solver.status"] == 0
     assert not y["command.held"]
@@ -271,12 +265,9 @@ def test_a_flat_road_asks_for_nothing(law):
 
 def test_left_and_right_are_alike(law):
     def forces(**inputs):
-        run = Evaluator(law, {"estimator": 0})
-        slots = {e.name: e.slot for e in law.elements("input")}
-        for name, value in inputs.items():
-            run.u[slots[name.replace("__", ".")]] = value
+        run = Named(law, {"estimator": 0}).put(**inputs)
         run.step(0.005)
-        y = dict(zip([e.name for e in law.output_elements()], run.outputs(), strict=True))
+        y = run.shown()
         return np.array([y[f] for f in FORCES])
 
     left = forces(wheel__a2l__z=0.01, body__roll=0.002, wheel__a3r__vz=0.1)
@@ -286,12 +277,9 @@ def test_left_and_right_are_alike(law):
 
 def test_initial_outputs_do_not_depend_on_the_acceleration_they_cause(law):
     """body.az follows from the forces of the same instant: at initialization that would be a loop."""
-    run = Evaluator(law, {})
-    slots = {e.name: e.slot for e in law.elements("input")}
-    run.u[slots["body.pitch"]] = 0.01
+    run = Named(law).put(body__pitch=0.01)
     first = run.outputs()
-    run.u[slots["body.az"]] = 5.0
-    np.testing.assert_array_equal(run.outputs(), first)
+    np.testing.assert_array_equal(run.put(body__az=5.0).outputs(), first)
 
 
 def test_a_plant_without_the_names_is_refused():

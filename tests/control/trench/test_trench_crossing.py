@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from named import Named
 
-from build_fmus.reference import Evaluator
 from fmu_sources.controllers.trench.crossing import COUNT, STEP, UNSEEN, CrossingGeometry, trench_crossing
 from fmu_sources.plants import three_axle_trench
 from fmu_sources.vehicles import load_three_axle_trench
@@ -40,9 +40,7 @@ class Drive:
     """The algorithm beside a body whose CG is `x` before the start of the trench (negative: ahead of it is road)."""
 
     def __init__(self, component, **parameters):
-        self.run = Evaluator(component, parameters)
-        self.slots = {e.name: e.slot for e in component.elements("input")}
-        self.names = [e.name for e in component.output_elements()]
+        self.run = Named(component, parameters)
 
     def at(self, x, *, pitch=0.0, z=0.0, speed=1.0, length=LENGTH, sees=(True, True), wheels=None):
         """Outputs by name at a position of the CG relative to the start of the trench."""
@@ -56,10 +54,8 @@ class Drive:
                 f"lidar.{end}.valid": float(seen),
             }
         values |= {f"wheel.{k}.z": h for k, h in (wheels or {}).items()}
-        for name, value in values.items():
-            self.run.u[self.slots[name]] = value
-        self.run.step(STEP)
-        return dict(zip(self.names, self.run.outputs(), strict=True))
+        self.run.put(values).step(STEP)
+        return self.run.shown()
 
 
 def preview(out, corner):
