@@ -157,7 +157,7 @@ class Case(Stepped):
     )
     terrain: str = option(
         CLASSES[OFFROAD_CLASS],
-        choices=CLASSES,
+        choices=tuple(CLASSES),
         only=_OFF_ROAD,
         label="class-{}",
         help="class of the road profile (ISO 8608)",
