@@ -103,6 +103,4 @@ def report(results: Results, fmus: FmuSet) -> Report:
     return report_readings(STUDY, EXPERIMENT, results, fmus, NOTES)
 
 
-EXPERIMENT = STUDY.experiment(
-    "hmmwv-readings", "HMMWV with hydraulic actuators: other readings (paper 001)", __name__
-)
+EXPERIMENT = STUDY.experiment("hmmwv-readings", "HMMWV with hydraulic actuators: other readings (paper 001)", __name__)

@@ -75,7 +75,8 @@ STUDY = ReadingsStudy(
     short=(Change(Case, {"solver_parts": 1, "exchange_parts": 1}),),
 )
 NOTES = (
-    "Verdicts are those at the step of the main study, which also judges at half of it; so does this study with --full.",
+    "Half the step: verdicts are those at the step of the main study, which also judges at half of it. --full does so"
+    " too.",
     "The LQR's units: its weights are read with forces in kN, without which they do nothing. Other units are another"
     " gain matrix, so another controller file, not an option of a run.",
 )

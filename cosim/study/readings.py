@@ -21,7 +21,7 @@ from typing import Any
 import click
 
 from cosim.study.claims import ClaimList
-from cosim.study.experiment import Experiment, Task, resolved
+from cosim.study.experiment import Experiment, Row, Task, resolved
 from cosim.study.results import Results, RunFailed
 
 AS_READ = "as read"
@@ -142,4 +142,13 @@ class ReadingsStudy:
                 entries.append({"metrics": results[read_as(reading, task.case)]})  # type: ignore[union-attr]
             except RunFailed as error:
                 entries.append({"failed": str(error)})
-        return Results(tasks, entries)
+        return _Seen(tasks, entries)
+
+
+class _Seen(Results):
+    """The runs that claims need; others count as failed, so a claim that rests on one is open."""
+
+    def __getitem__(self, case: Any) -> Row:
+        if case not in self:
+            raise RunFailed(f"this study leaves out the run {getattr(case, 'label', case)}")
+        return super().__getitem__(case)
