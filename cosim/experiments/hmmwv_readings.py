@@ -13,7 +13,14 @@ from typing import Any
 from cosim.experiments import hmmwv
 from cosim.experiments.hmmwv.preview import published as chain_of_preview
 from cosim.experiments.hmmwv.preview.runs import Case as PreviewCase
-from cosim.experiments.hmmwv.published import CONDITIONS, NULL_OPENINGS_MM, WITHOUT_PREVIEW, places, published_cases
+from cosim.experiments.hmmwv.published import (
+    CONDITIONS,
+    NULL_OPENINGS_MM,
+    WITHOUT_PREVIEW,
+    finer,
+    places,
+    published_cases,
+)
 from cosim.experiments.hmmwv.runs import Case
 from cosim.experiments.hmmwv.tracking import published as tracking
 from cosim.experiments.hmmwv.tracking.runs import FILTER
@@ -61,8 +68,6 @@ READINGS: dict[str, Reading] = {
     "LQR weights with the force in kN": (Change(Case, {"controller": "lqr-kilonewton"}, {"controller": "lqr"}),),
     "preview 20 ms late": (Change(Case, {"preview_error_ms": 20.0}, {"controller": "mpc-preview"}),),
     "a tenth of the sensors' noise": (Change(PreviewCase, {"noise": 0.1}, {"noise": 1.0}),),
-}
-MORE: dict[str, Reading] = {
     "tires that take tension": (Change(Case, {"lift_off": False}),),
     "estimated states": (Change(Case, {"states": "estimated"}, {"controller": CONTROLLED[1:]}),),
     "off road of class D": (Change(Case, {"terrain": "D"}, {"road": "off-road"}),),
@@ -70,7 +75,7 @@ MORE: dict[str, Reading] = {
 
 
 def needs() -> list[Any]:
-    """The runs on which the claims of the main study rest, at its own steps."""
+    """The runs on which the claims of the main study rest."""
     cars = [
         at(case)
         for case in published_cases()
@@ -82,10 +87,18 @@ def needs() -> list[Any]:
     variants = [c for c in variants if c.integral is None and c.exchange_parts == 1]
     corner = [TrackingCase(FILTER), *(replace(c, signal=s) for c in variants for s in tracking.PUBLISHED)]
     preview = [t.case for t in chain_of_preview.plan() if not t.case.dropout]
-    return list(dict.fromkeys(chain(*map(places, cars), corner, preview)))
+    at_places = list(chain(*map(places, cars)))
+    return list(dict.fromkeys([*at_places, *map(finer, at_places), *corner, *preview]))
 
 
-STUDY = ReadingsStudy(hmmwv.EXPERIMENT, needs, ("cosim.experiments.hmmwv.claims:CLAIMS",), READINGS, MORE)
+STUDY = ReadingsStudy(
+    hmmwv.EXPERIMENT,
+    needs,
+    ("cosim.experiments.hmmwv.claims:CLAIMS",),
+    READINGS,
+    "judge at half the steps of solver and exchange too",
+    short=(Change(Case, {"solver_parts": 1, "exchange_parts": 1}),),
+)
 NOTES = (
     "The height of the CG: the vehicle of the paper has seven degrees of freedom and drives straight at one speed, so"
     " no force acts along or across the road that a height could turn into pitch or roll.",

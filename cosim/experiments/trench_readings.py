@@ -71,12 +71,11 @@ STUDY = ReadingsStudy(
     needs,
     ("cosim.experiments.trench.claims:CLAIMS", "cosim.experiments.three_axle.claims:CLAIMS"),
     READINGS,
+    f"judge at half the step too, and {len(MORE)} more readings",
     MORE,
     short=(Change(Case, {"solver_parts": 1, "exchange_parts": 1}),),
 )
 NOTES = (
-    "Half the step: verdicts are those at the step of the main study, which also judges at half of it. --full does so"
-    " too.",
     "The LQR's units: its weights are read with forces in kN, without which they do nothing. Other units are another"
     " gain matrix, so another controller file, not an option of a run.",
 )

@@ -72,6 +72,7 @@ class ReadingsStudy:
         needs: cases of the main study on which the claims rest.
         claims: lists of them, each a `ClaimList` or "module:NAME" of one.
         readings: by their names, in words; the first is the main study's.
+        full: what the full study does besides, as help of its option.
         more: others, of the full study.
         short: what the short study changes in every reading, such as to leave out runs with finer steps.
     """
@@ -80,6 +81,7 @@ class ReadingsStudy:
     needs: Callable[[], Iterable[Any]]
     claims: Sequence[Any]
     readings: Mapping[str, Reading]
+    full: str
     more: Mapping[str, Reading] = field(default_factory=dict)
     short: Reading = ()
 
@@ -114,9 +116,8 @@ class ReadingsStudy:
 
     def plan(self) -> Callable[..., list[Task]]:
         """The plan, with its option."""
-        counts = [f"{len(self.cases(full))} runs of {len(self.chosen(full))} readings" for full in (True, False)]
 
-        @click.option("--full/--no-full", default=False, help=f"{counts[0]} instead of {counts[1]}")
+        @click.option("--full/--no-full", default=False, help=self.full)
         def plan(full: bool = False) -> list[Task]:
             return [Task(case) for case in self.cases(full)]
 

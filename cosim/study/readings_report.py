@@ -21,6 +21,11 @@ _LEGEND = (
     " those of the main study."
 )
 
+HALF_THE_STEP = (
+    "Half the step: verdicts are those at the steps of the main study, which also judges at half of them; so does"
+    " --full."
+)
+
 Judged = dict[str, Claims]
 
 
@@ -38,6 +43,8 @@ def report_readings(
     judged = judge(study, results)
     counts = {name: sum(c.verdict in IN_FULL for c in claims) for name, claims in judged.items()}
     total, others = len(judged[AS_READ]), {n: k for n, k in counts.items() if n != AS_READ}
+    if not study.is_full(results) and study.short:
+        notes = [HALF_THE_STEP, *notes]
     best = max(others, key=lambda n: others[n])
     never = unreached(judged)
     lead = (

@@ -82,7 +82,7 @@ READINGS: dict[str, Reading] = {
 }
 NEEDED = [Ride(10.0), Ride(20.0, "brisk"), Ride(20.0, "wild"), Corner()]
 STUDY = ReadingsStudy(
-    MAIN, lambda: NEEDED, [CLAIMS], READINGS, {"fast": (Change(Ride, {"speed": 50.0}, {"speed": 10.0}),)}
+    MAIN, lambda: NEEDED, [CLAIMS], READINGS, "fast, too", {"fast": (Change(Ride, {"speed": 50.0}, {"speed": 10.0}),)}
 )
 EXPERIMENT = STUDY.experiment("ride-readings", "Rides read otherwise", __name__)
 
@@ -113,11 +113,13 @@ def test_each_run_once_and_the_parts_with_their_names() -> None:
     assert {t.part for t in tasks if isinstance(t.case, Corner)} == {"corner"}
     assert Ride(50.0) in {t.case for t in EXPERIMENT.tasks(full=True)}
     (full,) = EXPERIMENT.study.plan.__click_params__  # type: ignore[union-attr]
-    assert full.help == "9 runs of 4 readings instead of 8 runs of 3 readings"
+    assert full.help == "fast, too"
 
 
 def test_what_the_short_study_leaves_out() -> None:
-    short = ReadingsStudy(MAIN, lambda: [Ride(), Ride(20.0)], [CLAIMS], READINGS, short=(Change(Ride, {"speed": 5.0}),))
+    short = ReadingsStudy(
+        MAIN, lambda: [Ride(), Ride(20.0)], [CLAIMS], READINGS, "", short=(Change(Ride, {"speed": 5.0}),)
+    )
     assert short.cases(full=False)[0] == Ride(5.0)
     assert {c.speed for c in short.cases(full=False)} == {5.0}
     assert {c.speed for c in short.cases(full=True)} == {10.0, 20.0}
