@@ -1,15 +1,7 @@
 """Readings of a paper: a study once more with what the paper leaves open taken otherwise, to see which claims turn.
 
-    READINGS = {
-        AS_READ: (),
-        "dry friction": (Change(Ride, {"friction": True}),),
-        "MPC with the printed limits": (Change(Ride, {"limits": "printed"}, where={"controller": "mpc"}),),
-    }
-    STUDY = ReadingsStudy(ride.EXPERIMENT, needs, ("ride.claims:CLAIMS",), READINGS)
-    EXPERIMENT = STUDY.experiment("ride-readings", "Ride: other readings (paper 001)", __name__)
-
-`needs` gives the cases on which the claims rest, as the main study has them. A reading maps each of them to the case
-that is run in its place, and the claims are judged on these runs as if they were the main study's.
+A reading maps each case on which the claims of the main study rest to the case that is run in its place. The claims are
+then judged on these runs as if they were the main study's. See `cosim/experiments/hmmwv_readings.py`.
 """
 
 from __future__ import annotations
@@ -30,10 +22,7 @@ AS_READ = "as read"
 
 @dataclass(frozen=True)
 class Change:
-    """Fields of the cases of one class set otherwise, in those that have all values of `where`.
-
-    A tuple in `where` stands for any of its values.
-    """
+    """Fields of the cases of one class set otherwise, in those that have all values of `where`, or one of a tuple."""
 
     case: type
     fields: Mapping[str, Any]
@@ -73,8 +62,9 @@ class ReadingsStudy:
         claims: lists of them, each a `ClaimList` or "module:NAME" of one.
         readings: by their names, in words; the first is the main study's.
         full: what the full study does besides, as help of its option.
-        more: others, of the full study.
+        more: readings of the full study only.
         short: what the short study changes in every reading, such as to leave out runs with finer steps.
+        notes: what the readings leave out, for the report.
     """
 
     main: Experiment
@@ -84,6 +74,7 @@ class ReadingsStudy:
     full: str
     more: Mapping[str, Reading] = field(default_factory=dict)
     short: Reading = ()
+    notes: Sequence[str] = ()
 
     def chosen(self, full: bool) -> dict[str, Reading]:
         """The readings of the short or of the full study."""
@@ -98,30 +89,20 @@ class ReadingsStudy:
 
     def experiment(self, name: str, title: str, module: str) -> Experiment:
         """The experiment of this study; its parts are those of the main one, without runs of their own."""
-        return replace(
-            self.main,
-            name=name,
-            title=title,
-            study=replace(
-                self.main.study,
-                plan=self.plan(),
-                parts=[replace(e, study=replace(e.study, plan=None)) for e in self.main.every[1:]],
-                claims=None,
-                report=f"{module}:report",
-            ),
-            page=None,
-            web=None,
-            module=module,
-        )
-
-    def plan(self) -> Callable[..., list[Task]]:
-        """The plan, with its option."""
 
         @click.option("--full/--no-full", default=False, help=self.full)
-        def plan(full: bool = False) -> list[Task]:
-            return [Task(case) for case in self.cases(full)]
+        def plan(full: bool = False) -> list[Any]:
+            return self.cases(full)
 
-        return plan
+        def report(*given: Any) -> Any:
+            from cosim.study.readings_report import report_readings  # runs need no pages
+
+            return report_readings(self, made, *given)
+
+        parts = [replace(e, study=replace(e.study, plan=None)) for e in self.main.every[1:]]
+        study = replace(self.main.study, plan=plan, parts=parts, claims=None, report=report)
+        made = replace(self.main, name=name, title=title, study=study, page=None, web=None, module=module)
+        return made
 
     def published(self) -> ClaimList:
         """The published claims of all lists."""
@@ -130,17 +111,13 @@ class ReadingsStudy:
             found.statements.update({s.id: s for s in claims if not s.own})
         return found
 
-    def is_full(self, results: Results) -> bool:
-        """Whether these are results of the full study."""
-        return all(case in results for case in self.cases(True))
-
     def seen(self, results: Results, reading: Reading) -> Results:
         """The runs of a reading as if they were those of the main study."""
-        tasks = self.main.placed(self.needs())
-        entries = []
+        tasks = [t for t in self.main.placed(self.needs()) if isinstance(t, Task)]
+        entries: list[Row] = []
         for task in tasks:
             try:
-                entries.append({"metrics": results[read_as(reading, task.case)]})  # type: ignore[union-attr]
+                entries.append({"metrics": results[read_as(reading, task.case)]})
             except RunFailed as error:
                 entries.append({"failed": str(error)})
         return _Seen(tasks, entries)

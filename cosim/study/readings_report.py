@@ -2,68 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
-
 from cosim.report import Figure, Panel, Report, Result, Section, Series, Table
 from cosim.report.claims import OUTCOMES, Claim, Claims, Verdict
+from cosim.report.model import Scalar
 from cosim.study.experiment import Experiment
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance, sections
 from cosim.study.readings import AS_READ, ReadingsStudy
 from cosim.study.results import Results
 
-IN_FULL: tuple[Verdict, ...] = ("reproduced", "calibrated")
-TURNS = "→"
 SHORT: dict[Verdict, str] = dict(zip(OUTCOMES, ("yes", "calibrated", "trend", "open", "no"), strict=True))
+_IN_FULL = OUTCOMES[:2]
+_TURNS = "→"
 _LEGEND = (
-    f"yes: reproduced; trend: reproduced in another size. {TURNS}: another verdict than as read today. Criteria are"
+    f"yes: reproduced; trend: reproduced in another size. {_TURNS}: another verdict than as read today. Criteria are"
     " those of the main study."
 )
-
-HALF_THE_STEP = (
-    "Half the step: verdicts are those at the steps of the main study, which also judges at half of them; so does"
-    " --full."
-)
+_STEPS = "Half the steps: the main study judges at these too, this one only with --full."
 
 Judged = dict[str, Claims]
 
 
 def judge(study: ReadingsStudy, results: Results) -> Judged:
     """The published claims in every reading, by its name."""
-    claims = study.published()
-    readings = study.chosen(study.is_full(results))
-    return {name: claims.judge(study.seen(results, reading)) for name, reading in readings.items()}
+    claims, full = study.published(), _is_full(study, results)
+    return {name: claims.judge(study.seen(results, reading)) for name, reading in study.chosen(full).items()}
 
 
-def report_readings(
-    study: ReadingsStudy, experiment: Experiment, results: Results, fmus: FmuSet, notes: Iterable[str]
-) -> Report:
-    """The page; `notes` say what the readings leave out."""
-    judged = judge(study, results)
-    counts = {name: sum(c.verdict in IN_FULL for c in claims) for name, claims in judged.items()}
-    total, others = len(judged[AS_READ]), {n: k for n, k in counts.items() if n != AS_READ}
-    if not study.is_full(results) and study.short:
-        notes = [HALF_THE_STEP, *notes]
-    best = max(others, key=lambda n: others[n])
-    never = unreached(judged)
-    lead = (
-        f"As read today, {counts[AS_READ]} of {total} published claims hold in full; of {len(others)} other readings"
-        f" the best one ({best}) holds {others[best]}. No reading reaches {len(never)} of them."
-    )
-    bars = Series("claims that hold in full", range(len(counts)), list(counts.values()), mode="bar")
-    panel = Panel("", "reading [-]", "claims [-]", [bars], x_names=list(counts))
-    return Report(
-        experiment=experiment.name,
-        title=experiment.title,
-        lead=lead,
-        figure=Figure("main-result", "Claims that hold in full, by reading", _LEGEND, [panel]),
-        claims=[],
-        results=[Result("readings", len(judged)), Result("published claims", total)],
-        sections=sections(judged, (_map, _turns, _never, lambda _: Section("What is not tried", list(notes)))),
-        parameters=[],
-        provenance=provenance(experiment, fmus),
-    )
+def _is_full(study: ReadingsStudy, results: Results) -> bool:
+    return all(case in results for case in study.cases(full=True))
+
+
+def in_full(claims: Claims) -> int:
+    """How many hold in full."""
+    return sum(c.verdict in _IN_FULL for c in claims)
 
 
 def unreached(judged: Judged) -> list[Claim]:
@@ -71,32 +43,49 @@ def unreached(judged: Judged) -> list[Claim]:
     return [
         claim
         for i, claim in enumerate(judged[AS_READ])
-        if not any(claims[i].verdict in IN_FULL for claims in judged.values())
+        if not any(claims[i].verdict in _IN_FULL for claims in judged.values())
     ]
 
 
-def _map(judged: Judged) -> Section:
-    """Claims over readings."""
-    others = [name for name in judged if name != AS_READ]
-    rows: list[list[Any]] = []
-    for i, claim in enumerate(judged[AS_READ]):
-        found = [judged[name][i].verdict for name in others]
-        cells = [SHORT[v] if v == claim.verdict else f"{TURNS} {SHORT[v]}" for v in found]
-        rows.append([claim.id, claim.claim, SHORT[claim.verdict], *cells])
-    rows.append(
-        ["in full", "claims that hold in full", *(sum(c.verdict in IN_FULL for c in cs) for cs in judged.values())]
+def report_readings(study: ReadingsStudy, experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
+    """The page."""
+    judged = judge(study, results)
+    counts = {name: in_full(claims) for name, claims in judged.items()}
+    best = max((n for n in counts if n != AS_READ), key=counts.__getitem__)
+    bars = Series("claims that hold in full", range(len(counts)), list(counts.values()), mode="bar")
+    panel = Panel("", "reading [-]", "claims [-]", [bars], x_names=list(counts))
+    notes = [*study.notes, *[_STEPS] * (not _is_full(study, results))]
+    return Report(
+        experiment=experiment.name,
+        title=experiment.title,
+        lead=(
+            f"As read today, {counts[AS_READ]} of {len(judged[AS_READ])} published claims hold in full; of"
+            f" {len(counts) - 1} other readings the best one ({best}) holds {counts[best]}. No reading reaches"
+            f" {len(unreached(judged))} of them."
+        ),
+        figure=Figure("main-result", "Claims that hold in full, by reading", _LEGEND, [panel]),
+        results=[Result("readings", len(judged)), Result("published claims", len(judged[AS_READ]))],
+        sections=[*sections(judged, (_map, _turns, _never)), Section("What is not tried", notes)],
+        provenance=provenance(experiment, fmus),
     )
-    columns = ["claim", "sentence", AS_READ, *others]
+
+
+def _map(judged: Judged) -> Section:
+    rows: list[list[Scalar]] = []
+    for i, claim in enumerate(judged[AS_READ]):
+        found = [claims[i].verdict for claims in judged.values()]
+        cells = [SHORT[v] if v == claim.verdict else f"{_TURNS} {SHORT[v]}" for v in found]
+        rows.append([claim.id, claim.claim, *cells])
+    rows.append(["in full", "claims that hold in full", *map(in_full, judged.values())])
+    columns = ["claim", "sentence", *judged]
     return Section("Claims by reading", tables=[Table("map", "Verdicts by reading", columns, rows, _LEGEND)])
 
 
 def _turns(judged: Judged) -> Section:
-    """What turns."""
-    rows: list[list[Any]] = [
+    rows: list[list[Scalar]] = [
         [claim.id, name, SHORT[claim.verdict], SHORT[other.verdict], came_out(claim), came_out(other)]
         for i, claim in enumerate(judged[AS_READ])
-        for name, claims in judged.items()
-        for other in [claims[i]]
+        for name, other in ((name, claims[i]) for name, claims in judged.items())
         if other.verdict != claim.verdict
     ]
     columns = ["claim", "reading", AS_READ, "becomes", "result as read", "result in this reading"]
@@ -113,8 +102,6 @@ def came_out(claim: Claim) -> str:
 
 
 def _never(judged: Judged) -> Section:
-    """Claims that no reading reaches."""
-    never = unreached(judged)
-    names = ", ".join(f"{c.id} ({SHORT[c.verdict]})" for c in never) or "none"
+    names = ", ".join(f"{c.id} ({SHORT[c.verdict]})" for c in unreached(judged)) or "none"
     text = f"Under none of the {len(judged)} readings do these hold in full: {names}."
     return Section("Claims that no reading reaches", [text])

@@ -25,7 +25,7 @@ from cosim.study import (
 from cosim.study import Study as Runs
 from cosim.study.claims import under_conditions
 from cosim.study.readings import AS_READ, Change, Reading, ReadingsStudy, read_as
-from cosim.study.readings_report import came_out, judge, report_readings, unreached
+from cosim.study.readings_report import came_out, judge, unreached
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,13 @@ READINGS: dict[str, Reading] = {
 }
 NEEDED = [Ride(10.0), Ride(20.0, "brisk"), Ride(20.0, "wild"), Corner()]
 STUDY = ReadingsStudy(
-    MAIN, lambda: NEEDED, [CLAIMS], READINGS, "fast, too", {"fast": (Change(Ride, {"speed": 50.0}, {"speed": 10.0}),)}
+    MAIN,
+    lambda: NEEDED,
+    [CLAIMS],
+    READINGS,
+    "fast, too",
+    {"fast": (Change(Ride, {"speed": 50.0}, {"speed": 10.0}),)},
+    notes=["Wind: there is none."],
 )
 EXPERIMENT = STUDY.experiment("ride-readings", "Rides read otherwise", __name__)
 
@@ -152,7 +158,7 @@ def test_verdicts_by_reading() -> None:
 
 
 def test_the_page(tmp_path: Path) -> None:
-    page = report_readings(STUDY, EXPERIMENT, ran(), FmuSet(tmp_path), ["Wind: there is none."])
+    page = EXPERIMENT.study.report(ran(), FmuSet(tmp_path))  # type: ignore[operator, misc]
     tables = {t.id: t.rows for t in page.tables}
     assert [list(row) for row in tables["map"]] == [
         ["slow", "At 10 the car stays below 5", "no", "→ yes", "no"],
@@ -170,7 +176,7 @@ def test_the_page(tmp_path: Path) -> None:
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert words["What turns"] == "2 of 3 claims turn under some reading."
     assert words["Claims that no reading reaches"].endswith("in full: corner (no).")
-    assert words["What is not tried"] == "Wind: there is none."
+    assert words["What is not tried"].startswith("Wind: there is none. Half the steps: ")
     assert page.lead == (
         "As read today, 0 of 3 published claims hold in full; of 2 other readings the best one (friction) holds 2. No"
         " reading reaches 1 of them."
