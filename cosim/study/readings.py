@@ -34,7 +34,7 @@ class Change:
         Raises:
             CaseError: there is no such run.
         """
-        if type(case) is not self.case:
+        if not isinstance(case, self.case):
             return case
         for name, value in self.where.items():
             if getattr(case, name) not in (value if isinstance(value, tuple) else (value,)):
