@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import hmmwv_made_up
 import made_up
 import pytest
 from hmmwv_made_up import PARTS
+from kept_results import kept_claims
 
 from cosim.experiments import hmmwv, hmmwv_readings, three_axle, trench, trench_readings
 from cosim.experiments.hmmwv.runs import Case as Car
 from cosim.experiments.hmmwv.tracking.runs import Case as Corner
 from cosim.experiments.trench.runs import Case as Crossing
-from cosim.study import CaseError, FmuSet, Row, Runner
+from cosim.study import CaseError, FmuSet, Row, Runner, run_study
 from cosim.study.experiment import resolved
 from cosim.study.readings import AS_READ, read_as
 from cosim.study.readings_report import judge
@@ -85,6 +87,14 @@ def test_the_main_study_gives_the_same_verdicts() -> None:
     judged = judge(hmmwv_readings.STUDY, made_up.study(hmmwv_readings.EXPERIMENT, car))[AS_READ]
     assert {c.id: c.verdict for c in judged} == {c.id: expected[c.id] for c in judged}
     assert len(judged) == sum(not s.own for s in resolved(hmmwv.EXPERIMENT.study.claims))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("module", MODULES)
+def test_as_read_a_study_gives_what_is_told_of_the_main_one(module: Any, fmus: FmuSet, tmp_path: Path) -> None:
+    judged = judge(module.STUDY, run_study(module.EXPERIMENT, fmus, tmp_path / "runs"))[AS_READ]
+    told = [c for e in MAIN[module] for c in kept_claims(e.name) if not c["own"]]
+    assert [(c.id, c.verdict, c.result) for c in judged] == [(c["id"], c["verdict"], c["result"]) for c in told]
 
 
 # ------------------------------------------------------------------------------------------ what options do to FMUs
