@@ -36,7 +36,7 @@ from cosim.study.fmus import FmuSet
 from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
 from fmu_sources.models.corners import CORNERS
-from fmu_sources.roads.iso8608 import CLASSES, OFFROAD_CLASS
+from fmu_sources.roads.iso8608 import CLASSES
 
 ROADS = {"track": "RoadBumps", "bump": "RoadBumps", "off-road": "RoadOffroadHmmwv"}
 CONTROLLERS = {
@@ -153,14 +153,10 @@ class Case(Stepped):
         within=(100, 10000),
         only=_HYDRAULIC,
         label="{:g}kgm3",
-        help="density of the fluid, in actuators and force tracking; by default as in their FMUs",
+        help="density of the hydraulic fluid",
     )
     terrain: str = option(
-        CLASSES[OFFROAD_CLASS],
-        choices=tuple(CLASSES),
-        only=_OFF_ROAD,
-        label="class-{}",
-        help="class of the road profile (ISO 8608)",
+        "E", choices=tuple(CLASSES), only=_OFF_ROAD, label="class-{}", help="class of the road profile (ISO 8608)"
     )
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
