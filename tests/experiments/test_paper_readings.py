@@ -16,6 +16,7 @@ from cosim.experiments import hmmwv, hmmwv_readings, three_axle, trench, trench_
 from cosim.experiments.hmmwv.runs import Case as Car
 from cosim.experiments.hmmwv.tracking.runs import Case as Corner
 from cosim.experiments.trench.runs import Case as Crossing
+from cosim.experiments.trench.web import live
 from cosim.study import CaseError, FmuSet, Row, Runner, run_study
 from cosim.study.experiment import resolved
 from cosim.study.readings import AS_READ, read_as
@@ -138,7 +139,9 @@ def test_options_of_the_vehicle_over_the_trench(fmus: FmuSet) -> None:
                 own = crossing.description.parameters[name].start
                 assert crossing.values[name] == (own if pitch is None else pitch)
             assert system["controller"].values["retraction"] == retraction
-    assert trench.runs.passive(changed) == replace(changed, controller="passive", guided=True)
+    passive = replace(changed, controller="passive", guided=True)
+    assert trench.runs.passive(changed) == passive
+    assert next(c.case for c in live(changed).cases) == passive
 
 
 @pytest.mark.parametrize(
