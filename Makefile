@@ -27,6 +27,8 @@ studies: run
 	$(BIN)/cosim study trench
 	$(BIN)/cosim study hmmwv
 	$(BIN)/cosim study gpc-readings
+	$(BIN)/cosim study hmmwv-readings
+	$(BIN)/cosim study trench-readings
 	$(BIN)/cosim study ride
 
 test: $(VENV)/.test

@@ -6,7 +6,18 @@ measuring), `published` (printed values of the paper, and the plan of the study)
 
 EXPERIMENTS = {
     name: f"cosim.experiments.{name.replace('-', '_')}"
-    for name in ("bench", "gpc", "gpc-readings", "hmmwv", "preview-lq", "ride", "three-axle", "trench")
+    for name in (
+        "bench",
+        "gpc",
+        "gpc-readings",
+        "hmmwv",
+        "hmmwv-readings",
+        "preview-lq",
+        "ride",
+        "three-axle",
+        "trench",
+        "trench-readings",
+    )
 }
 """Name on the command line -> module that has it."""
 

@@ -101,6 +101,13 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         "wheels turn at the imposed speed; false: they roll freely and give no traction",
         source="003 section 5.4: imposed",
     )
+    on_road = c.parameter(
+        "wheels.spin_on_road",
+        False,
+        None,
+        "the imposed spin counts against the road; false: against the body, where the drives are",
+        source="option; 003 does not say against what it is imposed",
+    )
     g, small = gravity(c), _Small.of(c)
     wheels = _wheels(p, g, small)
     front, rear = (sum(w.x for w in wheels if w.axle == axle) / 2 for axle in ("a1", "a3"))
@@ -191,7 +198,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     mass[0][0] = mass[1][1] = p.body.mass
     mass[2][2], mass[3][3] = p.body.pitch_inertia, p.body.roll_inertia
     rolling = p.disc.radius - p.disc.rolling_loss
-    spin = target_speed / rolling  # relative to the body
+    carried_along = ca.if_else(on_road, 0, dq[2])  # by a spin against the body, which pitches
+    spin = target_speed / rolling + carried_along
+    power_speed = target_speed - (dq[2] - carried_along) * rolling  # of a drive, whose torque acts on the body too
     kinetic = (
         p.body.mass * (dq[0] ** 2 + dq[1] ** 2) + p.body.pitch_inertia * dq[2] ** 2 + p.body.roll_inertia * dq[3] ** 2
     )
@@ -207,7 +216,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
         touches = grounds[_side(w)].disc(center[0], center[2], p.disc.radius)
-        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven, small)
+        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, rolling, driven, small)
         strut, stored = _strut(p, w, gas, s, ds, small)
         along = total.fx * ahead[0] + total.fz * ahead[1]
         w.hub_fx, w.hub_fz = along, total.fx * up[0] + total.fz * up[1]
@@ -227,7 +236,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         load[2] -= total.traction * rolling  # the drives are mounted on the body: reaction of their torque
         w.by_base, w.by_travel, w.own, w.bias = by_base, by_travel, own, bias
 
-        drive_power += total.traction * target_speed
+        drive_power += total.traction * power_speed
         actuator_power += w.force * ds
         kinetic += w.mass * ca.dot(velocity, velocity) / 2
         potential += w.mass * g * center[2] + stored + total.energy
@@ -429,7 +438,6 @@ class _Contacts:
         mass: Any,
         velocity: Any,
         spin: Any,
-        pitch_rate: Any,
         rolling: Any,
         driven: Any,
         small: _Small,
@@ -443,7 +451,7 @@ class _Contacts:
             spring = tire.stiffness * depth + disc.bottoming_stiffness * over
             damper = tire.damping * ca.fmin(1, depth / disc.onset) * rate
             normal = t.share * ca.fmax(0, spring + damper)
-            sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
+            sliding = spin * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
             # The slope of the friction model is limited to what a wheel of this mass can follow in explicit steps of
             # 0.5 ms.
             grip_limit = driven * disc.friction * normal
@@ -657,7 +665,8 @@ _NOTES = (
     ),
     (
         "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and"
-        " the drives are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding /"
+        " the drives are mounted on the body, which takes the reaction. The spin counts against the body, so pitching"
+        " turns the wheels too; with wheels.spin_on_road it does not. Friction limits traction: mu N tanh(sliding /"
         " slip_speed); above some 150 kN the slip speed grows with the load, so that friction does not stop a wheel in"
         " less than 0.4 ms. Speed 0 is allowed; the vehicle then stands, and stuck stays 0. With wheels.driven false"
         " the vehicle coasts from its start speed."

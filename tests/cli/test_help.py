@@ -66,17 +66,21 @@ GPC: dict[str, Collection[str]] = {
     "--controller": gpc.CONTROLLERS,
     "--disturbance": gpc.DISTURBANCES,
 }
+HMMWV: dict[str, Collection[str]] = {
+    "--road": hmmwv.ROADS,
+    "--controller": hmmwv.CONTROLLERS,
+    "--actuators": hmmwv.ACTUATORS,
+    "--states": hmmwv.STATES,
+    "--preview": hmmwv.PREVIEWS,
+    "--terrain": hmmwv.CLASSES,
+}
+TRENCH: dict[str, Collection[str]] = {"--controller": trench.CONTROLLERS, "--spin": ("body", "road")}
 CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},
     "gpc": GPC,
     "gpc-readings": GPC,
-    "hmmwv": {
-        "--road": hmmwv.ROADS,
-        "--controller": hmmwv.CONTROLLERS,
-        "--actuators": hmmwv.ACTUATORS,
-        "--states": hmmwv.STATES,
-        "--preview": hmmwv.PREVIEWS,
-    },
+    "hmmwv": HMMWV,
+    "hmmwv-readings": HMMWV,
     "preview-lq": {
         "--input": preview_lq.INPUTS,
         "--weights": [*preview_lq.WEIGHTED_CONTROLLERS, "FILE.toml"],
@@ -91,7 +95,8 @@ CHOICES = {
         "--sides": ride.SIDES,
     },
     "three-axle": {"--controller": three_axle.CONTROLLERS, "--estimator": three_axle.ESTIMATORS},
-    "trench": {"--controller": trench.CONTROLLERS},
+    "trench": TRENCH,
+    "trench-readings": TRENCH,
 }
 
 

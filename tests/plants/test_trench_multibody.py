@@ -13,10 +13,13 @@ SIGNALS = ("body.pitch", "body.ax", "body.az", "hub.a1.fx", "hub.a2.fx", "hub.a3
 CROSSINGS = ((1.25, 9.0), (1.4, 9.0), (1.45, 6.0), (1.6, 6.0), (1.35, 5.0), (1.75, 9.0))  # m, km/h
 
 
-def ours(fmus: BuiltFmus, length: float, speed: float, duration: float) -> dict[str, np.ndarray]:
+def ours(
+    fmus: BuiltFmus, length: float, speed: float, duration: float, *, on_road: bool = False
+) -> dict[str, np.ndarray]:
     names = {name: name.replace(".fx", "l.fx") for name in ("x", *SIGNALS)}
     with System() as system:
         place = {"trench.length": length, "trench.start": START, "trench.depth": DEPTH}
+        place["wheels.spin_on_road"] = on_road
         inputs = {f"force.a{axle}{side}": 0.0 for axle in (1, 2, 3) for side in "lr"}
         system.add(
             "car",
@@ -29,14 +32,13 @@ def ours(fmus: BuiltFmus, length: float, speed: float, duration: float) -> dict[
         return {name: np.array(r[f"car.{own}"]) for name, own in names.items()}
 
 
-def compare(fmus: BuiltFmus, length: float, kmh: float, distance: float) -> None:
+def compare(fmus: BuiltFmus, length: float, kmh: float, distance: float, *, on_road: bool = False) -> None:
     """Motion instant by instant, forces and accelerations by their root mean square and largest value."""
     speed = kmh / 3.6
     duration = round(distance / speed, 3)
-    theirs = MultibodyTrenchCar(load_three_axle_trench("three_axle_trench"), Trench(START, length, DEPTH), speed).run(
-        duration, 5e-4
-    )
-    found = ours(fmus, length, speed, duration)
+    vehicle, trench = load_three_axle_trench("three_axle_trench"), Trench(START, length, DEPTH)
+    theirs = MultibodyTrenchCar(vehicle, trench, speed, absolute_spin=on_road).run(duration, 5e-4)
+    found = ours(fmus, length, speed, duration, on_road=on_road)
     times = np.arange(len(found["x"])) * 1e-3
     for name, most in (("x", 2e-3), ("body.pitch", 1e-3)):  # m, rad
         there = np.interp(times[1:], theirs.time, theirs[name])
@@ -55,6 +57,11 @@ def test_the_front_wheels_cross_as_rigid_bodies_do(built_fmus: BuiltFmus) -> Non
 def test_six_crossings_as_rigid_bodies_make_them(built_fmus: BuiltFmus, length: float, kmh: float) -> None:
     """Some end in the trench, with the belly on its edge."""
     compare(built_fmus, length, kmh, 9.0)
+
+
+def test_spin_against_the_road(built_fmus: BuiltFmus) -> None:
+    """As an option; by default the drives in the body turn the wheels against it, as in the runs above."""
+    compare(built_fmus, 1.3, 9.0, 4.0, on_road=True)
 
 
 def test_spin_counts_against_the_body(built_fmus: BuiltFmus) -> None:

@@ -36,6 +36,7 @@ from cosim.study.fmus import FmuSet
 from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
 from fmu_sources.models.corners import CORNERS
+from fmu_sources.roads.iso8608 import CLASSES
 
 ROADS = {"track": "RoadBumps", "bump": "RoadBumps", "off-road": "RoadOffroadHmmwv"}
 CONTROLLERS = {
@@ -75,6 +76,7 @@ RATE = 1000.0  # Hz, of all metrics
 TRAVEL_LIMIT = MpcHmmwvWeights().max_travel  # m, either way: Table 1.3, and where the paper's suspension saturates
 
 _PREVIEW = (lambda c: c.controller == "mpc-preview", "the controller mpc-preview")
+_OFF_ROAD = (lambda c: c.road == "off-road", "runs off road")
 _HYDRAULIC = (lambda c: c.actuators == "hydraulic", "hydraulic actuators")
 _LIMITED = (lambda c: c.flow_limit, "runs with a flow limit")
 
@@ -145,6 +147,17 @@ class Case(Stepped):
         label="{:g}mm",
         help="opening of a valve without power; by default as in the actuator's FMU",
     )
+    density: float | None = option(
+        None,
+        unit="kg/m3",
+        within=(100, 10000),
+        only=_HYDRAULIC,
+        label="{:g}kgm3",
+        help="density of the hydraulic fluid",
+    )
+    terrain: str = option(
+        "E", choices=tuple(CLASSES), only=_OFF_ROAD, label="class-{}", help="class of the road profile (ISO 8608)"
+    )
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
         None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
@@ -209,6 +222,8 @@ def passive(case: Case) -> Case:
         friction=case.friction,
         lift_off=case.lift_off,
         null_opening_mm=case.null_opening_mm,
+        density=case.density,
+        terrain=case.terrain,
         driven=case.driven,
         duration=case.duration,
         solver_parts=case.solver_parts,
@@ -218,7 +233,7 @@ def passive(case: Case) -> Case:
 
 def without_actuators(case: Case) -> Case:
     """The car on its springs and dampers alone."""
-    return replace(passive(case), controller="zero", actuators="ideal", null_opening_mm=None)
+    return replace(passive(case), controller="zero", actuators="ideal", null_opening_mm=None, density=None)
 
 
 def own_baseline(case: Case, fmus: FmuSet) -> Case:
@@ -385,7 +400,8 @@ def configure(system: System, case: Case) -> None:
         system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
     for name in {"road", "map"} & set(system.components):
         if case.road == "off-road":
-            system[name].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
+            profile = {"class": CLASSES.index(case.terrain), "offset": case.variant * STRETCH}
+            system[name].set({**profile, "flat": FLAT, "ramp": RAMP})
         else:
             shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
             system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
@@ -416,6 +432,9 @@ def configure_vehicle(system: System, case: Case) -> None:
                 }
             )
             set_solver_step(actuator, case)
+            for name in {f"actuator_{k}", f"tracking_{k}"} & set(system.components):
+                own = published(system[name], "fluid.density")
+                system[name].set({"fluid.density": own if case.density is None else case.density})
 
 
 ROAD_FLAGS = {

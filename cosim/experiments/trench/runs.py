@@ -44,6 +44,9 @@ CONTROLLERS: dict[
 }
 """Kinds of control; what is not said of `mpc` holds for all of its variants."""
 
+UNSEEING = tuple(name for name, kind in CONTROLLERS.items() if kind and not kind[2])
+"""Those that do not see the road ahead."""
+
 FMUS = ("ThreeAxleTrench", "TrenchCrossing", "MpcThreeAxle", "LqrThreeAxle")
 MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
 STEP = Fraction(1, 4000)  # s, of the vehicle's solver, its exchange and recordings; the study halves it
@@ -80,6 +83,20 @@ class Case(Stepped):
         None, unit="m", within=(-0.5, 0.5), help="CG ahead of where the vehicle file has it", label="{:g}m-offset"
     )
     hydropneumatic: bool = option(False, help="gas springs instead of linear ones")
+    spin: str = option(
+        "body", choices=("body", "road"), help="what the imposed spin of the wheels counts against", label="spin-on-{}"
+    )
+    travel_factor: float = option(
+        1.0, within=(0.1, 5), help="times the travel of the struts up to their stops", label="{:g}-times-travel"
+    )
+    cg_height: float | None = option(
+        None, unit="m", within=(0.1, 2), help="height of the CG above the wheel centers", label="{:g}m-high"
+    )
+    guided: bool = option(
+        True,
+        only=(lambda c: c.controller in UNSEEING, f"a controller without preview ({', '.join(UNSEEING)})"),
+        help="pitch reference and forced ranges of the crossing algorithm, though the controller sees no trench",
+    )
 
     @property
     def speed(self) -> float:
@@ -89,7 +106,7 @@ class Case(Stepped):
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    return replace(case, controller="passive")
+    return replace(case, controller="passive", guided=True)
 
 
 def step(case: Case) -> Fraction:
@@ -154,12 +171,19 @@ def configure(system: System, case: Case) -> None:
     def given(name: str, value: Any) -> Any:
         return car.description.parameters[name].start if value is None else value
 
-    named = {"trench.depth": case.depth, "disc.friction": case.friction, "body.cg_offset": case.cg_offset}
+    named = {
+        "trench.depth": case.depth,
+        "disc.friction": case.friction,
+        "body.cg_offset": case.cg_offset,
+        "body.cg_height": case.cg_height,
+    }
     car.set(
         {
             **{name: given(name, value) for name, value in named.items()},
             "body.mass": case.mass_factor * given("body.mass", case.mass),
+            **{name: case.travel_factor * given(name, None) for name in ("strut.extension", "strut.compression")},
             "strut.hydropneumatic": case.hydropneumatic,
+            "wheels.spin_on_road": case.spin == "road",
             "trench.length": case.length,
             "trench.start": Course.of(Run(case, None, system)).start,
             "target.speed": case.speed,
@@ -167,8 +191,13 @@ def configure(system: System, case: Case) -> None:
         }
     )
     chosen = CONTROLLERS[case.controller]
-    if chosen is not None and chosen[0] == "MpcThreeAxle":
-        system["controller"].set({**MPC, **chosen[1], "use_preview": chosen[2]})
+    if chosen is None:
+        return
+    pitch = system["crossing"].description.parameters
+    system["crossing"].set({n: pitch[n].start if case.guided else 0.0 for n in ("pitch.entry", "pitch.exit")})
+    if chosen[0] == "MpcThreeAxle":
+        free = {} if case.guided else {"retraction": 0}
+        system["controller"].set({**MPC, **chosen[1], **free, "use_preview": chosen[2]})
 
 
 def stop_time(system: System, case: Case) -> float:
