@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from . import making
-
 from cosim.fmu.calls import platform_folder
+
+from . import making
 
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
 SAVING = {
