@@ -30,6 +30,10 @@ values that stand there; all sentences stand in the file, with the judge's numbe
                                        # that has a parameter `band` is given it
     calibrated = true                  # a parameter was fitted to this very claim
 
+    [[claim]]
+    id = "rate-limit"
+    like = "force-limit"               # has its own keys, and the others of that entry
+
 Verdicts follow from findings as `cosim.report.claims.verdict_of` says.
 """
 
@@ -218,8 +222,18 @@ class ClaimList:
         return len(self.statements)
 
     @classmethod
-    def read(cls, path: str | Path, judges: Mapping[str, Callable[..., Finding]]) -> ClaimList:
+    def read(
+        cls,
+        path: str | Path,
+        judges: Mapping[str, Callable[..., Finding]],
+        view: Callable[[Any], Any] = lambda study: study,
+    ) -> ClaimList:
         """The statements of a TOML file, each judged by the function of `judges` that it names.
+
+        Args:
+            path: the file.
+            judges: by name; they take what `view` makes of the study, and the values of an entry.
+            view: such as a `cosim.study.judges.View`.
 
         Raises:
             ValueError: the file is no TOML, an entry lacks a key, names a judge or a text that does not exist, gives a
@@ -230,11 +244,12 @@ class ClaimList:
             tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{path}: {error}") from error
-        texts = tables.pop("texts", {})
+        texts, known = tables.pop("texts", {}), {}
         for own, key in ((False, "claim"), (True, "check")):
             for entry in tables.pop(key, []):
                 try:
-                    found._put(_Sentences(entry, texts, judges).statement(own))
+                    known[entry["id"]] = full = _like(known, entry)
+                    found._put(_Sentences(full, texts, judges, view).statement(own))
                 except (KeyError, TypeError, ValueError) as error:
                     what = f"{error} is missing" if isinstance(error, KeyError) else error
                     raise ValueError(f"{path}: {key} '{entry.get('id', '?')}': {what}") from error
@@ -314,11 +329,25 @@ def _judged(s: Statement, study: Any) -> Finding:
         return Finding("a run failed", False, str(error), undecided=str(error))
 
 
+def _like(known: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry with what it does not say itself from the one that it is `like`."""
+    if "like" not in entry:
+        return dict(entry)
+    if entry["like"] not in known:
+        raise ValueError(f"there is no '{entry['like']}' before it")
+    base, own = known[entry["like"]], {k: v for k, v in entry.items() if k != "like"}
+    return {**base, **{k: {**base.get(k, {}), **v} if isinstance(v, dict) else v for k, v in own.items()}}
+
+
 class _Sentences:
     """An entry of a file of claims."""
 
     def __init__(
-        self, entry: Mapping[str, Any], texts: Mapping[str, str], judges: Mapping[str, Callable[..., Finding]]
+        self,
+        entry: Mapping[str, Any],
+        texts: Mapping[str, str],
+        judges: Mapping[str, Callable[..., Finding]],
+        view: Callable[[Any], Any],
     ) -> None:
         values = dict(entry)
         self.id, self.text, self.source = values.pop("id"), values.pop("claim"), values.pop("source", "own")
@@ -329,7 +358,7 @@ class _Sentences:
         self.calibrated, name = values.pop("calibrated", False), values.pop("judge")
         if name not in judges:
             raise ValueError(f"unknown judge '{name}'; there are {', '.join(sorted(judges))}")
-        self.judge, self.values = judges[name], values
+        self.judge, self.values, self.view = judges[name], values, view
         takes = inspect.signature(self.judge)
         if "band" in takes.parameters:
             values["band"] = self.band
@@ -343,7 +372,7 @@ class _Sentences:
 
     def __call__(self, study: Any) -> Finding:
         """The judge's finding, in the words of the entry."""
-        found = self.judge(study, **self.values)
+        found = self.judge(self.view(study), **self.values)
         if not found.conditions:
             return self._worded(found)
         parts = {name: self._worded(part) for name, part in found.conditions.items()}
