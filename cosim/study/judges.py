@@ -34,6 +34,7 @@ from cosim.study.claims import Evidence, Finding
 
 Place = Any
 Side = Callable[[float], bool]
+Quantities = Mapping[str, Callable[[Any, str, Any], float | None]]  # of view, subject and place
 Values = Callable[[Place], Distribution | None]  # of a quantity over its samples, by place; None: there are none
 
 
@@ -127,7 +128,7 @@ class View:
 
     held: ClassVar[float] = 1.0  # share of the places that can be compared, at which a claim has to hold
     compared: ClassVar[float] = 0.0  # share of all places that have to be such
-    quantities: ClassVar[Mapping[str, Callable[[Any, str, Any], float | None]]] = {}
+    quantities: ClassVar[Quantities] = {}
     left_out: ClassVar[str] = "no run of the study decides this"  # why a claim whose places are none is open
 
     def __init__(self, study: Any) -> None:
@@ -144,7 +145,7 @@ class View:
 
     def label(self, place: Place) -> str:
         """A place in words."""
-        return str(place)
+        return str(getattr(place, "label", place))
 
     def missing(self, places: Sequence[Place]) -> str:
         """Text for the places at which a line does not hold."""
