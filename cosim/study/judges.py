@@ -129,11 +129,11 @@ class View:
     held: ClassVar[float] = 1.0  # share of the places that can be compared, at which a claim has to hold
     compared: ClassVar[float] = 0.0  # share of all places that have to be such
     quantities: ClassVar[Quantities] = {}
+    words: Mapping[str, Any] = {}  # for the sentences of all claims
     left_out: ClassVar[str] = "no run of the study decides this"  # why a claim whose places are none is open
 
     def __init__(self, study: Any) -> None:
         self.study = study
-        self.words: dict[str, Any] = {}
 
     def places(self, at: Any, road: str) -> Sequence[Place]:
         """The places that an entry names, all of them for "everywhere"."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
 from cosim.experiments.bench.published import JUDGED, LONG, SCENARIOS, SHORT, at, over_stretches
-from cosim.experiments.bench.runs import Case
+from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, Case
 from cosim.study import ClaimList, Distribution, Results
 from cosim.study.judges import Comparison, Quantities, View, compare
 
@@ -41,6 +42,7 @@ class BenchView(View):
         ),
         "unsolved": lambda view, _, run: float(view.study[run]["solver.status"] > 0),
     }
+    words: ClassVar[Mapping[str, float]] = {"height": BUMP_HEIGHT_MM}
 
     def places(self, at: str, road: str) -> list[Any]:  # noqa: ARG002
         """Scenarios, or all runs under an MPC: with exact and measured states, with finer steps."""
