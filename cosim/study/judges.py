@@ -164,9 +164,9 @@ class View:
         known = [x for x in found if x is not None]
         return Distribution([c.number(*known)]) if len(known) == len(found) else None
 
-    def is_comparable(self, values: Distribution | None) -> bool:
-        """Whether there is enough at a place to compare."""
-        return values is not None
+    def is_comparable(self, found: Sequence[Distribution | None]) -> bool:
+        """Whether there is enough at a place to compare; by default one of the quantities."""
+        return any(values is not None for values in found)
 
     def decides(self, values: Distribution, holds: Side, strict: bool) -> bool:
         """Whether the samples of a place are on the claimed side: all, or if `strict` significantly many."""
@@ -198,10 +198,10 @@ class Tally:
             found = [(name, at(place), holds, unit) for name, at, holds, unit in quantities]
             for name, values, holds, unit in found:
                 self.seen.is_significant(f"{name}, {self.view.label(place)}", values, holds, unit)
-            if not all(self.view.is_comparable(values) for _, values, *_ in found):
+            if not self.view.is_comparable([values for _, values, *_ in found]):
                 continue
             self.compared.append(place)
-            if all(self.view.decides(values, holds, self.strict) for _, values, holds, _ in found):
+            if all(self.view.decides(d, holds, self.strict) for _, d, holds, _ in found if d is not None):
                 self.on_side.append(place)
         return self
 
@@ -222,8 +222,8 @@ class Tally:
         return str(self.view.text(self))
 
 
-class _Words:
-    """Text that a format specification makes: `{after.spread:.2f}`."""
+class Words:
+    """Text that is made where a sentence has it, from its format specification."""
 
     def __init__(self, form: Callable[[str], str]) -> None:
         self._form = form
@@ -279,9 +279,9 @@ class Figures(Sequence[float]):
         return str(self._line.view.label(self._found[self._numbers.index(self.high)][0]))
 
     @property
-    def spread(self) -> _Words:
+    def spread(self) -> Words:
         """The first place's distribution over its samples in words."""
-        return _Words(lambda form: self._found[0][1].text(f"{{:{form}}}", holds=self._line.parts[0].side))
+        return Words(lambda form: self._found[0][1].text(f"{{:{form}}}", holds=self._line.parts[0].side))
 
 
 class _Line:

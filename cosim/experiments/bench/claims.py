@@ -18,6 +18,7 @@ NAMES = {
     "mpc": "MPC, weight on the force",
     "mpc-moves": "MPC, weight on the moves",
 }
+NOTHING = 1e-6  # to which no ratio is taken
 
 
 def ratio(study: Results, scenario: str, metric: str, controller: str, base: str) -> float:
@@ -55,8 +56,12 @@ class BenchView(View):
         return place if isinstance(place, Case) else at(place, subject)
 
     def values(self, c: Comparison, place: Any) -> Distribution | None:
-        """A comparison at a place, on the random road of the MPC to the passive bench."""
-        return over_passive(self.study, c.quantity) if place == "stretches" else super().values(c, place)
+        """A comparison at a place; over the stretches that of the MPC to the passive bench, to nothing none."""
+        if place == "stretches":
+            return over_passive(self.study, c.quantity)
+        if c.to == "lqr" and self.study[at(place, "lqr")][c.quantity] <= NOTHING:
+            return None
+        return super().values(c, place)
 
 
 CLAIMS = ClaimList.read(Path(__file__).with_name("claims.toml"), {"compare": compare}, BenchView)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -99,9 +99,9 @@ class Judge(View):
             return self.results.improvements(*place, "explicit")  # also where it does not lower the response
         return self.results.at_equal_response(*place, (c.of,) if c.to in ("", "passive") else (c.of, str(c.to)), value)
 
-    def is_comparable(self, values: Distribution | None) -> bool:
-        """Whether half of the seeds could be matched."""
-        return values is not None and 2 * len(values.values) >= len(self.results.seeds)
+    def is_comparable(self, found: Sequence[Distribution | None]) -> bool:
+        """Whether half of the seeds could be matched in all quantities."""
+        return all(d is not None and 2 * len(d.values) >= len(self.results.seeds) for d in found)
 
     def decides(self, values: Distribution, holds: Side, strict: bool) -> bool:
         """Whether the median is on the claimed side; if `strict`, significantly many seeds, or the only one."""
