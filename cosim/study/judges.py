@@ -147,8 +147,8 @@ class View:
         """A place in words."""
         return str(getattr(place, "label", place))
 
-    def missing(self, places: Sequence[Place]) -> str:
-        """Text for the places at which a line does not hold."""
+    def missing(self, places: Sequence[Place], every: Sequence[Place]) -> str:  # noqa: ARG002
+        """Text for the places at which a line does not hold, of every one."""
         return ", ".join(map(self.label, places))
 
     def quantity(self, name: str, subject: str, place: Place) -> float | None:
@@ -243,7 +243,7 @@ class Figures(Sequence[float]):
         found = [(p, d) for c in line.parts for p in tally.places if (d := line.view.values(c, p)) is not None]
         self._line, self._found, self._numbers = line, found, [d.median for _, d in found]
         self.held, self.places = len(tally.on_side), len(tally.places)
-        self.missing = line.view.missing([p for p in tally.places if p not in tally.on_side])
+        self.missing = line.view.missing([p for p in tally.places if p not in tally.on_side], tally.places)
         self.count, self.sum = len(found), sum(self._numbers)
 
     def __getitem__(self, i: Any) -> Any:
