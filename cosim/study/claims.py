@@ -196,7 +196,10 @@ def _each(texts: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement and the function that judges it; `own`: an additional check, which no paper states."""
+    """A statement and the function that judges it; `own`: an additional check, which no paper states.
+
+    `values`: what the judge is given, if the statement is from a file.
+    """
 
     id: str
     text: str
@@ -204,6 +207,7 @@ class Statement:
     source: str
     judge: Callable[[Any], Finding]
     own: bool = False
+    values: Mapping[str, Any] = field(default_factory=dict)
 
 
 Judging = Callable[[Callable[[Any], Finding]], Callable[[Any], Finding]]
@@ -368,20 +372,23 @@ class _Sentences:
         """The statement of this entry."""
         if (expected := self.expected[own]) is None or self.expected[not own] is not None:
             raise ValueError("a claim has 'published', a check has 'expected'")
-        return Statement(self.id, self.text.format_map(self.values), expected, self.source, self, own)
+        return Statement(self.id, self.text.format_map(self.values), expected, self.source, self, own, self.values)
 
     def __call__(self, study: Any) -> Finding:
         """The judge's finding, in the words of the entry."""
-        found = self.judge(self.view(study), **self.values)
+        return self._said(self.judge(self.view(study), **self.values))
+
+    def _said(self, found: Finding) -> Finding:
         if not found.conditions:
             return self._worded(found)
-        parts = {name: self._worded(part) for name, part in found.conditions.items()}
+        parts = {name: self._said(part) for name, part in found.conditions.items()}
         return all_of(parts) if found.together else under_conditions(parts)
 
     def _worded(self, found: Finding) -> Finding:
         """The finding with band and sentences of the entry."""
         value = math.nan if found.figure is None and self.band is not None else found.value
-        found = replace(found, value=value, unit=self.unit or found.unit, band=self.band, calibrated=self.calibrated)
+        found = replace(found, value=value, unit=self.unit or found.unit, band=self.band)
+        found = replace(found, calibrated=self.calibrated or found.calibrated)
         words = {**self.values, "value": found.figure, "unit": found.unit, **found.words}
         try:
             fitted = [*(text.format_map(words) for text in self.fitted), found.fitted]

@@ -52,7 +52,7 @@ _FORMS: dict[str, Callable[[float, float], float]] = {
     "same": lambda own, other: 100 * abs(_over(own, other) - 1),
 }
 _UNITS = {"value": "", "ratio": "times"}  # of the forms that are not in per cent
-_SIDES: dict[str, Callable[[Any], Side]] = {
+SIDES: dict[str, Callable[[Any], Side]] = {
     "above": lambda edge: lambda x: x > edge,
     "below": lambda edge: lambda x: x < edge,
     "least": lambda edge: lambda x: x >= edge,
@@ -292,15 +292,15 @@ class _Line:
     """
 
     def __init__(self, view: Any, entry: Mapping[str, Any], road: str) -> None:
-        forms, sides = [f for f in _FORMS if f in entry], [s for s in _SIDES if s in entry]
-        unknown = set(entry) - {*_FORMS, *_SIDES, "of", "to", "at", "name", "sized", "shown", "unit"}
+        forms, sides = [f for f in _FORMS if f in entry], [s for s in SIDES if s in entry]
+        unknown = set(entry) - {*_FORMS, *SIDES, "of", "to", "at", "name", "sized", "shown", "unit"}
         self.name, self.shown, sized = entry.get("name", ""), entry.get("shown", False), entry.get("sized", "")
         self.sized = "median" if sized is True else sized
         if len(forms) != 1 or len(sides) > 1 or unknown or not (sides or self.name):
             raise ValueError(
-                f"a comparison has one of {', '.join(_FORMS)}, one of {', '.join(_SIDES)} or a name, and 'of', 'to'"
+                f"a comparison has one of {', '.join(_FORMS)}, one of {', '.join(SIDES)} or a name, and 'of', 'to'"
             )
-        form, side = forms[0], _SIDES[sides[0]](entry[sides[0]]) if sides else None
+        form, side = forms[0], SIDES[sides[0]](entry[sides[0]]) if sides else None
         self.view, self.places = view, view.places(entry.get("at", "everywhere"), road)
         self.judged = side is not None and not self.shown
         unit = entry.get("unit", _UNITS.get(form, "%"))

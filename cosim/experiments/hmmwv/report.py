@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.experiments.hmmwv import EXPERIMENT, pump, refinement
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
-from cosim.experiments.hmmwv.claims import CLAIMS, unsettled
+from cosim.experiments.hmmwv.claims import CLAIMS, PREVIEW_GAIN, SENTENCES, unsettled
 from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
 from cosim.experiments.hmmwv.published import (
     CONDITIONS,
@@ -25,14 +25,7 @@ from cosim.experiments.hmmwv.published import (
     estimated,
 )
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, SHIFTS, STRETCHES, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import (
-    NAMES,
-    PREVIEW_GAIN,
-    PUBLISHED_SENTENCES,
-    ROAD_NAMES,
-    gain,
-    roughness_range,
-)
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, gain, roughness_range
 from cosim.experiments.hmmwv.tracking.report import section as tracking_section
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, SPEED_KMH
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, keep_peaks
@@ -93,8 +86,8 @@ def report(study: Results, fmus: FmuSet) -> Report:
         results=[
             Result(
                 f"statements on the controlled car reproduced in full, {at.words(averages)}",
-                sum(verdicts[p.id].conditions[i].verdict == "reproduced" for p in PUBLISHED_SENTENCES),
-                f"of {len(PUBLISHED_SENTENCES)}",
+                sum(verdicts[p.id].conditions[i].verdict == "reproduced" for p in SENTENCES),
+                f"of {len(SENTENCES)}",
             )
             for i, at in enumerate(CONDITIONS)
         ],
