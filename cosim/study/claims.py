@@ -41,6 +41,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -244,19 +245,25 @@ class ClaimList:
                 judge a value that it does not take, or two entries have the same id; the message names file and entry.
         """
         found = cls()
+        text = Path(path).read_text(encoding="utf-8")
         try:
-            tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{path}: {error}") from error
         texts, known = tables.pop("texts", {}), {}
-        for own, key in ((False, "claim"), (True, "check")):
-            for entry in tables.pop(key, []):
-                try:
-                    known[entry["id"]] = full = _like(known, entry)
-                    found._put(_Sentences(full, texts, judges, view).statement(own))
-                except (KeyError, TypeError, ValueError) as error:
-                    what = f"{error} is missing" if isinstance(error, KeyError) else error
-                    raise ValueError(f"{path}: {key} '{entry.get('id', '?')}': {what}") from error
+        entries = {key: iter(tables.pop(key, [])) for key in ("claim", "check")}
+        for key in re.findall(
+            r"^\s*\[\[\s*(claim|check)\s*\]\]", text, re.MULTILINE
+        ):  # TOML has no order between the two
+            entry = next(entries[key])
+            try:
+                known[entry["id"]] = full = _like(known, entry)
+                found._put(_Sentences(full, texts, judges, view).statement(own=key == "check"))
+            except (KeyError, TypeError, ValueError) as error:
+                what = f"{error} is missing" if isinstance(error, KeyError) else error
+                raise ValueError(f"{path}: {key} '{entry.get('id', '?')}': {what}") from error
+        if any(next(rest, None) for rest in entries.values()):
+            raise ValueError(f"{path}: write each entry as a table, [[claim]] or [[check]]")
         if tables:
             raise ValueError(
                 f"{path}: unknown table [{next(iter(tables))}]; there are [texts], [[claim]] and [[check]]"
@@ -368,7 +375,7 @@ class _Sentences:
             values["band"] = self.band
         takes.bind(None, **values)
 
-    def statement(self, own: bool) -> Statement:
+    def statement(self, *, own: bool) -> Statement:
         """The statement of this entry."""
         if (expected := self.expected[own]) is None or self.expected[not own] is not None:
             raise ValueError("a claim has 'published', a check has 'expected'")
