@@ -250,11 +250,10 @@ class ClaimList:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{path}: {error}") from error
-        texts, known = tables.pop("texts", {}), {}
+        texts = tables.pop("texts", {})
+        known: dict[str, dict[str, Any]] = {}
         entries = {key: iter(tables.pop(key, [])) for key in ("claim", "check")}
-        for key in re.findall(
-            r"^\s*\[\[\s*(claim|check)\s*\]\]", text, re.MULTILINE
-        ):  # TOML has no order between the two
+        for key in re.findall(r"^\s*\[\[\s*(claim|check)\s*\]\]", text, re.MULTILINE):  # TOML has no order of tables
             entry = next(entries[key])
             try:
                 known[entry["id"]] = full = _like(known, entry)

@@ -59,7 +59,7 @@ SIDES: dict[str, Callable[[Any], Side]] = {
     "most": lambda edge: lambda x: x <= edge,
     "within": lambda edges: lambda x: edges[0] <= x <= edges[1],
 }
-_SIZES = {"low": min, "high": max, "median": np.median}
+_SIZES: dict[str, Callable[[Sequence[float]], Any]] = {"low": min, "high": max, "median": np.median}
 
 
 def names(given: Any) -> tuple[Any, ...]:
@@ -235,7 +235,7 @@ class Words:
 class Figures(Sequence[float]):
     """The numbers of a line for the sentences of a claim: `{name:.2f}` is their range, `{name[0]:.2f}` the first.
 
-    `low`, `high`, `sum`, `count`; `at_low` and `at_high` are where; `held` is at how many of its `places` the line
+    `low`, `high`, `sum`; `at_low` and `at_high` are where; `held` is at how many of its `places` the line
     holds, `missing` text for the others, `spread` the samples of the first place.
     """
 
@@ -244,7 +244,7 @@ class Figures(Sequence[float]):
         self._line, self._found, self._numbers = line, found, [d.median for _, d in found]
         self.held, self.places = len(tally.on_side), len(tally.places)
         self.missing = line.view.missing([p for p in tally.places if p not in tally.on_side], tally.places)
-        self.count, self.sum = len(found), sum(self._numbers)
+        self.sum = sum(self._numbers)
 
     def __getitem__(self, i: Any) -> Any:
         return self._numbers[i]

@@ -43,7 +43,7 @@ class BenchView(View):
         ),
         "unsolved": lambda view, _, run: float(view.study[run]["solver.status"] > 0),
     }
-    words: ClassVar[Mapping[str, float]] = {"height": BUMP_HEIGHT_MM}
+    words: Mapping[str, float] = {"height": BUMP_HEIGHT_MM}
 
     def places(self, at: str, road: str) -> list[Any]:  # noqa: ARG002
         """Scenarios, or all runs under an MPC: with exact and measured states, with finer steps."""

@@ -21,14 +21,15 @@ class ThreeAxleView(View):
     """Speeds and depths of Table 5.1, or single runs."""
 
     quantities: ClassVar[Quantities] = {"steady error": lambda view, subject, _: view.steady_error(subject)}
-    words: ClassVar[Mapping[str, float]] = {"horizon": HORIZON, "limit": LIMIT}
+    words: Mapping[str, float] = {"horizon": HORIZON, "limit": LIMIT}
 
     def places(self, at: str, road: str) -> list[Any]:  # noqa: ARG002
         """Every speed and depth that the study went to, the one that is shown, all at once, or runs under an MPC."""
         if at == "every run under an MPC":
             every = (c for c in self.study if c.solver_parts == c.exchange_parts == 1)
             return [c for c in every if CONTROLLERS[c.controller] == "MpcThreeAxle"]
-        return {"the run that is shown": [SHOWN], "all runs together": [at]}.get(at) or places(self.study)
+        named: dict[str, list[Any]] = {"the run that is shown": [SHOWN], "all runs together": [at]}
+        return named.get(at) or list(places(self.study))
 
     def case(self, subject: str, place: Place | Case) -> Case:
         """The run of a controller at a speed and depth."""

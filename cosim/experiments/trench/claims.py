@@ -156,7 +156,7 @@ def verdicts(
 
     None of them fails by what they are `without`. The value is their number.
     """
-    keys = view.places(at, "")
+    keys: list[Key] = view.places(at, "")
     good = [
         k
         for k in keys

@@ -34,7 +34,7 @@ class TrackingView(View):
         "rise from 10 to 90 %": lambda view, *_: 1e3 * view.study[Case(FILTER)]["rise"],  # ms
         "jumps": lambda view, variant, signal: 1e3 * view.study[view.case(variant, signal)]["voltage_jumps"],  # mV
     }
-    words: ClassVar[Mapping[str, float]] = {"noise": NOISE}
+    words: Mapping[str, float] = {"noise": NOISE}
 
     def places(self, at: str, road: str) -> list[str]:  # noqa: ARG002
         """One signal, or those of Figure 1.8."""
