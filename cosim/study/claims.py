@@ -382,12 +382,12 @@ class _Sentences:
 
     def __call__(self, study: Any) -> Finding:
         """The judge's finding, in the words of the entry."""
-        return self._said(self.judge(self.view(study), **self.values))
+        return self._in_words(self.judge(self.view(study), **self.values))
 
-    def _said(self, found: Finding) -> Finding:
+    def _in_words(self, found: Finding) -> Finding:
         if not found.conditions:
             return self._worded(found)
-        parts = {name: self._said(part) for name, part in found.conditions.items()}
+        parts = {name: self._in_words(part) for name, part in found.conditions.items()}
         return all_of(parts) if found.together else under_conditions(parts)
 
     def _worded(self, found: Finding) -> Finding:

@@ -38,18 +38,18 @@ Quantities = Mapping[str, Callable[[Any, str, Any], float | None]]  # of view, s
 Values = Callable[[Place], Distribution | None]  # of a quantity over its samples, by place; None: there are none
 
 
-def _over(above: float, below: float) -> float:
+def quotient(above: float, below: float) -> float:
     """A quotient; from nothing, such as the roll of a symmetric car on one profile, everything is infinitely more."""
     return above / below if below else math.inf if above else math.nan
 
 
 _FORMS: dict[str, Callable[[float, float], float]] = {
     "value": lambda own, _: own,
-    "ratio": _over,
-    "percent": lambda own, other: 100 * _over(own, other),
-    "reduction": lambda own, other: 100 * (1 - _over(own, other)),
-    "rise": lambda own, other: 100 * (_over(own, other) - 1),
-    "same": lambda own, other: 100 * abs(_over(own, other) - 1),
+    "ratio": quotient,
+    "percent": lambda own, other: 100 * quotient(own, other),
+    "reduction": lambda own, other: 100 * (1 - quotient(own, other)),
+    "rise": lambda own, other: 100 * (quotient(own, other) - 1),
+    "same": lambda own, other: 100 * abs(quotient(own, other) - 1),
 }
 _UNITS = {"value": "", "ratio": "times"}  # of the forms that are not in per cent
 SIDES: dict[str, Callable[[Any], Side]] = {
