@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from cosim.experiments.hmmwv.preview.published import (
     COMPENSATED,
@@ -87,9 +87,10 @@ class PreviewView(View):
         exact, off = (self.study[generated(e)]["offsets"][bump] for e in (0.0, SPEEDOMETER_ERRORS[-1]))
         return float(off - exact)
 
-    def places(self, at: str, road: str) -> list[float]:  # noqa: ARG002
-        """After the small or the big bump; on the track the first or the second, or both."""
-        return {"small": [SMALL], "big": [BIG], "first": [0], "second": [1], "both": [0, 1]}.get(at, [BIG])
+    def places(self, at: str, road: str) -> list[Any]:  # noqa: ARG002
+        """After the small or the big bump; on the track the second bump, or both."""
+        named: dict[str, list[Any]] = {"small": [SMALL], "second": [1], "both": [0, 1]}
+        return named.get(at, [BIG])
 
 
 CLAIMS = ClaimList.read(Path(__file__).with_name("claims.toml"), {"compare": compare}, PreviewView)
