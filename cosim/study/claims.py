@@ -30,6 +30,10 @@ values that stand there; all sentences stand in the file, with the judge's numbe
                                        # that has a parameter `band` is given it
     calibrated = true                  # a parameter was fitted to this very claim
 
+    [[claim]]
+    id = "rate-limit"
+    like = "force-limit"               # has its own keys, and the others of that entry
+
 Verdicts follow from findings as `cosim.report.claims.verdict_of` says.
 """
 
@@ -37,6 +41,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -192,7 +197,10 @@ def _each(texts: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement and the function that judges it; `own`: an additional check, which no paper states."""
+    """A statement and the function that judges it; `own`: an additional check, which no paper states.
+
+    `values`: what the judge is given, if the statement is from a file.
+    """
 
     id: str
     text: str
@@ -200,6 +208,7 @@ class Statement:
     source: str
     judge: Callable[[Any], Finding]
     own: bool = False
+    values: Mapping[str, Any] = field(default_factory=dict)
 
 
 Judging = Callable[[Callable[[Any], Finding]], Callable[[Any], Finding]]
@@ -218,26 +227,42 @@ class ClaimList:
         return len(self.statements)
 
     @classmethod
-    def read(cls, path: str | Path, judges: Mapping[str, Callable[..., Finding]]) -> ClaimList:
+    def read(
+        cls,
+        path: str | Path,
+        judges: Mapping[str, Callable[..., Finding]],
+        view: Callable[[Any], Any] = lambda study: study,
+    ) -> ClaimList:
         """The statements of a TOML file, each judged by the function of `judges` that it names.
+
+        Args:
+            path: the file.
+            judges: by name; they take what `view` makes of the study, and the values of an entry.
+            view: such as a `cosim.study.judges.View`.
 
         Raises:
             ValueError: the file is no TOML, an entry lacks a key, names a judge or a text that does not exist, gives a
                 judge a value that it does not take, or two entries have the same id; the message names file and entry.
         """
         found = cls()
+        text = Path(path).read_text(encoding="utf-8")
         try:
-            tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{path}: {error}") from error
         texts = tables.pop("texts", {})
-        for own, key in ((False, "claim"), (True, "check")):
-            for entry in tables.pop(key, []):
-                try:
-                    found._put(_Sentences(entry, texts, judges).statement(own))
-                except (KeyError, TypeError, ValueError) as error:
-                    what = f"{error} is missing" if isinstance(error, KeyError) else error
-                    raise ValueError(f"{path}: {key} '{entry.get('id', '?')}': {what}") from error
+        known: dict[str, dict[str, Any]] = {}
+        entries = {key: iter(tables.pop(key, [])) for key in ("claim", "check")}
+        for key in re.findall(r"^\s*\[\[\s*(claim|check)\s*\]\]", text, re.MULTILINE):  # TOML has no order of tables
+            entry = next(entries[key])
+            try:
+                known[entry["id"]] = full = _like(known, entry)
+                found._put(_Sentences(full, texts, judges, view).statement(own=key == "check"))
+            except (KeyError, TypeError, ValueError) as error:
+                what = f"{error} is missing" if isinstance(error, KeyError) else error
+                raise ValueError(f"{path}: {key} '{entry.get('id', '?')}': {what}") from error
+        if any(next(rest, None) for rest in entries.values()):
+            raise ValueError(f"{path}: write each entry as a table, [[claim]] or [[check]]")
         if tables:
             raise ValueError(
                 f"{path}: unknown table [{next(iter(tables))}]; there are [texts], [[claim]] and [[check]]"
@@ -314,11 +339,25 @@ def _judged(s: Statement, study: Any) -> Finding:
         return Finding("a run failed", False, str(error), undecided=str(error))
 
 
+def _like(known: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry with what it does not say itself from the one that it is `like`."""
+    if "like" not in entry:
+        return dict(entry)
+    if entry["like"] not in known:
+        raise ValueError(f"there is no '{entry['like']}' before it")
+    base, own = known[entry["like"]], {k: v for k, v in entry.items() if k != "like"}
+    return {**base, **{k: {**base.get(k, {}), **v} if isinstance(v, dict) else v for k, v in own.items()}}
+
+
 class _Sentences:
     """An entry of a file of claims."""
 
     def __init__(
-        self, entry: Mapping[str, Any], texts: Mapping[str, str], judges: Mapping[str, Callable[..., Finding]]
+        self,
+        entry: Mapping[str, Any],
+        texts: Mapping[str, str],
+        judges: Mapping[str, Callable[..., Finding]],
+        view: Callable[[Any], Any],
     ) -> None:
         values = dict(entry)
         self.id, self.text, self.source = values.pop("id"), values.pop("claim"), values.pop("source", "own")
@@ -329,30 +368,33 @@ class _Sentences:
         self.calibrated, name = values.pop("calibrated", False), values.pop("judge")
         if name not in judges:
             raise ValueError(f"unknown judge '{name}'; there are {', '.join(sorted(judges))}")
-        self.judge, self.values = judges[name], values
+        self.judge, self.values, self.view = judges[name], values, view
         takes = inspect.signature(self.judge)
         if "band" in takes.parameters:
             values["band"] = self.band
         takes.bind(None, **values)
 
-    def statement(self, own: bool) -> Statement:
+    def statement(self, *, own: bool) -> Statement:
         """The statement of this entry."""
         if (expected := self.expected[own]) is None or self.expected[not own] is not None:
             raise ValueError("a claim has 'published', a check has 'expected'")
-        return Statement(self.id, self.text.format_map(self.values), expected, self.source, self, own)
+        return Statement(self.id, self.text.format_map(self.values), expected, self.source, self, own, self.values)
 
     def __call__(self, study: Any) -> Finding:
         """The judge's finding, in the words of the entry."""
-        found = self.judge(study, **self.values)
+        return self._in_words(self.judge(self.view(study), **self.values))
+
+    def _in_words(self, found: Finding) -> Finding:
         if not found.conditions:
             return self._worded(found)
-        parts = {name: self._worded(part) for name, part in found.conditions.items()}
+        parts = {name: self._in_words(part) for name, part in found.conditions.items()}
         return all_of(parts) if found.together else under_conditions(parts)
 
     def _worded(self, found: Finding) -> Finding:
         """The finding with band and sentences of the entry."""
         value = math.nan if found.figure is None and self.band is not None else found.value
-        found = replace(found, value=value, unit=self.unit or found.unit, band=self.band, calibrated=self.calibrated)
+        found = replace(found, value=value, unit=self.unit or found.unit, band=self.band)
+        found = replace(found, calibrated=self.calibrated or found.calibrated)
         words = {**self.values, "value": found.figure, "unit": found.unit, **found.words}
         try:
             fitted = [*(text.format_map(words) for text in self.fitted), found.fitted]

@@ -19,11 +19,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from build_fmus.base.sources import code_hash, imported, libraries
+from build_fmus.base.sources import imported, libraries
 from cosim.study import case, loading, runner
 from cosim.study.experiment import Experiment, Search
 from cosim.study.fmus import FmuSet
 
+JUDGED = "claims.toml"  # sentences on results and bounds for them, which no run reads
 RUNS = (case.__file__, loading.__file__, runner.__file__)  # modules between every experiment and the master
 
 
@@ -46,7 +47,7 @@ def entry_modules(experiment: Experiment, searches: Iterable[Search] = ()) -> li
 
 def code_files(experiment: Experiment, searches: Iterable[Search] = ()) -> list[Path]:
     """All files that the numbers depend on, FMUs aside."""
-    return imported(entry_modules(experiment, searches))
+    return [p for p in imported(entry_modules(experiment, searches)) if p.name != JUDGED]
 
 
 def salt(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = (), searches: Iterable[Search] = ()) -> str:
@@ -61,7 +62,7 @@ def salt(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = (), searc
     modules = entry_modules(experiment, searches)
     paths = sorted({*fmus.paths(experiment.wiring.fmus), *fmus.own_paths, *files})
     used = [f"{name} {version}" for name, version in versions(libraries(modules)).items()]
-    return "|".join([content_hash(paths), code_hash(modules), *used])
+    return "|".join([content_hash(paths), content_hash(code_files(experiment, searches)), *used])
 
 
 def versions(imports: Iterable[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ from altered import altered, failed
 from hmmwv_made_up import is_finer, made_up_study, metric, watts
 
 from cosim.experiments.hmmwv.averages import Averages
-from cosim.experiments.hmmwv.claims import CLAIMS, unsettled
+from cosim.experiments.hmmwv.claims import CLAIMS, SENTENCES, STATEMENTS, unsettled
 from cosim.experiments.hmmwv.preview import runs as chains
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW
 from cosim.experiments.hmmwv.preview.published import (
@@ -28,11 +28,10 @@ from cosim.experiments.hmmwv.preview.published import (
 )
 from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
 from cosim.experiments.hmmwv.published import finer
-from cosim.experiments.hmmwv.pump import need
 from cosim.experiments.hmmwv.pump import section as pump_section
 from cosim.experiments.hmmwv.report import report
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, Case, over_variants
-from cosim.experiments.hmmwv.statements import NAMES, PUBLISHED_SENTENCES, ROAD_NAMES, STATEMENTS
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, need
 from cosim.experiments.hmmwv.tracking import runs as corners
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING
 from cosim.experiments.hmmwv.tracking.published import DENSITIES, VARIANTS, largest_stable_density, robustness_case
@@ -139,8 +138,8 @@ def test_travel_is_compared_with_skyhook_too():
 
 def test_a_sentence_is_one_claim_under_both_conditions_of_the_pump():
     found = judged(watts(9.0, road="track", flow_limit=True), watts(31.7, road="off-road", flow_limit=True))
-    assert {p.id for p in PUBLISHED_SENTENCES} <= set(found)
-    assert all([c.name for c in found[p.id].conditions] == [WITHOUT_LIMIT, PUMP] for p in PUBLISHED_SENTENCES)
+    assert {p.id for p in SENTENCES} <= set(found)
+    assert all([c.name for c in found[p.id].conditions] == [WITHOUT_LIMIT, PUMP] for p in SENTENCES)
     twofold, driver = found["track-twofold"], found["off-road-driver"]
     assert [c.verdict for c in twofold.conditions] == ["reproduced", "trend reproduced, magnitude differs"]
     assert twofold.verdict == "trend reproduced, magnitude differs"
@@ -187,7 +186,7 @@ def test_a_pump_whose_run_failed_counts_as_not_tried():
 
 def needs(study: Results) -> dict[str, object]:
     """What pump each statement takes."""
-    return {s.id: found for s in STATEMENTS if (found := need(Averages(study), s)) is not None}
+    return {id: found for id, s in STATEMENTS.items() if (found := need(Averages(study), s)) is not None}
 
 
 def test_the_pump_of_a_file_of_ones_own_is_named():

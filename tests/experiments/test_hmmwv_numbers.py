@@ -18,13 +18,12 @@ from altered import altered
 
 from cosim.experiments.hmmwv import EXPERIMENT, preview, runs, tracking
 from cosim.experiments.hmmwv.averages import Averages
-from cosim.experiments.hmmwv.claims import CLAIMS
+from cosim.experiments.hmmwv.claims import CLAIMS, SENTENCES
 from cosim.experiments.hmmwv.preview import published as chains
 from cosim.experiments.hmmwv.published import PUMP, PUMPS_L_MIN, SHARED, estimated, finer, places
 from cosim.experiments.hmmwv.refinement import refinements
 from cosim.experiments.hmmwv.report import report
 from cosim.experiments.hmmwv.runs import METRICS, Case, measure, signals, start, stop_time
-from cosim.experiments.hmmwv.statements import PUBLISHED_SENTENCES
 from cosim.experiments.hmmwv.tracking import published as corners
 from cosim.experiments.hmmwv.web import live
 from cosim.experiments.hmmwv.wiring import SIGNAL_POINTS
@@ -867,7 +866,7 @@ def test_statements_that_are_reproduced_are_counted(fmus: FmuSet) -> None:
     made = report(hmmwv_made_up.made_up_study(), fmus)
     shown = {r.name: (r.value, r.unit) for r in made.results if r.name.startswith("statements")}
     parts = [{p.name: p.verdict for p in c.conditions} for c in made.claims if c.conditions]
-    assert len(parts) == len(PUBLISHED_SENTENCES)
+    assert len(parts) == len(SENTENCES)
     for words in ("45 l/min at each actuator", "pump without limit"):
         (found,) = (v for n, v in shown.items() if n.endswith(f", {words}"))
         assert found == (sum(p[words] == "reproduced" for p in parts), f"of {len(parts)}")

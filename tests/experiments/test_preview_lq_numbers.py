@@ -19,7 +19,7 @@ from altered import altered
 from cosim.experiments.preview_lq import EXPERIMENT, published
 from cosim.experiments.preview_lq.claims import CLAIMS, matched
 from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY, Design
-from cosim.experiments.preview_lq.published import PRINTED_EIGENVALUES, over_preview
+from cosim.experiments.preview_lq.published import PRINTED, PRINTED_EIGENVALUES, corrected, over_preview
 from cosim.experiments.preview_lq.report import report
 from cosim.experiments.preview_lq.runs import METRICS, Case, measure, passive, recorded, signals, stop_time, wire
 from cosim.experiments.preview_lq.web import live
@@ -891,3 +891,15 @@ def test_controls_of_the_live_page() -> None:
         ("weight of tire deflection", [f"controller.weight.tire.{e}" for e in both], None, 4e5),
         ("weight of actuator forces", [f"controller.weight.force.{e}" for e in both], None, 1e-5),
     ]
+
+
+@pytest.mark.parametrize(("input_", "controller"), PRINTED)
+def test_claims_on_table_3_have_its_figures(input_: str, controller: str) -> None:
+    """The index, around which the band lies, and the number of mean squares."""
+    index, cells = (CLAIMS.statements[f"{kind}-{input_}-{controller}"] for kind in ("index", "parts"))
+    printed = PRINTED[input_, controller][-1]
+    assert index.published == f"{printed:g} % of passive"
+    band = index.values["band"]
+    assert (band.low, band.high) == pytest.approx((0.95 * printed, 1.05 * printed))
+    compared = sum(value is not None for value in corrected(input_, controller)) - 1
+    assert cells.published == f"{compared} mean squares and J (misprints corrected)"

@@ -216,6 +216,10 @@ class TestClaims:
         assert found.pop("solver") == "holds"
         assert found == {id: "calibrated" if id in CALIBRATED else "reproduced" for id in found}
 
+    def test_the_count_of_calmer_crossings_is_that_of_table_5_6(self):
+        calmer = [k for k in GRID if published.number(*k, "controlled az [m/s2]") < published.passive(*k).az]
+        assert CLAIMS.statements["peak-az"].published.startswith(f"{len(calmer)} of 36")
+
     def test_what_was_left_out_is_open(self):
         found, whole = (verdicts(invented(published_only=only)) for only in (True, False))
         open_ = dict.fromkeys(("between", "lqr-alone", "no-preview-alone"), "open")

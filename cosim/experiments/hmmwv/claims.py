@@ -2,118 +2,51 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW_CLAIMS
-from cosim.experiments.hmmwv.published import CONDITIONS, PUMP, WITHOUT_LIMIT, Condition, estimated
-from cosim.experiments.hmmwv.pump import need
+from cosim.experiments.hmmwv.published import CONDITIONS, PUMP, WITHOUT_LIMIT, estimated
 from cosim.experiments.hmmwv.refinement import refinements
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import (
-    NAMES,
-    PREVIEW_GAIN,
-    PUBLISHED_SENTENCES,
-    ROAD_NAMES,
-    Published,
-    Statement,
-    gain,
-)
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, finding, gain, parts, statement
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING_CLAIMS
-from cosim.study import ClaimList, Distribution, Finding, Results, RunFailed
-from cosim.study.claims import all_of, under_conditions
+from cosim.study import Band, ClaimList, Distribution, Finding, Results
 
 ESTIMATES_COST = 10.0  # %, of the same with true states; our criterion
 REFINED = 1.0  # %, by which halving all steps may move a figure: a tenth of the band around a single published one
 RESIDUAL = 1e-6  # of a quadratic program
 ASSUMED = "noise of the sensors and of the road in the filter assumed"
 
+SENTENCES = ClaimList.read(Path(__file__).with_name("claims.toml"), {"statement": statement})
+"""What the paper says of the controlled car, one entry for each sentence, in its order."""
+
+STATEMENTS = {
+    f"{s.id}-{p.of}" if len(found) > 1 else s.id: replace(p, published=s.published)
+    for s in SENTENCES
+    for found in [parts(**s.values)]
+    for p in found
+}
+"""Their parts."""
+
+PREVIEW_GAIN: Band = SENTENCES.statements["bump-preview"].values["band"]  # %, which counts as the published 15 %
+
 CLAIMS = ClaimList()
 CLAIMS.include(TRACKING_CLAIMS)
-
-Judged = Callable[[Averages], Finding]
-
-
-def _at_both_steps(judge: Judged, study: Results) -> Finding:
-    """The finding of a judge, undecided if half the steps change its verdict."""
-    coarse, fine = (judge(Averages(study, refined=r)) for r in (False, True))
-    if coarse.verdict == fine.verdict:
-        return coarse
-    both = f"as run {coarse.result}: {coarse.verdict}; with half the steps {fine.result}: {fine.verdict}"
-    return replace(coarse, undecided=both)
-
-
-def judge_at(s: Statement, at: Condition) -> Judged:
-    """The judge of a statement under a condition of the pump."""
-
-    def judged(study: Averages) -> Finding:
-        found = s.figure(study, at)
-        powers = {c: study.power(at(Case(s.road, c))) for c in dict.fromkeys(("passive", *s.controllers))}
-        absorbed = f"absorbed power {', '.join(f'{NAMES[c]} {p:.2f}' for c, p in powers.items())} W"
-        rule, fitted, calibrated = s.criterion, s.fitted(study, at), s.calibrated(study, at)
-        needed = need(study, s) if at.limited else None
-        holds = "" if needed is None else f"; holds with: {needed.words(study)}"
-        nothing, some = s.incomparable(found), [v for v in found.values if not math.isnan(v)]
-        if nothing and all(map(s.side, some)):
-            why = f"{nothing}, so there is nothing to compare{holds}"
-            return Finding(f"{nothing}; {absorbed}", False, why, criterion=rule, fitted=fitted, undecided=why)
-        found = Distribution(some, found.of)
-        side, reason = found.everywhere(s.side), s.shortfall
-        if not side:
-            reason += f" (on the claimed side in {found.count(s.side)} of {len(found.values)})"
-        reason += holds
-        if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
-            result = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
-            one = Finding(result, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
-            return replace(one, calibrated=calibrated)
-        result = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
-        many = Finding(result, side, reason, None, s.unit, s.band, found, criterion=rule, fitted=fitted)
-        return replace(many, calibrated=calibrated)
-
-    return judged
-
-
-def findings(published: Published, study: Results, at: Condition) -> dict[str, Finding]:
-    """What a study says of the parts of a published sentence under a condition of the pump, by their subjects."""
-    found = {}
-    for s in published.parts:
-        try:
-            found[s.subject] = _at_both_steps(judge_at(s, at), study)
-        except RunFailed as error:
-            found[s.subject] = Finding("a run failed", False, str(error), undecided=str(error))
-    return found
+CLAIMS.include(SENTENCES)
 
 
 def unsettled(study: Results) -> list[str]:
     """Statements whose verdict changes with half the steps, in words."""
     return [
-        f"{p.id} ({', '.join(filter(None, (subject, at.words(Averages(study)))))})"
-        for p in PUBLISHED_SENTENCES
+        f"{s.id} ({', '.join([NAMES[p.of]] * (len(found) > 1) + [at.words(Averages(study))])})"
+        for s in SENTENCES
+        for found in [parts(**s.values)]
         for at in CONDITIONS
-        for subject, finding in findings(p, study, at).items()
-        if finding.undecided.startswith("as run")
+        for p in found
+        if finding(p, study, at).undecided.startswith("as run")
     ]
-
-
-# --------------------------------------------------------------------------------------------------------- statements
-
-
-def _state(published: Published) -> None:
-    """Make a sentence a claim, judged under each condition of the pump."""
-    text = f"{ROAD_NAMES[published.road].capitalize()}: {published.claim}"
-
-    @CLAIMS.claim(published.id, text, published=published.published, source=f"{published.source}, Table 1.4")
-    def _judged(study: Results) -> Finding:
-        found = {at.words(Averages(study)): findings(published, study, at) for at in CONDITIONS}
-        return under_conditions(
-            {at: all_of(parts) if len(parts) > 1 else next(iter(parts.values())) for at, parts in found.items()}
-        )
-
-
-for _published in PUBLISHED_SENTENCES:
-    _state(_published)
 
 
 # ------------------------------------------------------------------------------------------------ additional checks

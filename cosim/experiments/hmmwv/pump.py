@@ -2,72 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from typing import Any
 
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
+from cosim.experiments.hmmwv.claims import STATEMENTS
 from cosim.experiments.hmmwv.published import (
     ACTIVE,
     PUBLISHED,
     PUMP,
-    PUMPED,
-    PUMPS_L_MIN,
     SHARED,
     SIDE_VARIANTS,
     WITHOUT_LIMIT,
-    Condition,
 )
 from cosim.experiments.hmmwv.runs import ROADS, Case
-from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, STATEMENTS, Statement
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, conditions, need
 from cosim.report import Table
-from cosim.study import Content, RunFailed
+from cosim.study import Content
 
 WHERE = {"track": "on the test track", "bump": "over one bump", "off-road": "off road"}
-
-
-@dataclass(frozen=True)
-class Need:
-    """What a statement takes. `conditions` are the pumps tried, from the smallest to the one without limit."""
-
-    statement: Statement
-    conditions: tuple[Condition, ...]
-    holds: tuple[bool, ...]
-
-    @property
-    def smallest(self) -> Condition | None:
-        """The smallest pump with which the statement holds; None: it holds with none."""
-        return self.conditions[self.holds.index(True)] if any(self.holds) else None
-
-    def words(self, study: Averages) -> str:
-        """The result in words, "90 l/min at each actuator, not with 75 l/min"."""
-        if self.smallest is None:
-            return "no pump that was tried"
-        first, past = self.holds.index(True), [c for c, ok in zip(self.conditions, self.holds, strict=True) if ok]
-        words = self.smallest.words(study)
-        if first:
-            words += f", not with {self.conditions[first - 1].l_min(study):g} l/min"
-        gaps = any(a and not b for a, b in pairwise(self.holds))
-        return words + (f"; no longer beyond {past[-1].words(study)}" if gaps else "")
-
-
-def conditions(study: Averages, road: str) -> list[Condition]:
-    """Pumps that were tried on a road with all controllers of `PUMPED`, from the smallest on."""
-    larger = (Condition(limited=True, pump_l_min=x) for x in PUMPS_L_MIN[road])
-    return sorted((PUMP, *larger, WITHOUT_LIMIT), key=lambda c: c.l_min(study))
-
-
-def need(study: Averages, s: Statement) -> Need | None:
-    """Pump with which a statement holds, of those tried whose runs did not fail; None if no larger pumps were tried."""
-    if not set(s.controllers) <= set(PUMPED[s.road]):
-        return None
-    holds = {}
-    for at in conditions(study, s.road):
-        try:
-            holds[at] = s.holds(study, at)
-        except RunFailed:
-            continue
-    return Need(s, tuple(holds), tuple(holds.values()))
 
 
 def section(study: Averages) -> Content:
@@ -111,9 +64,9 @@ def section(study: Averages) -> Content:
 
 def _needed(study: Averages, at_pump: str) -> Table:
     rows = []
-    for found in filter(None, (need(study, s) for s in STATEMENTS)):
+    for found in filter(None, (need(study, s) for s in STATEMENTS.values())):
         s, at = found.statement, found.smallest
-        figures = [s.figure(study, c) for c in (PUMP, WITHOUT_LIMIT)]
+        figures = [s.figures(study, c) for c in (PUMP, WITHOUT_LIMIT)]
         shown = [s.incomparable(f) or f"{s.form.format(f.median)} {s.unit}" for f in figures]
         driven = at and at(Case(s.road, s.controllers[-1]))
         rows.append(

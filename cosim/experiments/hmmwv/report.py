@@ -9,18 +9,11 @@ import numpy as np
 
 from cosim.experiments.hmmwv import EXPERIMENT, published, pump, refinement
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
-from cosim.experiments.hmmwv.claims import CLAIMS, unsettled
+from cosim.experiments.hmmwv.claims import CLAIMS, PREVIEW_GAIN, SENTENCES, unsettled
 from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
 from cosim.experiments.hmmwv.published import ERRORS_MS, LENGTHS, PUBLISHED, PUMP, WITHOUT_LIMIT, estimated
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, SHIFTS, STRETCHES, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import (
-    NAMES,
-    PREVIEW_GAIN,
-    PUBLISHED_SENTENCES,
-    ROAD_NAMES,
-    gain,
-    roughness_range,
-)
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, gain, roughness_range
 from cosim.experiments.hmmwv.tracking.report import section as tracking_section
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, SPEED_KMH
 from cosim.report import Figure, Panel, Parameter, Result, Series, Table, bars, curve, level
@@ -60,8 +53,8 @@ def _reproduced(study: Averages, claims: Any) -> list[Result]:
     return [
         Result(
             f"statements on the controlled car reproduced in full, {at.words(study)}",
-            sum(found[p.id].conditions[i].verdict == "reproduced" for p in PUBLISHED_SENTENCES),
-            f"of {len(PUBLISHED_SENTENCES)}",
+            sum(found[p.id].conditions[i].verdict == "reproduced" for p in SENTENCES),
+            f"of {len(SENTENCES)}",
         )
         for i, at in enumerate(published.CONDITIONS)
     ]

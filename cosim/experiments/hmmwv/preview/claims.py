@@ -1,8 +1,11 @@
-"""What paper 001 says of its preview, and what this project requires of its own, judged by the runs of the chain."""
+"""What the claims of paper 001 on its preview in `claims.toml` name: chains, places and quantities of the runs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar
 
 from cosim.experiments.hmmwv.preview.published import (
     COMPENSATED,
@@ -18,13 +21,12 @@ from cosim.experiments.hmmwv.preview.published import (
     over,
 )
 from cosim.experiments.hmmwv.preview.runs import WINDOW, Case
-from cosim.study import ClaimList, Finding, Results
+from cosim.study import ClaimList, Results
+from cosim.study.judges import Quantities, View, Words, compare, quotient
 from fmu_sources.roads.bumps import BUMP_LENGTH
 
 SMALL, BIG = HEIGHTS_MM
-NOISE = "noise of the sensors assumed"
-
-CLAIMS = ClaimList()
+_CHAINS = {"printed": PRINTED, "compensated": COMPENSATED, "printed, fed back": PRINTED_FED, "fed back": FED}
 
 
 def extremes(study: Results, chain: Case, height_mm: float) -> tuple[float, float]:
@@ -33,152 +35,62 @@ def extremes(study: Results, chain: Case, height_mm: float) -> tuple[float, floa
     return 1e3 * row["lowest"], 1e3 * row["highest"]
 
 
-def resolution(study: Results) -> float:
-    """What the range sensor resolves [mm]."""
-    return 1e3 * float(study[on_track(FED)]["resolution"])
+class PreviewView(View):
+    """Bumps of two heights [mm]; of the known track both bumps."""
+
+    quantities: ClassVar[Quantities] = {
+        "lowest": lambda view, c, mm: extremes(view.study, _CHAINS[c], mm)[0],  # mm
+        "dip": lambda view, c, mm: -extremes(view.study, _CHAINS[c], mm)[0],  # mm
+        "highest": lambda view, c, mm: extremes(view.study, _CHAINS[c], mm)[1],  # mm
+        "left": lambda view, c, mm: max(view.quantity("dip", c, mm), view.quantity("highest", c, mm)),  # mm
+        "dip / resolution": lambda view, c, mm: quotient(view.quantity("dip", c, mm), view.resolution),
+        "left / resolution": lambda view, c, mm: quotient(view.quantity("left", c, mm), view.resolution),
+        "first spread": lambda view, c, _: 1e3 * view.spread(c)[0],  # mm
+        "last spread": lambda view, c, _: view.spread(c)[-1],  # m
+        "growth": lambda view, c, _: view.spread(c)[-1] / view.spread(c)[0],
+        "grows": lambda view, c, _: all(b > a for a, b in pairwise(view.spread(c))),
+        "largest spread": lambda view, c, _: 1e3 * max(view.spread(c)),  # mm
+        "largest spread / height": lambda view, c, mm: view.quantity("largest spread", c, mm) / mm,
+        "error of the rate": lambda view, c, _: view.study[on_track(_CHAINS[c])]["rate_error"],  # m/s
+        "offset": lambda view, _, bump: 1e3 * view.study[generated(0.0)]["offsets"][bump],  # mm
+        "distance": lambda view, _, bump: abs(view.quantity("offset", "", bump)),  # mm
+        "drift": lambda view, _, bump: 1e3 * view.drift(bump),  # mm
+        "size": lambda view, _, bump: abs(view.quantity("drift", "", bump)),  # mm
+        "distance / half a bump": lambda view, _, bump: view.quantity("distance", "", bump) / (500 * BUMP_LENGTH),
+        "size / half a bump": lambda view, _, bump: view.quantity("size", "", bump) / (500 * BUMP_LENGTH),
+        "second / first": lambda view, *_: quotient(abs(view.drift(1)), abs(view.drift(0))),
+    }
+
+    def __init__(self, study: Results) -> None:
+        super().__init__(study)
+        self.words = {
+            "small": SMALL,
+            "big": BIG,
+            "long": LONG,
+            "window": WINDOW,
+            "error": SPEEDOMETER_ERRORS[-1],
+            "seen": Words(lambda form: format(self.resolution, form)),
+        }
+
+    @property
+    def resolution(self) -> float:
+        """What the range sensor resolves [mm]."""
+        return 1e3 * float(self.study[on_track(FED)]["resolution"])
+
+    def spread(self, chain: str) -> Sequence[float]:
+        """Standard deviation [m] of the buffered road's error in each window, with noise for long."""
+        found: Sequence[float] = self.study[long(_CHAINS[chain])]["spread"]
+        return found
+
+    def drift(self, bump: int) -> float:
+        """By how much [m] the speedometer's error moves the prediction at a bump of the track."""
+        exact, off = (self.study[generated(e)]["offsets"][bump] for e in (0.0, SPEEDOMETER_ERRORS[-1]))
+        return float(off - exact)
+
+    def places(self, at: str, road: str) -> list[Any]:  # noqa: ARG002
+        """After the small or the big bump; on the track the second bump, or both."""
+        named: dict[str, list[Any]] = {"small": [SMALL], "second": [1], "both": [0, 1]}
+        return named.get(at, [BIG])
 
 
-@CLAIMS.claim(
-    "preview-dip",
-    "With a filter that knows nothing of the road, the corrected road has a negative bump after the actual one",
-    published="a negative bump",
-    source="Figure 1.7",
-)
-def _dip(study: Results) -> Finding:
-    seen, (dip, _), (flat, _) = resolution(study), extremes(study, PRINTED, BIG), extremes(study, PRINTED, SMALL)
-    return Finding(
-        f"{dip:.0f} mm after a bump of {BIG:.0f} mm, {flat:.0f} mm after {SMALL:.0f} mm",
-        dip < -seen,
-        "the range sensor could not show so flat a dip",
-        -dip,
-        "mm",
-        criterion=(
-            f"a dip deeper than the {seen:g} mm that the range sensor resolves, after a bump of {BIG:.0f} mm without"
-            " noise"
-        ),
-    )
-
-
-@CLAIMS.claim(
-    "preview-dip-compensated",
-    "Quarter cars on the buffered road, outside the filter, remove it",
-    published="removed",
-    source="section 1.5, Figure 1.7",
-)
-def _dip_compensated(study: Results) -> Finding:
-    seen, (dip, rise) = resolution(study), extremes(study, COMPENSATED, BIG)
-    return Finding(
-        f"{dip:.0f} mm are left, and a rise of {rise:.0f} mm comes with it",
-        max(-dip, rise) <= seen,
-        "accelerometers and gyros show part of the body's motion even to a filter that assumes a flat road, and the"
-        " quarter cars add all of it; through the buffer they close a loop of their own that keeps swinging",
-        max(-dip, rise),
-        "mm",
-        criterion=f"neither a dip nor a rise beyond the {seen:g} mm that the range sensor resolves is left",
-    )
-
-
-@CLAIMS.claim(
-    "preview-unstable",
-    "The road fed back into the filter makes the preview unstable",
-    published="unstable dynamics",
-    source="section 1.5",
-)
-def _unstable(study: Results) -> Finding:
-    growth = study[long(PRINTED_FED)]["spread"]
-    return Finding(
-        f"the error of the buffered road grows from {1e3 * growth[0]:.1f} mm to {growth[-1]:.1f} m in {LONG:g} s of"
-        " sensor noise",
-        growth[-1] > 10 * growth[0] and all(b > a for a, b in pairwise(growth)),
-        "the error does not grow without end",
-        growth[-1] / growth[0],
-        "-",
-        criterion=f"the error's standard deviation grows from every {WINDOW:g} s to the next, tenfold over {LONG:g} s",
-        fitted=f"{NOISE}; it sets when the growth shows, not whether",
-    )
-
-
-@CLAIMS.check(
-    "preview-fed",
-    "Feeding the road back into a filter of relative states, whose pose follows it slowly, removes the dip and stays"
-    " stable",
-    expected="requested as the more robust solution",
-    source="section 1.5",
-)
-def _fed(study: Results) -> Finding:
-    (small, _), (big, _), steady = (*(extremes(study, FED, h) for h in HEIGHTS_MM), study[long(FED)]["spread"])
-    return Finding(
-        f"{small:.2f} mm after a bump of {SMALL:.0f} mm ({big:.2f} mm after {BIG:.0f} mm); with noise the standard"
-        f" deviation of the error is at most {1e3 * max(steady):.1f} mm in any {WINDOW:g} s of {LONG:g}",
-        small >= -1.0 and 1e3 * max(steady) < SMALL,
-        "the dip is deeper than 1 mm or the error grows",
-        -small,
-        "mm",
-        criterion=(
-            f"dip of at most 1 mm after {SMALL:.0f} mm without noise, and with noise an error below the bump's height"
-            f" for {LONG:g} s"
-        ),
-        fitted="noise of the sensors and times of the slow corrections assumed",
-    )
-
-
-@CLAIMS.claim(
-    "preview-rate",
-    "The correction improves the rate of the road, which MPC weighs most",
-    published="tremendously",
-    source="Figure 1.7",
-)
-def _rate(study: Results) -> Finding:
-    before, fed, compensated = (study[on_track(c)]["rate_error"] for c in (PRINTED, FED, COMPENSATED))
-    return Finding(
-        f"error of the rate {before:.3f} m/s before, {fed:.3f} m/s with the road fed back, {compensated:.3f} m/s with"
-        " quarter cars",
-        fed <= before / 2,
-        "noise and resolution of the ranges make most of the error of the rate, and no correction touches them",
-        100 * (1 - fed / before),
-        "%",
-        criterion="rms error of the rate at least halved with the road fed back; the paper gives no size",
-        fitted=NOISE,
-    )
-
-
-@CLAIMS.claim(
-    "generated-loads",
-    "A known profile at the measured distance matches the peaks of the loads",
-    published="matched",
-    source="Figure 1.5",
-)
-def _generated_loads(study: Results) -> Finding:
-    exact = study[generated(0.0)]["offsets"]
-    return Finding(
-        f"peaks {1e3 * exact[0]:+.0f} and {1e3 * exact[1]:+.0f} mm from the crests",
-        max(map(abs, exact)) <= BUMP_LENGTH / 2,
-        "the load does not peak over the bump",
-        1e3 * max(map(abs, exact)),
-        "mm",
-        criterion=(
-            "largest load while the wheel is on the bump, at most half its length from the crest, at both bumps of the"
-            " track"
-        ),
-    )
-
-
-@CLAIMS.claim(
-    "generated-drift",
-    "Generated preview accumulates errors of the distance",
-    published="no longer accurate after 10 m",
-    source="section 1.5",
-)
-def _generated_drift(study: Results) -> Finding:
-    error = SPEEDOMETER_ERRORS[-1]
-    first, second = (b - a for a, b in zip(*(study[generated(e)]["offsets"] for e in (0.0, error)), strict=True))
-    return Finding(
-        f"a speedometer that shows {error:g} % too much: off by {1e3 * first:.0f} mm at the first bump,"
-        f" {1e3 * second:.0f} mm at the second",
-        abs(second) > max(abs(first), BUMP_LENGTH / 2),
-        "the error does not grow with the distance, or the prediction is still on the bump",
-        1e3 * abs(second),
-        "mm",
-        criterion="further off at the second bump than at the first, and there by more than half the length of a bump",
-        fitted=f"the speedometer's error of {error:g} % is assumed",
-    )
+CLAIMS = ClaimList.read(Path(__file__).with_name("claims.toml"), {"compare": compare}, PreviewView)
