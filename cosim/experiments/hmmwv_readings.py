@@ -64,7 +64,8 @@ def needs() -> list[Any]:
     own = {"actuator": "paper", "friction": True, "extrapolate": True, "integral": None, "exchange_parts": 1}
     variants = [c for c in VARIANTS.values() if all(getattr(c, n) == v for n, v in own.items())]
     corner = [TrackingCase(FILTER), *(replace(c, signal=s) for c in variants for s in PUBLISHED)]
-    return [*runs, *map(finer, runs), *corner, *(t.case for t in plan_preview() if not t.case.dropout)]
+    runs += [finer(run) for run in runs if run.null_opening_mm is None]
+    return [*runs, *corner, *(t.case for t in plan_preview() if not t.case.dropout)]
 
 
 STUDY = ReadingsStudy(

@@ -95,9 +95,7 @@ class ReadingsStudy:
             return self.cases(full)
 
         def report(*given: Any) -> Any:
-            from cosim.study.readings_report import report_readings  # runs need no pages
-
-            return report_readings(self, made, *given)
+            return resolved("cosim.study.readings_report:report_readings")(self, made, *given)  # runs need no pages
 
         parts = [replace(e, study=replace(e.study, plan=None)) for e in self.main.every[1:]]
         study = replace(self.main.study, plan=plan, parts=parts, claims=None, report=report)

@@ -65,7 +65,7 @@ def report_readings(study: ReadingsStudy, experiment: Experiment, results: Resul
         ),
         figure=Figure("main-result", "Claims that hold in full, by reading", _LEGEND, [panel]),
         results=[Result("readings", len(judged)), Result("published claims", len(judged[AS_READ]))],
-        sections=[*sections(judged, (_map, _turns, _never)), Section("What is not tried", notes)],
+        sections=[*sections(judged, (_map, _turns, _never)), Section("Left out", notes)],
         provenance=provenance(experiment, fmus),
     )
 
@@ -90,7 +90,11 @@ def _turns(judged: Judged) -> Section:
     ]
     columns = ["claim", "reading", AS_READ, "becomes", "result as read", "result in this reading"]
     text = f"{len({row[0] for row in rows})} of {len(judged[AS_READ])} claims turn under some reading."
-    return Section("What turns", [text], tables=[Table("turns", "Claims that turn", columns, rows)] if rows else [])
+    return Section(
+        "Claims that turn",
+        [text],
+        tables=[Table("turns", "Results of claims that turn", columns, rows)] if rows else [],
+    )
 
 
 def came_out(claim: Claim) -> str:

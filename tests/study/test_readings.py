@@ -174,9 +174,9 @@ def test_the_page(tmp_path: Path) -> None:
     assert list(tables["turns"][0][4:]) == ["10", "3"]
     assert list(tables["turns"][1][4:]) == ["brisk: 40 (yes); wild: 60 (no)", "brisk: 12 (yes); wild: 18 (yes)"]
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
-    assert words["What turns"] == "2 of 3 claims turn under some reading."
+    assert words["Claims that turn"] == "2 of 3 claims turn under some reading."
     assert words["Claims that no reading reaches"].endswith("in full: corner (no).")
-    assert words["What is not tried"].startswith("Wind: there is none. Half the steps: ")
+    assert words["Left out"].startswith("Wind: there is none. Half the steps: ")
     assert page.lead == (
         "As read today, 0 of 3 published claims hold in full; of 2 other readings the best one (friction) holds 2. No"
         " reading reaches 1 of them."

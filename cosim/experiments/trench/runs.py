@@ -84,7 +84,7 @@ class Case(Stepped):
     )
     hydropneumatic: bool = option(False, help="gas springs instead of linear ones")
     spin: str = option(
-        "body", choices=("body", "road"), help="what the imposed spin of the wheels counts against", label="spin-on-{}"
+        "body", choices=("body", "road"), help="reference of the imposed spin of the wheels", label="spin-on-{}"
     )
     travel_factor: float = option(
         1.0, within=(0.1, 5), help="times the travel of the struts up to their stops", label="{:g}-times-travel"
