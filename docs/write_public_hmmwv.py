@@ -87,6 +87,17 @@ CHRONO: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -
 usual step, courses at half of it.
 """
 JUDGED = [("half-round 4 in", 10), ("half-round 8 in", 20)]
+
+
+def is_test_case(mph: int) -> bool:
+    """Whether cases at this speed [mph] test a change of the tire: every other speed, the lowest one first.
+
+    Cases at other speeds guide a change. The rule was fixed before any change, and is not blind: all responses had
+    been compared before, and the judged half-rounds among them, which are cases that guide.
+    """
+    return mph % 10 == 5
+
+
 HEAD = "| course | mph | CG az max, min | seat az max, min | CG az rms | seat az rms |\n|---|---|---|---|---|---|\n"
 
 

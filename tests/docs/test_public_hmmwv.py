@@ -1,5 +1,6 @@
 """What the page of the public HMMWV says of natural frequencies is what its models have."""
 
+import itertools
 import re
 import runpy
 import subprocess
@@ -82,3 +83,12 @@ def test_the_page_says_whose_responses_stand_beside_ours() -> None:
     assert "were published" not in page
     assert ", published |" not in page
     assert len(re.findall(r", Chrono \|", page)) == len(WRITER["CHRONO"]) + len(WRITER["JUDGED"])
+
+
+def test_cases_that_test_a_change_of_the_tire_alternate_with_those_that_guide_it() -> None:
+    """On each course the speeds alternate, and the slowest case tests where the gap of power is largest."""
+    for course in {c for c, _ in WRITER["CHRONO"]}:
+        halves = [WRITER["is_test_case"](mph) for c, mph in sorted(WRITER["CHRONO"], key=lambda k: k[1]) if c == course]
+        assert all(a != b for a, b in itertools.pairwise(halves)), course
+    assert WRITER["is_test_case"](min(mph for _, mph in WRITER["CHRONO"]))
+    assert not any(WRITER["is_test_case"](mph) for _, mph in WRITER["JUDGED"])
