@@ -24,7 +24,8 @@ from scipy.optimize import linear_sum_assignment
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]  # the project first: tests/ has a folder cosim, too
 
-from oracles.multibody import MultibodyCar, half_round  # noqa: E402
+from oracles.multibody import MultibodyCar  # noqa: E402
+from oracles.tire_contact import half_round  # noqa: E402
 
 from build_fmus.compile import ObjectCache, resolve_platforms  # noqa: E402
 from build_fmus.component import Linearization, Model  # noqa: E402
@@ -145,12 +146,13 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
     )
 
 
-def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
-    """Rigid bodies in Exudyn over a half-round; `shifted`: with the contact point of Chrono's code."""
+@cache
+def rigid(course: str, mph: int, contact: str) -> Figures:
+    """Rigid bodies in Exudyn over a half-round, with one of the rules of contact."""
     low, high, _ = CHRONO[course, mph]
     start, duration = start_and_duration(course, mph * MPH, high)
     road = half_round(float(course.split()[1]) * INCH, 50.0)
-    car = MultibodyCar(load_wishbone_car("hmmwv_public"), road, speed=mph * MPH, start=start, shifted=shifted)
+    car = MultibodyCar(load_wishbone_car("hmmwv_public"), road, speed=mph * MPH, start=start, contact=contact)
     m = car.run(duration)
     return figures(m["x"], m["body.az"], m["seat.az"], (low, high))
 
@@ -190,8 +192,8 @@ def judged() -> str:
         beside = CHRONO[course, mph][2]
         text += f"| {course}, Chrono | {mph} | {cells(beside)}"
         text += f"| `FullCarHmmwvPublic` | | {cells(ours(course, mph, None)[0], beside)}"
-        text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), beside)}"
-        text += f"| rigid bodies, contact as in Chrono | | {cells(rigid(course, mph, shifted=True), beside)}"
+        text += f"| rigid bodies | | {cells(rigid(course, mph, 'road normal'), beside)}"
+        text += f"| rigid bodies, contact as in Chrono | | {cells(rigid(course, mph, 'point behind'), beside)}"
     return text
 
 
