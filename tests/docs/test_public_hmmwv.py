@@ -14,10 +14,12 @@ from pages import ROOT
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_public_hmmwv.py"))
 
 
-def test_natural_frequencies_are_those_of_the_models() -> None:
+@pytest.mark.parametrize("name", ["modes", "ring", pytest.param("blend", marks=pytest.mark.full)])
+def test_tables_are_those_of_the_models(name: str) -> None:
+    """Natural frequencies, directions of tire forces, and peaks by the blend of the dampers."""
     text = (ROOT / "docs" / "reference" / "public-hmmwv.md").read_text(encoding="utf-8")
-    hint = "run `python docs/write_public_hmmwv.py --only modes` and commit docs/reference/public-hmmwv.md"
-    assert WRITER["put"](text, "modes", WRITER["modes_table"]()) == text, hint
+    hint = f"run `python docs/write_public_hmmwv.py --only {name}` and commit docs/reference/public-hmmwv.md"
+    assert WRITER["put"](text, name, WRITER[f"{name}_table"]()) == text, hint
 
 
 CAR = WRITER["ride_car"](WRITER["load_ride_car"]("ride_car_hmmwv")).linearize()

@@ -73,6 +73,16 @@ class AreaContact:
         normal, height = road_normal(road, moved)
         return Touch(depth, normal, np.array([moved - x, 0.0, height - z]))
 
+    def force(self, road: Road, stiffness: float) -> Force:
+        """The force of a road on a tire of a stiffness [N/m] without damping."""
+
+        def force(x: float, z: float) -> tuple[float, float]:
+            touch = self.at(road, x, z)
+            back, _, up = stiffness * touch.depth * touch.normal
+            return float(back), float(up)
+
+        return force
+
 
 def road_normal(road: Road, x: float) -> tuple[np.ndarray, float]:
     """Direction (3,) of a road's normal at a position [m], by a forward difference, and the height there [m]."""

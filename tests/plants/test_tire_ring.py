@@ -69,15 +69,15 @@ def test_ring_bears_the_wheel_along_the_gradient_of_the_swept_area(inches, press
 
 def test_point_behind_lifts_a_wheel_without_slowing_it_down():
     height = 10 * INCH
-    share = {}
-    for rule in RULES:
-        contact, road = AreaContact(RADIUS, rule), half_round(height, -height)
-
-        def force(x, z, contact=contact, road=road):
-            touch = contact.at(road, x, z)
-            return tuple(STIFFNESS * touch.depth * touch.normal[[0, 2]])
-
-        share[rule] = pushed_share(force, RADIUS, STIFFNESS * AT_REST, height)
+    share = {
+        rule: pushed_share(
+            AreaContact(RADIUS, rule).force(half_round(height, -height), STIFFNESS),
+            RADIUS,
+            STIFFNESS * AT_REST,
+            height,
+        )
+        for rule in RULES
+    }
     assert share["swept area"] == pytest.approx(1.0, abs=0.05)
     assert share["point behind"] < 0.5
 
