@@ -2,7 +2,7 @@
 
 The others are Project Chrono's model and rigid bodies.
 
-    python docs/write_public_hmmwv.py                       # half-rounds, also with rigid bodies: two minutes
+    python docs/write_public_hmmwv.py                       # half-rounds, also with rigid bodies: some minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses (third-party data)
 
     python docs/write_public_hmmwv.py --only modes          # one table: natural frequencies and damping, in seconds
