@@ -1,5 +1,6 @@
 """What the page of the public HMMWV says of natural frequencies is what its models have."""
 
+import itertools
 import re
 import runpy
 import subprocess
@@ -13,10 +14,12 @@ from pages import ROOT
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_public_hmmwv.py"))
 
 
-def test_natural_frequencies_are_those_of_the_models() -> None:
+@pytest.mark.parametrize("name", ["modes", "ring", pytest.param("blend", marks=pytest.mark.full)])
+def test_tables_are_those_of_the_models(name: str) -> None:
+    """Natural frequencies, directions of tire forces, and peaks by the blend of the dampers."""
     text = (ROOT / "docs" / "reference" / "public-hmmwv.md").read_text(encoding="utf-8")
-    hint = "run `python docs/write_public_hmmwv.py --only modes` and commit docs/reference/public-hmmwv.md"
-    assert WRITER["put"](text, "modes", WRITER["modes_table"]()) == text, hint
+    hint = f"run `python docs/write_public_hmmwv.py --only {name}` and commit docs/reference/public-hmmwv.md"
+    assert WRITER["put"](text, name, WRITER[f"{name}_table"]()) == text, hint
 
 
 CAR = WRITER["ride_car"](WRITER["load_ride_car"]("ride_car_hmmwv")).linearize()
@@ -82,3 +85,12 @@ def test_the_page_says_whose_responses_stand_beside_ours() -> None:
     assert "were published" not in page
     assert ", published |" not in page
     assert len(re.findall(r", Chrono \|", page)) == len(WRITER["CHRONO"]) + len(WRITER["JUDGED"])
+
+
+def test_cases_that_test_a_change_of_the_tire_alternate_with_those_that_guide_it() -> None:
+    """On each course the speeds alternate, and the slowest case tests where the gap of power is largest."""
+    for course in {c for c, _ in WRITER["CHRONO"]}:
+        halves = [WRITER["is_test_case"](mph) for c, mph in sorted(WRITER["CHRONO"], key=lambda k: k[1]) if c == course]
+        assert all(a != b for a, b in itertools.pairwise(halves)), course
+    assert WRITER["is_test_case"](min(mph for _, mph in WRITER["CHRONO"]))
+    assert not any(WRITER["is_test_case"](mph) for _, mph in WRITER["JUDGED"])

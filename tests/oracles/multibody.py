@@ -5,7 +5,8 @@ It consists of rigid bodies, joints, and forces between them. Nothing of our equ
 Bodies are where the file's hardpoints have them at design, with the file's masses and inertias; the arms turn about
 their pivots, ball joints and tierods close the mechanisms, the wheels turn on their uprights. Springs, stops, dampers,
 tires and the driver are written once more from the file's parameters, the tires with the exact area of a disc below a
-finely divided profile. Exudyn finds the motion with the generalized-alpha method in redundant coordinates.
+finely divided profile (`oracles.tire_contact`). Exudyn finds the motion with the generalized-alpha method in redundant
+coordinates.
 """
 
 from __future__ import annotations
@@ -17,20 +18,11 @@ from typing import Any
 import numpy as np
 
 from fmu_sources.vehicles.schema import WishboneCar
+from oracles.tire_contact import AreaContact, Road
 
 GRAVITY = 9.81  # m/s2
-DIVISIONS = 100  # of a tire's disc
-SLOPE_BASE = 0.05  # m, over which the road's normal is taken
 LOW_SPEED = 1.0  # m/s, below which slip is formed with it
 CORNERS = ("fl", "fr", "rl", "rr")
-
-Road = Callable[[np.ndarray], np.ndarray]
-"""Height [m] at positions [m], the same left and right."""
-
-
-def half_round(height: float, start: float) -> Road:
-    """A half cylinder of a height [m], which begins at `start` [m], on a level road."""
-    return lambda x: np.sqrt(np.maximum(0.0, height**2 - (x - start - height) ** 2))
 
 
 def level(x: np.ndarray) -> np.ndarray:
@@ -53,9 +45,7 @@ class MultibodyCar:
     """The car over a road.
 
     `force` (4,) [N]: of the actuators, at all times; `speed` [m/s] at the start, which the driver keeps.
-    `shifted`: the road bears the tire where the code of the public model has it, not below the wheel center along the
-    normal: at the point of the road (radius - depth) times the normal away, so behind the wheel where it climbs, with
-    the normal that the road has there.
+    `contact`: how the road bears the tires, one of `oracles.tire_contact.RULES`.
     """
 
     def __init__(
@@ -67,14 +57,14 @@ class MultibodyCar:
         start: float = 5.0,
         height: float = 0.80,
         force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-        shifted: bool = False,
+        contact: str = "road normal",
     ) -> None:
         import exudyn as exu
         from exudyn.utilities import RigidBodyInertia
 
         self.exu: Any = exu
-        self.vehicle, self.road, self.speed, self.force, self.shifted = vehicle, road, speed, force, shifted
-        self._areas = _disc_areas(vehicle.tire.radius.value)
+        self.vehicle, self.road, self.speed, self.force = vehicle, road, speed, force
+        self._contact = AreaContact(vehicle.tire.radius.value, contact)
         self.container = self.exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._slip = [0.0] * 4
@@ -266,34 +256,24 @@ class MultibodyCar:
         radius = tire.radius.value
         deflections, loads = np.array(tire.deflection.value), np.array(tire.force.value)
         beyond = (loads[-1] - loads[-2]) / (deflections[-1] - deflections[-2])
-        offsets = np.linspace(-radius, radius, DIVISIONS + 1)
-        edge = np.sqrt(np.maximum(0.0, radius**2 - offsets**2))
-        depths, areas = self._areas
 
         def law(mbs: Any, _t: float, _n: int, place: Any, _r: Any, velocity: Any, turning: Any, *_: Any) -> list[float]:
-            x, z = place[0], place[2]
-            profile = self.road(x + offsets)
-            over = np.maximum(0.0, profile - (z - edge))
-            area = float(np.sum(over)) * (offsets[1] - offsets[0])
-            depth = float(np.interp(area, areas, depths))
+            touch = self._contact.at(self.road, place[0], place[2])
+            depth, normal = touch.depth, touch.normal
             axle = mbs.GetObjectOutputBody(disc, exu.OutputVariableType.RotationMatrix).reshape(3, 3)[:, 1]
             spin = float(axle @ turning)
             if depth <= 0:
                 share, pace = self._step / tire.relaxation.value, np.hypot(velocity[0], LOW_SPEED)
                 self._tire[i] = (0.0, (self._slip[i] + share * (spin * radius - velocity[0])) / (1 + share * pace))
                 return [0.0, 0.0, 0.0, *(-self._torque * axle)]
-            normal, here = self._normal(x)
-            if self.shifted:
-                moved = x + (radius - depth) * normal[0]
-                normal, here = self._normal(moved)
             bearing = np.interp(depth, deflections, loads) + max(0.0, depth - deflections[-1]) * beyond
             load = max(0.0, float(bearing) - tire.damping.value * float(velocity @ normal))
             forward = np.array([axle[1], -axle[0], 0.0])
             forward /= np.linalg.norm(forward)
             side = np.array([-forward[1], forward[0], 0.0])
             below = (radius - depth) * ((axle @ normal) * axle - normal)
-            if self.shifted:
-                below = np.array([moved - x, 0.0, here - z])
+            if touch.foot is not None:
+                below = touch.foot
             rolling = float(velocity @ forward)
             pace = np.hypot(rolling, LOW_SPEED)
             patch = velocity + _cross(turning - spin * axle, below)
@@ -313,12 +293,6 @@ class MultibodyCar:
             return [*(-force), *(-moment)]
 
         return law
-
-    def _normal(self, x: float) -> tuple[np.ndarray, float]:
-        """Direction (3,) of the road's normal at a position [m], by a forward difference, and the height there [m]."""
-        here, ahead = self.road(np.array([x, x + SLOPE_BASE]))
-        slope = (ahead - here) / SLOPE_BASE
-        return np.array([-slope, 0.0, 1.0]) / np.sqrt(1 + slope**2), float(here)
 
     # -------------------------------------------------------------------------------------------------------- running
 
@@ -380,10 +354,3 @@ class MultibodyCar:
 def _cross(a: Any, b: Any) -> np.ndarray:
     """Cross product of two vectors (3,), faster than numpy's."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def _disc_areas(radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Depths [m] of a disc below a flat road and its areas there [m2], both increasing."""
-    depths = np.concatenate([[0.0], np.geomspace(1e-6, 0.95 * radius, 2000)])
-    cosine = (radius - depths) / radius
-    return depths, radius**2 * (np.arccos(cosine) - cosine * np.sqrt(1 - cosine**2))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from built import OBJECTS
-from oracles.multibody import MultibodyCar, half_round, level
+from oracles.multibody import MultibodyCar, level
+from oracles.tire_contact import half_round
 from scipy.integrate import solve_ivp
 
 from build_fmus.compile import resolve_platforms
