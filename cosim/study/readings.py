@@ -24,7 +24,7 @@ AS_READ = "as read"
 class Change:
     """Fields of the cases of one class set otherwise, in those that have all values of `where`, or one of a tuple."""
 
-    case: type
+    case: type[Any]
     fields: Mapping[str, Any]
     where: Mapping[str, Any] = field(default_factory=dict)
 
