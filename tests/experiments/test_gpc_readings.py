@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import gpc_studies
 import made_up
 import numpy as np
 import pytest
+from kept_results import kept_verdicts
 
 from cosim.experiments import gpc, gpc_readings
 from cosim.experiments.gpc.assumed import MeasuredRoad
@@ -15,7 +18,7 @@ from cosim.experiments.gpc.published import MATCHED, Comparison
 from cosim.experiments.gpc.runs import Case, control_law, read_as
 from cosim.experiments.gpc_readings import COMBINATIONS, PRINTED, READINGS, StaticGain, plan
 from cosim.experiments.gpc_readings.report import CURB, SMOOTH, Judged, report
-from cosim.study import FmuSet, Results, Row, Runner, Task
+from cosim.study import FmuSet, Results, Row, Runner, Task, run_study
 from cosim.study.case import CaseError, values
 from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx
 from fmu_sources.controllers.gpc.identification import IdentificationSettings, disturbance_of
@@ -31,6 +34,39 @@ def test_the_printed_reading_is_the_main_study() -> None:
     cases = {t.case for t in main if isinstance(t, Task)}
     left_out = cases - {t.case for t in plan() if isinstance(t, Task)}
     assert {(c.road, c.speed_kmh, c.R) for c in left_out} == at_refinements
+
+
+def test_the_printed_reading_gives_the_numbers_of_the_main_study(fmus: FmuSet) -> None:
+    """Matched weights and all metrics, bit for bit, under the same keys; a static gain beside them changes nothing."""
+    found = []
+    for experiment in (gpc.EXPERIMENT, gpc_readings.EXPERIMENT):
+        with Runner(experiment, fmus) as runner:
+            if experiment is gpc_readings.EXPERIMENT:
+                StaticGain(READINGS["limit 15 kN"], 1)(runner)
+            found.append(Comparison("curb", 80.0, 1)(runner))
+    assert json.dumps(found[0]) == json.dumps(found[1])
+    assert {row["controller"] for row in found[0]["compared"]} == {"implicit", "explicit", "preview"}
+
+
+@pytest.mark.full
+def test_the_whole_study_judges_the_printed_reading_as_the_main_study(fmus: FmuSet) -> None:
+    """It continues where an earlier one was interrupted: its runs stay in the folder of results."""
+    store = Path(__file__).parents[2] / "results" / "gpc-readings" / ".runs"
+    judged = Judged.of(run_study(gpc_readings.EXPERIMENT, fmus, store, options={"full": True}))
+    told = kept_verdicts("gpc")
+    assert {c.id: c.verdict for c in judged.claims[PRINTED] if not c.own} == {
+        c.id: told[c.id] for c in judged.claims[PRINTED] if not c.own
+    }
+    assert set(judged.held_out) == set(judged.claims) == {*READINGS, *COMBINATIONS}
+    assert not [n for n in judged.claims if len(judged.holding(n, (*CURB, *SMOOTH))) == len(CURB) + len(SMOOTH)]
+
+
+def test_literal_corrections_come_first_and_the_number_of_comparisons_is_stated() -> None:
+    assert list(READINGS)[1:4] == ["identified from rest", "one track", "identified from rest, one track"]
+    assert READINGS["identified from rest, one track"] == (("from_rest", True), ("one_track", True))
+    for full in (False, True):
+        searched = [t for t in plan(full) if isinstance(t, Comparison)]
+        assert len(searched) == gpc_readings.comparisons(full)
 
 
 def test_the_plan_has_every_reading_and_the_full_one_holds_seeds_out() -> None:
@@ -149,6 +185,17 @@ def test_a_car_drops_and_a_datum_kicks(fmus: FmuSet) -> None:
     assert np.abs(kicked["controller.force.fl"][before]).max() > 100.0
 
 
+def test_the_printed_law_is_stiff_and_the_others_are_not(fmus: FmuSet) -> None:
+    """The page on what the papers do not say: more than ten times the static gain of preview, or about the same."""
+    with Runner(gpc.EXPERIMENT, fmus) as runner:
+        printed, held, rate = (
+            StaticGain(READINGS[name], 0)(runner) for name in (PRINTED, "last height held", "road rate")
+        )
+    assert printed["explicit"] > 10 * printed["preview"]
+    assert held["explicit"] == pytest.approx(held["preview"], rel=0.01)
+    assert rate["explicit"] == pytest.approx(rate["preview"], rel=0.5)
+
+
 def test_a_force_limit_limits(fmus: FmuSet) -> None:
     assert reading_of(fmus, "explicit", limit=2e3)["peak_force"] == 2e3
 
@@ -251,7 +298,16 @@ def test_tables_and_sentences(results: Results, fmus: FmuSet) -> None:
     assert tables["static-gain"]["last height held"] == [0.1, 0.1, 0.2, 0.2]
     assert tables["counts"][PRINTED] == [12, 13, 13, None]
     assert tables["map"]["sine-same-force"][:1] == ["no 0/2"]
+    shares = next(f for f in page.figures if f.id == "shares")
+    assert list(shares.x_names) == list(READINGS)
+    row = list(shares.y_names).index("sine-same-force")
+    held = list(READINGS).index("last height held")
+    assert shares.layers[0].values[row][[0, held]].tolist() == [0.0, 1.0]
+    assert "With 2 identification seeds the control laws hold 12 of 20 claims in full as printed" in page.lead
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
-    assert "No reading holds both." in words["Two blocks that exclude each other"]
+    blocks = words["Two blocks of claims that exclude each other"]
+    assert "No reading holds both." in blocks
+    assert f"of {', '.join(SMOOTH)} is 4 of 4 (last height held), with at most 1 of 3 of the other block." in blocks
+    assert "As printed it is 13 to 13 with one of 2 seeds" in words["How many claims hold"]
     assert page.figure is not None
     assert page.figure.panels[0].series[0].y[0] == 12

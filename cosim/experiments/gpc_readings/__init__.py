@@ -16,8 +16,8 @@ import click
 import numpy as np
 
 from cosim.experiments import gpc
-from cosim.experiments.gpc.published import SEEDS, SPEEDS_KMH, cases, searches, tasks
-from cosim.experiments.gpc.runs import Reading, control_law, read_as
+from cosim.experiments.gpc.published import SEEDS, SPEEDS_KMH, cases, on, searches, tasks
+from cosim.experiments.gpc.runs import ROADS, Reading, control_law, read_as
 from cosim.study.experiment import Experiment, Search, Task
 from fmu_sources.models.corners import CORNERS
 
@@ -89,26 +89,36 @@ class StaticGain:
         return found
 
 
-@click.option(
-    "--full/--no-full",
-    default=False,
-    help=f"all combinations too, {len(SEEDS)} identification seeds, and as many to confirm what is found",
-)
-def plan(full: bool = False) -> list[Task | Search]:
-    """One assumption at a time with two seeds; or everything."""
-    seeds = (*SEEDS, *HELD_OUT) if full else SHORT_SEEDS
-    found: list[Task | Search] = []
-    alone = []
-    for reading in readings(full).values():
-        found += searches(seeds, SPEEDS_KMH, reading)
-        alone += cases(seeds, SPEEDS_KMH, reading)
-        found += [StaticGain(reading, seed) for seed in seeds]
-    return [*found, *tasks(alone)]
-
-
 def readings(full: bool) -> dict[str, Reading]:
     """The readings of a study, in words."""
     return {**READINGS, **COMBINATIONS} if full else READINGS
+
+
+def seeds(full: bool) -> tuple[int, ...]:
+    """Seeds of the identifications of a study."""
+    return (*SEEDS, *HELD_OUT) if full else SHORT_SEEDS
+
+
+def comparisons(full: bool) -> int:
+    """Number of comparisons of the controllers in a study, each of about ten runs."""
+    return len(readings(full)) * len(seeds(full)) * sum(len(on(road, SPEEDS_KMH)) for road in ROADS)
+
+
+@click.option(
+    "--full/--no-full",
+    default=False,
+    help=f"all combinations too, {len(SEEDS)} identification seeds, and as many to confirm what is found:"
+    f" {comparisons(True)} comparisons of about ten runs instead of {comparisons(False)}",
+)
+def plan(full: bool = False) -> list[Task | Search]:
+    """One assumption at a time with two seeds; or everything."""
+    found: list[Task | Search] = []
+    alone = []
+    for reading in readings(full).values():
+        found += searches(seeds(full), SPEEDS_KMH, reading)
+        alone += cases(seeds(full), SPEEDS_KMH, reading)
+        found += [StaticGain(reading, seed) for seed in seeds(full)]
+    return [*found, *tasks(alone)]
 
 
 EXPERIMENT: Experiment = replace(
