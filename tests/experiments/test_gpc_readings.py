@@ -21,6 +21,7 @@ from cosim.experiments.gpc_readings.report import CURB, SMOOTH, Judged, report
 from cosim.study import FmuSet, Results, Row, Runner, Task, run_study
 from cosim.study.case import CaseError, values
 from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import IdentificationSettings, disturbance_of
 from fmu_sources.roads import perryman3_table
 
@@ -171,7 +172,7 @@ def test_responses_are_sampled_before_a_command_or_after_it(fmus: FmuSet) -> Non
     files = (fmus.path(gpc.runs.PLANT), fmus.path("RoadPerryman3"), fmus.path(gpc.runs.SPEED))
     for latch, direct in ((1, 1 / (9.81 * 5000.0)), (0, 0.0)):
         beta = gpc.runs.models(*files, IdentificationSettings(latch=latch)).implicit.model.beta[0][0]
-        assert beta == pytest.approx([direct] * 4, abs=2e-6)
+        assert np.mean(beta) == pytest.approx(direct, abs=2e-6)
 
 
 def test_a_car_drops_and_a_datum_kicks(fmus: FmuSet) -> None:
@@ -196,6 +197,17 @@ def test_the_printed_law_is_stiff_and_the_others_are_not(fmus: FmuSet) -> None:
     assert rate["explicit"] == pytest.approx(rate["preview"], rel=0.5)
 
 
+def test_the_curve_of_the_smallest_weight_departs_without_any_limit(fmus: FmuSet) -> None:
+    """Figure 6e at 40 km/h: less effective per force by a fifth at least, with a tenth of the limit."""
+    with Runner(gpc.EXPERIMENT, fmus) as runner:
+        base = runner.metrics(Case("sine", 40.0, "passive"))["response"]
+        rows = [runner.metrics(Case("sine", 40.0, "preview", R=R)) for R in (1e-7, 5e-7, 5e-6)]
+    per_force = [(1 - row["response"] / base) / row["force"] for row in rows]
+    assert per_force[0] < 0.8 * per_force[1]
+    assert per_force[1] == pytest.approx(per_force[2], rel=0.1)
+    assert rows[0]["peak_force"] < 0.1 * FORCE_LIMIT
+
+
 def test_a_force_limit_limits(fmus: FmuSet) -> None:
     assert reading_of(fmus, "explicit", limit=2e3)["peak_force"] == 2e3
 
@@ -206,7 +218,7 @@ def test_a_smoother_course_has_the_same_size(fmus: FmuSet) -> None:
     assert np.std(smooth) == pytest.approx(np.std(rough), rel=0.1)
     with Runner(gpc.EXPERIMENT, fmus) as runner:
         rows = [runner.metrics(Case("perryman3", 50.0, "passive", road_roll_off=r)) for r in (0.0, 0.1)]
-    assert rows[1]["rms_az"] < 0.8 * rows[0]["rms_az"]
+    assert rows[1]["rms_az"] < 0.9 * rows[0]["rms_az"]
 
 
 def test_other_preview_needs_a_road_of_the_study(fmus: FmuSet) -> None:

@@ -69,8 +69,8 @@ class Latch(Between):
 class MeasuredRoad(PythonComponent):
     """Gives a controller another quantity of the road than its height; units stay those of its inputs.
 
-    Counted from a `datum`, which the controller does not subtract: at initialization all is 0. `before` are the heights
-    under the wheels one exchange earlier.
+    Counted from a `datum`, which the controller does not subtract: the first sample, from which it counts, is without.
+    `before` are the heights under the wheels one exchange earlier.
     """
 
     kind: ClassVar[str] = "discrete"
@@ -100,11 +100,9 @@ class MeasuredRoad(PythonComponent):
         past = heights[:, 0] if self.stride > 1 else now if self.last is None else self.last
         under = disturbance_of(np.array([past, now]), self.disturbance, speed)[1]
         ahead = np.column_stack([past, heights[:, 2:]]).T
+        ahead = disturbance_of(ahead, self.disturbance, speed)[1 :: self.stride].T
+        y[:] = np.column_stack([under, ahead]).ravel() + (0.0 if self.last is None else self.datum)
         self.last = now.copy()
-        y[:] = (
-            self.datum
-            + np.column_stack([under, disturbance_of(ahead, self.disturbance, speed)[1 :: self.stride].T]).ravel()
-        )
 
 
 def insert(system: System, name: str, component: PythonComponent, target: str) -> None:
