@@ -65,6 +65,7 @@ GPC: dict[str, Collection[str]] = {
     "--road": [*gpc.ROADS, "FILE.fmu"],
     "--controller": gpc.CONTROLLERS,
     "--disturbance": gpc.DISTURBANCES,
+    "--actuator": ("wheel", "spring"),
 }
 CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},

@@ -1115,7 +1115,13 @@ def test_names_of_the_options() -> None:
         "excitation",
         "roll-off",
         "horizon",
+        "latch",
+        "datum",
+        "actuator",
+        "limit",
+        "road-roll-off",
         "one-track",
+        "start-height",
     ]
 
 

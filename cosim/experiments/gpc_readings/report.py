@@ -19,6 +19,7 @@ from cosim.experiments.gpc_readings import (
     READINGS,
     StaticGain,
     readings,
+    seeds,
 )
 from cosim.report import Claims, Figure, Layer, Map, Panel, Report, Result, Section, Series, Table
 from cosim.study import FmuSet, Results, RunFailed, make_lead, provenance, sections
@@ -46,13 +47,13 @@ class Judged:
         """Judge a study."""
         found = {t.reading for t in results.tasks if isinstance(t, StaticGain)}
         tried = {name: reading for name, reading in readings(True).items() if reading in found}
-        seeds = tuple(dict.fromkeys(t.seed for t in results.tasks if isinstance(t, StaticGain)))
-        first, others = tuple(s for s in seeds if s in SEEDS), tuple(s for s in seeds if s in HELD_OUT)
+        run = dict.fromkeys(t.seed for t in results.tasks if isinstance(t, StaticGain))
+        first, others = tuple(s for s in run if s in SEEDS), tuple(s for s in run if s in HELD_OUT)
         return cls(
             results,
             first,
             {name: _claims(results, reading, first) for name, reading in tried.items()},
-            {name: _claims(results, reading, others) for name, reading in tried.items()} if others else {},
+            {n: _claims(results, r, others) for n, r in tried.items() if others and set(seeds(True, r)) >= set(others)},
         )
 
     def verdict(self, name: str, claim: str) -> str:
@@ -251,7 +252,7 @@ def _gains(judged: Judged) -> Section:
     for name, reading in readings(True).items():
         if name not in judged.claims:
             continue
-        each = [found[reading, seed] for seed in judged.seeds]
+        each = [found[reading, seed] for seed in judged.seeds if (reading, seed) in found]
         spans = [(min(values), max(values)) for c in ("explicit", "preview") for values in [[e[c] for e in each]]]
         rows.append([name, *(float(f"{x / 1e3:.3g}") for span in spans for x in span)])
     return Section(
