@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from build_fmus.component import Component
 from cosim import PythonComponent, System
 from cosim.experiments.built import built
 from cosim.fmu.file import FmuFile
@@ -130,7 +132,11 @@ def other_road(published: Path, name: str, preview: Preview, roll_off: float, fm
     Raises:
         CaseError: another road.
     """
-    makers = {"sine": road_sine, "curb": road_curb, "perryman3": partial(road_perryman3, roll_off=roll_off)}
+    makers: dict[str, Callable[..., Component]] = {
+        "sine": road_sine,
+        "curb": road_curb,
+        "perryman3": partial(road_perryman3, roll_off=roll_off),
+    }
     check_choice("road with other preview", name, makers)
     given = FmuFile(published).description.parameters
     wheels = [WheelPosition(k, float(given[f"wheel.{k}.x"].start), 1.0 if k.endswith("l") else -1.0) for k in CORNERS]  # type: ignore[arg-type]

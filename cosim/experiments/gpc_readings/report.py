@@ -150,7 +150,7 @@ def _span(seeds: Sequence[int]) -> str:
 def _map(judged: Judged, *, alone: bool) -> Section:
     """Claims over readings: verdict, and with how many identifications alone each holds in full."""
     names = [n for n in judged.claims if n in (READINGS if alone else COMBINATIONS)]
-    rows, shares = [], []
+    rows, shares = [], list[list[float]]()
     for claim in (s.id for s in CLAIMS if not s.own):
         cells: list[str] = []
         shares.append([])
