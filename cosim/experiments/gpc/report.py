@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -454,7 +453,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
 
 def _provenance(fmus: FmuSet, study: Study) -> dict[str, object]:
     return provenance(EXPERIMENT, fmus) | {
-        "identification": asdict(IdentificationSettings()),
+        "identification": IdentificationSettings().told(),
         "identification seeds": list(study.seeds),
         "roads": list(ROADS.values()),
         "corners": list(CORNERS),
