@@ -1,4 +1,4 @@
-"""Quantities over two others: filled contours side by side."""
+"""Quantities over two others, as filled contours side by side; over names, as fields of a grid."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ class Map:
     """Layers over the same grid, on one scale of values.
 
     `reference`: a value whose contour is drawn as a line, if a layer has it. `value_range`: the scale (lowest,
-    highest), the same for maps that are to be compared; None for the extent of the values.
+    highest), the same for maps that are to be compared; None for the extent of the values. `x_names`, `y_names`: what
+    stands at x and at y, the first at the top, where these are no quantities.
     """
 
     id: str
@@ -62,6 +63,8 @@ class Map:
     layers: Sequence[Layer]
     reference: float | None = None
     value_range: tuple[float, float] | None = None
+    x_names: Sequence[str] = ()
+    y_names: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         where = f"map '{self.id}'"
@@ -76,6 +79,10 @@ class Map:
             raise ValueError(f"{where} has no layers")
         check_unique(where, "layer", (layer.name for layer in self.layers))
         shape = (len(np.asarray(self.y)), len(np.asarray(self.x)))
+        for name, length in (("x_names", shape[1]), ("y_names", shape[0])):
+            assign(self, name, items(where, name, getattr(self, name), str))
+            if (self.x_names or self.y_names) and len(set(getattr(self, name))) != length:
+                raise ValueError(f"{where}: {name} needs {length} different names")
         for layer in self.layers:
             if np.shape(layer.values) != shape:
                 raise ValueError(f"{where}: layer '{layer.name}' has shape {np.shape(layer.values)}, the grid {shape}")
@@ -126,7 +133,14 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
     count = len(values)
     traces: list[dict[str, Any]] = []
     rows = count if narrow else 1
-    layout = _base((300 if narrow else 380) * rows)
+    named, down_labels = bool(figure.x_names), {"autorange": "reversed"} if figure.y_names else {}
+    layout = _base(max(300 if narrow else 380, 160 + 24 * len(figure.y_names)) * rows)
+    x, y = list(figure.x_names) or figure.x, list(figure.y_names) or figure.y
+    drawn = {"type": "heatmap", "xgap": 1, "ygap": 1} if named else {"type": "contour"}
+    lines = {
+        "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
+        "contours": {"start": low, "end": high, "size": (high - low) / 12 or 1.0},
+    }
     layout["margin"] = {"t": 34, "b": 58, "l": 66, "r": 12}
     gap = 0.09
     for i, (layer, grid) in enumerate(zip(figure.layers, values, strict=True)):
@@ -135,7 +149,7 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         columns = 1 if narrow else count
         width, height = (1 - gap * (columns - 1)) / columns, (1 - 0.22 * (rows - 1)) / rows
         left, top = across * (width + gap), 1 - down * (height + 0.22)
-        common = {"type": "contour", "x": figure.x, "y": figure.y, "z": grid, "xaxis": f"x{name}", "yaxis": f"y{name}"}
+        common = {**drawn, "x": x, "y": y, "z": grid, "xaxis": f"x{name}", "yaxis": f"y{name}"}
         traces.append(
             {
                 **common,
@@ -145,10 +159,9 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
                 "colorscale": "Viridis",
                 "reversescale": True,
                 "showscale": i == count - 1,
-                "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
-                "contours": {"start": low, "end": high, "size": (high - low) / 12 or 1.0},
+                **({} if named else lines),
                 "colorbar": {"title": {"text": escape.html(figure.value_label), "side": "right"}, "thickness": 14},
-                "hovertemplate": "%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>",
+                "hovertemplate": f"{'%{x}, %{y}' if named else '%{x:~g}, %{y:~g}'}: %{{z:.4~g}}<extra></extra>",
             }
         )
         if figure.reference is not None:
@@ -167,7 +180,7 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         layout[f"xaxis{name}"] = {**axis, "title": {"text": escape.html(figure.x_label)}, "anchor": f"y{name}"}
         layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
         layout[f"yaxis{name}"] = {**axis, "title": {"text": escape.html(figure.y_label)}, "anchor": f"x{name}"}
-        layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top]}
+        layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top], **down_labels}
         layout["annotations"].append(
             {
                 "text": f"<b>{escape.html(layer.name)}</b>",

@@ -22,11 +22,16 @@ LINES = 400
 SEED = 3
 
 
-def perryman3_table() -> HeightTable:
-    """Heights of both tracks, rounded to 1e-6 m so that they are the same numbers on every machine."""
+def perryman3_table(roll_off: float = 0.0) -> HeightTable:
+    """Heights of both tracks, rounded to 1e-6 m so that they are the same numbers on every machine.
+
+    Above `roll_off` [cycles/m] the spectrum falls two orders steeper; 0: nowhere.
+    """
     x = np.arange(round(LENGTH / NODE_STEP) + 1) * NODE_STEP
     n = np.geomspace(0.03, 4.0, LINES)  # cycles/m
     psd = (1 + 3 * np.exp(-((np.log(n / 0.12) / 0.35) ** 2))) / (1 + (n / 0.1) ** 2)  # displacement, any scale
+    if roll_off:
+        psd /= 1 + (n / roll_off) ** 2
     amplitude = np.sqrt(2 * psd * np.gradient(n))
     common, own = 2 * np.pi * np.random.default_rng(SEED).random((2, LINES))
     coherence = np.exp(-3.64 * n)  # of right to left
@@ -45,10 +50,10 @@ def perryman3_table() -> HeightTable:
 
 
 @component("RoadPerryman3{s}", "synthetic stand-in for the Perryman 3 test course", of="hmmwv_modified")
-def road_perryman3(layout: RoadLayout, name: str = "RoadPerryman3") -> Component:
-    """Rough cross-country road, 220 m, synthetic."""
+def road_perryman3(layout: RoadLayout, name: str = "RoadPerryman3", roll_off: float = 0.0) -> Component:
+    """Rough cross-country road, 220 m, synthetic; `roll_off` as in `perryman3_table`."""
     return road_from_table(
-        perryman3_table(),
+        perryman3_table(roll_off),
         layout,
         name,
         description="Synthetic stand-in for the Perryman 3 course (the measured profile is not public)",

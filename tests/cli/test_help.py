@@ -65,6 +65,7 @@ GPC: dict[str, Collection[str]] = {
     "--road": [*gpc.ROADS, "FILE.fmu"],
     "--controller": gpc.CONTROLLERS,
     "--disturbance": gpc.DISTURBANCES,
+    "--actuator": ("wheel", "spring"),
 }
 HMMWV: dict[str, Collection[str]] = {
     "--road": hmmwv.ROADS,

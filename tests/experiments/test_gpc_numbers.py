@@ -153,7 +153,7 @@ def test_cases(raises) -> None:
     assert case.label == "curb-72kmh-explicit-R5e-07-seed3-solver-in-2-hold"
     assert Case().label == "sine-50kmh-preview"
     assert passive(case) == Case("curb", 72.0, "passive", solver_parts=2)
-    assert runs.structure(case) == ("curb", "explicit", 1, False, "height")
+    assert runs.structure(case) == ("curb", "explicit", 1, False, "height", 8, 1, 0.0, "wheel", 0.0, 0.0)
     assert runs.compared({"response": 1.2}, {"response": 4.0}) == {"improvement": pytest.approx(0.7)}
     assert Case(seed=2**31 - 1).seed == 2**31 - 1
     with pytest.raises(ValueError, match="2147483647"):
@@ -181,8 +181,8 @@ class Identified:
     fmus: FmuSet
     seed: int
 
-    def law(self, variant: str, design: DesignSettings) -> GpcLaw:
-        return law(self.fmus, variant, self.seed * design.R / 1e-7)
+    def law(self, variant: str, design: DesignSettings, *, hold: bool) -> GpcLaw:
+        return replace(law(self.fmus, variant, self.seed * design.R / 1e-7), hold=hold)
 
 
 def test_what_is_set_for_a_case(fmus: FmuSet, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,7 +202,8 @@ def test_what_is_set_for_a_case(fmus: FmuSet, monkeypatch: pytest.MonkeyPatch) -
                 given = [x for n, x in values.items() if n.startswith(f"{name}[")]
                 np.testing.assert_allclose(given, np.ravel(gain))
             others = {n for n in values if n.partition("[")[0] not in expected}
-            assert others == ({"hold_height"} if variant == "explicit" else set())
+            assert others == {"limit", *(["hold_height"] if variant == "explicit" else [])}
+            assert values["limit"] == 1.5e5
         assert not runner.system(Case("curb", 72.0, "explicit"))["controller"].values["hold_height"]
         held = runner.system(Case("curb", 36.0, "explicit", hold=True, solver_parts=2))
         assert held["controller"].values["hold_height"]
@@ -1116,7 +1117,13 @@ def test_names_of_the_options() -> None:
         "excitation",
         "roll-off",
         "horizon",
+        "latch",
+        "datum",
+        "actuator",
+        "limit",
+        "road-roll-off",
         "one-track",
+        "start-height",
     ]
 
 

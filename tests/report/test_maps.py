@@ -43,6 +43,9 @@ def made(**changes) -> Map:
         lambda: made(y=[[1.0, 2.0]]),
         lambda: made(value_range=(0.0, 14.0)),
         lambda: made(reference=16.0, value_range=(0.0, 15.0)),
+        lambda: made(x_names=["a", "b"], y_names=["c", "d"]),
+        lambda: made(x_names=["a", "b", "b"], y_names=["c", "d"]),
+        lambda: made(x_names=["a", "b", "c"]),
     ],
 )
 def test_refuses(make, raises):
@@ -69,6 +72,14 @@ def test_page_has_the_layers_on_one_scale_and_the_reference_as_a_line(tmp_path):
 
 def plotted(figure: Map, *, narrow: bool = False) -> dict:
     return maps.map_plot(figure, narrow=narrow)
+
+
+def test_names_make_a_grid_with_the_first_at_the_top() -> None:
+    made_of = plotted(made(x_names=["a", "b", "c"], y_names=["d", "e"]))
+    first = made_of["data"][0]
+    assert (first["type"], list(first["x"]), list(first["y"])) == ("heatmap", ["a", "b", "c"], ["d", "e"])
+    assert made_of["layout"]["yaxis"]["autorange"] == "reversed"
+    assert {t["type"] for t in plotted(made())["data"]} == {"contour"}
 
 
 def test_contours_have_a_dozen_steps_and_one_bar_of_colors() -> None:

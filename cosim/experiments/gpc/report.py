@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -93,7 +92,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
 
 def _provenance(view: View) -> dict[str, object]:
     return {
-        "identification": asdict(IdentificationSettings()),
+        "identification": IdentificationSettings().told(),
         "identification seeds": list(view.results.seeds),
         "roads": list(ROADS.values()),
         "corners": list(CORNERS),

@@ -8,27 +8,30 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from cosim import PythonComponent, Recording, StopWhen, System
+from cosim import Recording, StopWhen, System
 from cosim.core.signals import peak, rms
+from cosim.experiments.gpc.assumed import Drop, Latch, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.fmu.file import FmuFile
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.gpc.component import SAMPLE_TIME, gain_parameters
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT, RESPONSE_TICK, SAMPLE_TIME, gain_parameters
+from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import (
     DISTURBANCES,
     DesignSettings,
     IdentificationSettings,
     IdentifiedModels,
     connect_road,
-    disturbance_of,
     identify,
+    track_of,
 )
 from fmu_sources.models.corners import CORNERS
 
@@ -39,16 +42,14 @@ FMUS = (PLANT, SPEED, *ROADS.values(), *(c for c in CONTROLLERS.values() if c))
 R_PUBLISHED = 1e-7  # 1/N2
 TRAVEL = 150.0  # m, length of every run
 SAMPLE_RATE = 100.0  # Hz, of all metrics
-ROAD_INPUTS = tuple(
-    f"{name}{index}"
-    for k in CORNERS
-    for name, index in ((f"road.{k}.height", ""), *((f"preview.{k}", f"[{i}]") for i in range(1, 9)))
-)
-"""What explicit and preview may measure of the road, corner by corner: under the wheel and ahead of it."""
+COURSE = "perryman3"  # on which controllers are identified
+HORIZON = DesignSettings().h_p
+PREVIEW = (HORIZON, SAMPLE_TIME)
 EXCHANGE = Fraction(1, 1000)  # s, between car, road and controller
 
 
 _CONTROLLED = (lambda c: c.controller != "passive", "a controlled car")
+_MEASURING = (lambda c: c.controller in ("explicit", "preview"), "the explicit and the preview controller")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ class OpenCase(Stepped):
         choices=DISTURBANCES,
         help="quantity of the road that explicit and preview measure",
         label="d-is-{}",
-        only=(lambda c: c.controller in ("explicit", "preview"), "the explicit and the preview controller"),
+        only=_MEASURING,
     )
     from_rest: bool = option(
         False,
@@ -89,13 +90,59 @@ class OpenCase(Stepped):
         only=_CONTROLLED,
     )
     horizon: int = option(
-        DesignSettings().h_p,
-        choices=(DesignSettings().h_p, 2 * DesignSettings().h_p),
-        help="prediction horizon in samples; only 8 is the paper's",
+        HORIZON,
+        choices=(HORIZON, 2 * HORIZON),
+        help="prediction horizon in samples, with as many of preview; only 8 is the paper's",
         label="horizon-{}",
-        only=(lambda c: c.controller in ("implicit", "explicit"), "the implicit and the explicit controller"),
+        only=_CONTROLLED,
+    )
+    latch: int = option(
+        RESPONSE_TICK,
+        choices=(0, RESPONSE_TICK),
+        unit="ms",
+        help="time after a command at which the controllers sample responses",
+        label="latch-{}ms",
+        only=_CONTROLLED,
+    )
+    datum: float = option(
+        0.0,
+        unit="m",
+        within=(-10.0, 10.0),
+        help="height of the road at the start that the controllers do not subtract; 0: trimmed",
+        label="datum-{:g}m",
+        only=_MEASURING,
+    )
+    actuator: str = option(
+        "wheel",
+        choices=("wheel", "spring"),
+        help="where the actuator acts: between wheel and body, or beside the spring, through its motion ratio",
+        label="actuator-at-{}",
+        only=_CONTROLLED,
+    )
+    limit: float = option(
+        FORCE_LIMIT,
+        unit="N",
+        within=(1.0, 1e7),
+        help="force limit of each actuator",
+        label="limit-{:g}N",
+        only=_CONTROLLED,
+    )
+    road_roll_off: float = option(
+        0.0,
+        unit="1/m",
+        within=(0.0, 4.0),
+        help="wave number above which the spectrum of the synthetic course falls two orders steeper; 0: nowhere",
+        label="smoother-above-{:g}",
+        only=(lambda c: c.controller != "passive" or c.road == COURSE, "controllers and that course"),
     )
     one_track: bool = option(False, help="one road profile under both sides of the car, that of the left")
+    start_height: float = option(
+        0.0,
+        unit="m",
+        within=(0.0, 0.5),
+        help="height above its rest from which the car drops at the start",
+        label="dropped-{:g}m",
+    )
 
 
 @dataclass(frozen=True)
@@ -144,7 +191,8 @@ def passive(case: Case) -> Case:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return case.road, case.controller, case.exchange_parts, case.one_track, case.disturbance
+    names = ("one_track", "disturbance", "horizon", "latch", "datum", "actuator", "road_roll_off", "start_height")
+    return case.road, case.controller, case.exchange_parts, *(getattr(case, n) for n in names)
 
 
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
@@ -159,56 +207,54 @@ def wire(fmus: FmuSet, case: Case) -> System:
     """Car, road, speed profile and controller, as in the paper: car and exchange at 1 kHz, control at 100 Hz."""
     system = System(allow_unconnected=True)  # the driver keeps y = 0; nothing drives the passive car's actuators
     _wired_from[system] = fmus
+    measured = MeasuredRoad(case.disturbance, case.datum, case.horizon)
     system.add("speed", fmus.path(SPEED))
-    system.add("road", road_file(fmus, case.road))
+    system.add("road", _road(fmus, case, case.road, measured.preview if case.controller == "preview" else PREVIEW))
     system.add("car", fmus.path(PLANT), step=exchange_step(EXCHANGE, case))
     system.connect("speed.speed", "car.target.speed")
     system.connect("car.x", "road.x")
     system.connect("car.speed", "road.speed")
+    if case.start_height:
+        insert(system, "drop", Drop(case.start_height), "car")
+        connect_road(system, "drop", one_track=case.one_track)
     connect_road(system, "car", one_track=case.one_track)
     if name := CONTROLLERS[case.controller]:
-        system.add("controller", fmus.path(name))
-        system.connect_matching("car", "controller", "body.*")
-        if case.disturbance != "height":
-            system.add("disturbance", MeasuredRoad(case.disturbance))
+        other = case.controller == "preview" and case.horizon != HORIZON
+        system.add("controller", built_controller(control_law(fmus, case), fmus.fmi) if other else fmus.path(name))
+        if case.latch != RESPONSE_TICK:
+            insert(system, "latch", Latch(), "controller")
+            system.connect_matching("car", "latch")
+        else:
+            system.connect_matching("car", "controller", "body.*")
+        if case.disturbance != "height" or case.datum:
+            insert(system, "disturbance", measured, "controller")
             connect_road(system, "disturbance", "*", one_track=case.one_track)
+            for k in CORNERS:
+                before = f"road.road.{track_of(k, case.one_track)}.height"
+                system.connect(before, f"disturbance.before.{k}", delay=True)
             system.connect("car.speed", "disturbance.speed")
-            inputs = system["controller"].description.inputs
-            for name in (n for n in ROAD_INPUTS if n in inputs):
-                system.connect(f"disturbance.measured.{name}", f"controller.{name}")
-            if "preview.step" in inputs:
+            if case.controller == "preview" and measured.preview[1] == SAMPLE_TIME:
                 system.connect("road.preview.step", "controller.preview.step")
         elif case.controller != "implicit":
             connect_road(system, "controller", "*", one_track=case.one_track)
-        system.connect_matching("controller", "car", "force.*")
+        for k in CORNERS if case.actuator == "spring" else ():
+            system.connect(f"controller.force.{k}", f"car.force.{k}", linear=(_lever(fmus, case), 0.0))
+        if case.actuator == "wheel":
+            system.connect_matching("controller", "car", "force.*")
     return system
 
 
-class MeasuredRoad(PythonComponent):
-    """Gives a controller the rate or the slope of the road in place of its height; units stay those of its inputs."""
+def _road(fmus: FmuSet, case: Case, road: str, preview: tuple[int, float] = PREVIEW) -> Path:
+    """FMU of a road as a case has it."""
+    published, roll_off = road_file(fmus, road), case.road_roll_off if road == COURSE else 0.0
+    return other_road(published, road, preview, roll_off, fmus.fmi) if roll_off or preview != PREVIEW else published
 
-    inputs: ClassVar[Sequence[str]] = (*(f"{n} [m]" for n in ROAD_INPUTS), "speed [m/s]")
-    outputs: ClassVar[Sequence[str]] = tuple(f"measured.{n} [m]" for n in ROAD_INPUTS)
-    kind: ClassVar[str] = "discrete"
-    default_step = SAMPLE_TIME
 
-    def __init__(self, disturbance: str) -> None:
-        super().__init__()
-        self.disturbance = disturbance
-
-    def begin(self) -> None:
-        """Before the first sample the road was level."""
-        self.last: np.ndarray | None = None
-
-    def step(self, t: float, h: float, u: np.ndarray, y: np.ndarray) -> None:  # noqa: ARG002
-        """Difference to the sample before, of the height under a wheel and of those ahead of it."""
-        heights, speed = u[:-1].reshape(len(CORNERS), -1), float(u[-1])
-        now = heights[:, 0]
-        past = now if self.last is None else self.last
-        under = disturbance_of(np.array([past, now]), self.disturbance, speed)[1]
-        ahead = disturbance_of(np.column_stack([past, heights[:, 1:]]).T, self.disturbance, speed)[1:].T
-        self.last = now.copy()
-        y[:] = np.column_stack([under, ahead]).ravel()
+def _lever(fmus: FmuSet, case: Case) -> float:
+    """Force on the wheel, of an actuator's force 1."""
+    if case.actuator == "wheel":
+        return 1.0
+    return float(FmuFile(fmus.path(PLANT)).description.parameters["suspension.motion_ratio"].start)  # type: ignore[arg-type]
 
 
 @cache
@@ -217,10 +263,17 @@ def models(plant: Path, road: Path, speed: Path, settings: IdentificationSetting
     return identify(plant, road, speed, settings)
 
 
-def identification(case: Case) -> IdentificationSettings:
+def identification(fmus: FmuSet, case: Case) -> IdentificationSettings:
     """The identification run of a case."""
-    names = ("seed", "from_rest", "excitation", "roll_off", "one_track", "disturbance")
-    return IdentificationSettings(**{name: getattr(case, name) for name in names})
+    names = ("seed", "from_rest", "excitation", "roll_off", "one_track", "disturbance", "datum", "latch")
+    return IdentificationSettings(lever=_lever(fmus, case), **{name: getattr(case, name) for name in names})
+
+
+def control_law(fmus: FmuSet, case: Case) -> GpcLaw:
+    """The control law of a case, identified from these FMUs."""
+    files = fmus.path(PLANT), _road(fmus, case, COURSE), fmus.path(SPEED)
+    design = DesignSettings(R=case.R, h_p=case.horizon, h_c=case.horizon)
+    return models(*files, identification(fmus, case)).law(case.controller, design, hold=case.hold)
 
 
 def configure(system: System, case: Case) -> None:
@@ -229,12 +282,10 @@ def configure(system: System, case: Case) -> None:
     system["speed"].set({"start.speed": case.speed_kmh / 3.6})
     if case.controller == "passive":
         return
-    fmus = _wired_from[system]
-    identified = models(fmus.path(PLANT), road_file(fmus, "perryman3"), fmus.path(SPEED), identification(case))
-    design = DesignSettings(R=case.R, h_p=case.horizon, h_c=case.horizon)
-    system["controller"].set(gain_parameters(identified.law(case.controller, design)))
+    law = control_law(_wired_from[system], case)
+    system["controller"].set({**gain_parameters(law), "limit": case.limit})
     if case.controller == "explicit":
-        system["controller"].set({"hold_height": case.hold})
+        system["controller"].set({"hold_height": law.hold})
 
 
 def stop_time(_: System, case: Case) -> float:

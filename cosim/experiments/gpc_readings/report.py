@@ -19,8 +19,9 @@ from cosim.experiments.gpc_readings import (
     READINGS,
     StaticGain,
     readings,
+    seeds,
 )
-from cosim.report import Claims, Figure, Panel, Report, Result, Section, Series, Table
+from cosim.report import Claims, Figure, Layer, Map, Panel, Report, Result, Section, Series, Table
 from cosim.study import FmuSet, Results, RunFailed, make_lead, provenance, sections
 
 CURB = ("curb-explicit-force", "curb-preview-200", "curb-preview-power")
@@ -46,13 +47,13 @@ class Judged:
         """Judge a study."""
         found = {t.reading for t in results.tasks if isinstance(t, StaticGain)}
         tried = {name: reading for name, reading in readings(True).items() if reading in found}
-        seeds = tuple(dict.fromkeys(t.seed for t in results.tasks if isinstance(t, StaticGain)))
-        first, others = tuple(s for s in seeds if s in SEEDS), tuple(s for s in seeds if s in HELD_OUT)
+        run = dict.fromkeys(t.seed for t in results.tasks if isinstance(t, StaticGain))
+        first, others = tuple(s for s in run if s in SEEDS), tuple(s for s in run if s in HELD_OUT)
         return cls(
             results,
             first,
             {name: _claims(results, reading, first) for name, reading in tried.items()},
-            {name: _claims(results, reading, others) for name, reading in tried.items()} if others else {},
+            {n: _claims(results, r, others) for n, r in tried.items() if others and set(seeds(True, r)) >= set(others)},
         )
 
     def verdict(self, name: str, claim: str) -> str:
@@ -99,11 +100,11 @@ def report(results: Results, fmus: FmuSet) -> Report:
 def _main_result(judged: Judged) -> tuple[str, Figure]:
     counts = {name: judged.count(claims) for name, claims in judged.claims.items()}
     total, best = next(iter(judged.claims.values())).published, max(counts, key=lambda name: counts[name])
-    together = "" if _hold_both(judged) else ", which no reading holds together"
+    together = "some reading holds" if _hold_both(judged) else "no reading holds"
     lead = (
-        f"As printed, the control laws hold {counts[PRINTED]} of {total} claims in full; of {len(counts)} readings the"
-        f" best one ({best}) holds {counts[best]}. The assumption of explicit about the road ahead decides between two"
-        f" blocks of claims{together}."
+        f"With {len(judged.seeds)} identification seeds the control laws hold {counts[PRINTED]} of {total} claims in"
+        f" full as printed; of {len(counts)} readings the best one ({best}) holds {counts[best]}. The claims about the"
+        f" costs of explicit on the curb and those about smooth roads {together} together."
     )
     names = list(counts)
     bars = Series("claims that hold in full", range(len(names)), list(counts.values()), mode="bar")
@@ -117,15 +118,18 @@ _JUDGED = "Judged on the median identification by the criteria of the main study
 def _counts(judged: Judged) -> Section:
     """How many claims hold, and with single identifications."""
     rows: list[list[Any]] = []
+    alone = judged.claims[PRINTED].by_sample
     for name, claims in judged.claims.items():
         held = judged.count(judged.held_out[name]) if name in judged.held_out else None
         rows.append([name, judged.count(claims), min(claims.by_sample), max(claims.by_sample), held])
     return Section(
         "How many claims hold",
         [
-            "The paper had one identification, so the count with each seed alone stands beside that of the median."
-            " Differences of up to three claims between readings are noise of the seeds. A reading counts as better"
-            " than the printed one only if it is so with seeds that were held out."
+            "The paper had one identification, so the count with each seed alone stands beside that of the median. As"
+            f" printed it is {min(alone)} to {max(alone)} with one of {len(alone)} seeds: readings whose counts differ"
+            " by no more than that are not told apart. A reading counts as better than the printed one only if it is"
+            " so with seeds that were held out.",
+            f"The study has {len(judged.results.tasks)} tasks.",
         ],
         tables=[
             Table(
@@ -146,17 +150,34 @@ def _span(seeds: Sequence[int]) -> str:
 def _map(judged: Judged, *, alone: bool) -> Section:
     """Claims over readings: verdict, and with how many identifications alone each holds in full."""
     names = [n for n in judged.claims if n in (READINGS if alone else COMBINATIONS)]
-    rows = []
+    rows, shares = [], list[list[float]]()
     for claim in (s.id for s in CLAIMS if not s.own):
-        cells = []
+        cells: list[str] = []
+        shares.append([])
         for name in names:
             found = next(c for c in judged.claims[name] if c.id == claim)
             passed = judged.claims[name].passed[list(judged.claims[name]).index(found)]
             cells.append(f"{_SHORT[found.verdict]} {sum(passed)}/{len(passed)}")
+            shares[-1].append(sum(passed) / len(passed))
         rows.append([claim, *cells])
     title = "One assumption at a time" if alone else "Combinations"
+    shown = Map(
+        "shares" if alone else "shares-of-combinations",
+        f"Share of identifications with which a claim holds: {title.lower()}",
+        "Each identification judged alone, claim in full. The table below has the verdict on their median.",
+        "reading [-]",
+        "claim [-]",
+        "share of identifications [-]",
+        range(len(names)),
+        range(len(rows)),
+        [Layer("share of identifications", shares)],
+        value_range=(0.0, 1.0),
+        x_names=names,
+        y_names=[row[0] for row in rows],
+    )
     return Section(
         title,
+        figures=[shown],
         tables=[
             Table(
                 "map" if alone else "combinations",
@@ -184,22 +205,33 @@ def _hold_both(judged: Judged) -> list[str]:
     return [name for name in judged.claims if len(judged.holding(name, (*CURB, *SMOOTH))) == len(CURB) + len(SMOOTH)]
 
 
+def _most(judged: Judged, block: Sequence[str], other: Sequence[str]) -> str:
+    """Where a block holds best, and how much of the other one holds there, as a sentence."""
+    counts = {name: len(judged.holding(name, block)) for name in judged.claims}
+    most = max(counts.values())
+    where = [name for name, count in counts.items() if count == most]
+    there = max(len(judged.holding(name, other)) for name in where)
+    return (
+        f"The most that holds of {', '.join(block)} is {most} of {len(block)} ({'; '.join(where)}), with at most"
+        f" {there} of {len(other)} of the other block."
+    )
+
+
 def _blocks(judged: Judged) -> Section:
     """Two blocks of claims that exclude each other."""
     rows: list[list[Any]] = []
     for name in judged.claims:
         curb, smooth = (judged.holding(name, block) for block in (CURB, SMOOTH))
         rows.append([name, len(curb), len(smooth), ", ".join(smooth) or "none"])
+    first, second = (_most(judged, *blocks) for blocks in ((CURB, SMOOTH), (SMOOTH, CURB)))
     both = _hold_both(judged)
     told = f"Both hold as {', '.join(both)}." if both else "No reading holds both."
     return Section(
-        "Two blocks that exclude each other",
+        "Two blocks of claims" + " that exclude each other" * (not both),
         [
             f"On the curb explicit is the dearest and preview the cheapest ({', '.join(CURB)}). On smooth roads"
-            f" explicit costs what preview does, and implicit more ("
-            f"{', '.join(SMOOTH)}). {told} With the future of the road"
-            " left out, as printed, explicit pays for every undulation; with the rate, the slope or the last height it"
-            " does not, and then it is not dear on the curb either."
+            f" explicit costs what preview does, and implicit more ({', '.join(SMOOTH)}). {first} {second}"
+            f" {told}"
         ],
         tables=[
             Table(
@@ -220,7 +252,7 @@ def _gains(judged: Judged) -> Section:
     for name, reading in readings(True).items():
         if name not in judged.claims:
             continue
-        each = [found[reading, seed] for seed in judged.seeds]
+        each = [found[reading, seed] for seed in judged.seeds if (reading, seed) in found]
         spans = [(min(values), max(values)) for c in ("explicit", "preview") for values in [[e[c] for e in each]]]
         rows.append([name, *(float(f"{x / 1e3:.3g}") for span in spans for x in span)])
     return Section(

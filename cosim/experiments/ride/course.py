@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from build_fmus.base import safe_files
-from build_fmus.compile import ObjectCache, resolve_platforms
-from build_fmus.package import build_fmu
+from cosim.experiments.built import built
 from cosim.fmu.file import FmuFile
 from cosim.study.fmus import FmuSet
 from fmu_sources.roads import ENVELOPING, RoadError, RoadLayout, WheelPosition, road_from_file
@@ -107,7 +104,4 @@ def _made(path: Path, _changed: int, car: Path, fmi: int, preview: tuple[int, fl
     axles = [w.x for w in wheels]
     begin, end = extent(path, max(abs(w.y) for w in wheels), max(axles) - min(axles))
     component = road_from_file(path, RoadLayout(wheels, *preview, contact=contact), "RoadCourse", radius=radius)
-    folder = Path(tempfile.mkdtemp(dir=safe_files.scratch()))
-    fmu = folder / "RoadCourse.fmu"
-    safe_files.write(fmu, build_fmu(component, fmi, resolve_platforms("host"), ObjectCache(folder / "objects")))
-    return FileCourse(fmu, begin, end)
+    return FileCourse(built(component, fmi), begin, end)

@@ -40,7 +40,7 @@ from fmu_sources.registration import component, needs
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
 
-DISTURBANCES = ("height", "rate", "slope")
+DISTURBANCES = ("height", "rate", "slope", "rate-1kHz")
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class IdentificationSettings:
     """The identification run. Defaults: Table 2 of the paper; the excitation level and the settling are assumed.
 
     The paper leaves open whether the run starts `from_rest`, with the leading zeros of (4), where its excitation rolls
-    off, whether both tracks of the road have one profile, and what of the road is measured as disturbance.
+    off, whether both tracks of the road have one profile, what of the road is measured as disturbance and from which
+    `datum`, when responses are sampled (`latch`), and what force on the wheel an actuator's gives (`lever`).
     """
 
     seed: int = 0
@@ -61,6 +62,9 @@ class IdentificationSettings:
     roll_off: float = 0.0  # Hz, of the excitation (Butterworth, fourth order); 0: white up to 50 Hz
     one_track: bool = False
     disturbance: str = "height"  # one of DISTURBANCES
+    datum: float = 0.0  # m, or m/s, 1: what the disturbance is at the start; 0: trimmed
+    latch: int = RESPONSE_TICK  # tick after a sample instant
+    lever: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("order", "samples"):
@@ -70,6 +74,12 @@ class IdentificationSettings:
         number("identification: roll_off", self.roll_off, "Hz", least=0, most=0.5 / SAMPLE_TIME)
         if self.disturbance not in DISTURBANCES:
             raise ValueError(f"identification: unknown disturbance {self.disturbance!r}")
+
+    def told(self) -> dict[str, Any]:
+        """As JSON values; of the last three, which came after FMUs were published, those that are assumed otherwise."""
+        default = IdentificationSettings()
+        late = {name for name in ("datum", "latch", "lever") if getattr(self, name) == getattr(default, name)}
+        return {name: value for name, value in asdict(self).items() if name not in late}
 
     @property
     def unexcited_samples(self) -> int:
@@ -164,7 +174,7 @@ def record_identification(
         system.add("speed", speed, parameters={"start.speed": s.speed})
         system.add("road", road)
         system.add("car", plant, step=TICK)
-        system.add("excitation", Excitation(sequence))
+        system.add("excitation", Excitation(sequence * s.lever))
         system.connect("speed.speed", "car.target.speed")
         for signal in ("x", "speed"):
             system.connect(f"car.{signal}", f"road.{signal}")
@@ -179,8 +189,9 @@ def record_identification(
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])
     at = np.arange(n) * TICKS_PER_SAMPLE
-    d = disturbance_of((d - d[0])[at], s.disturbance, s.speed)
-    return IdentificationData(sequence[:n], (y - y[0])[at + RESPONSE_TICK], d)
+    every = round(measured_every(s.disturbance) / TICK)
+    d = disturbance_of((d - d[0])[::every], s.disturbance, s.speed)[:: TICKS_PER_SAMPLE // every][:n]
+    return IdentificationData(sequence[:n], (y - y[0])[at + s.latch], d + s.datum)
 
 
 def track_of(corner: str, one_track: bool) -> str:
@@ -193,21 +204,26 @@ def connect_road(system: System, target: str, pattern: str = "road.*", *, one_tr
     for name in system[target].description.inputs if one_track else ():
         first, _, rest = name.partition(".")
         corner = next((k for k in CORNERS if rest.startswith(k) and k.endswith("r")), "")
-        if first in ("road", "preview") and corner:
+        if first in ("road", "preview") and corner and f"{target}.{name}" not in system.connections:
             left = f"{first}.{track_of(corner, one_track)}{rest.removeprefix(corner)}"
             system.connect(f"road.{left}", f"{target}.{name}")
     system.connect_matching("road", target, pattern)
 
 
-def disturbance_of(heights: np.ndarray, kind: str, speed: float) -> np.ndarray:
-    """The measured disturbance from heights (n, k) [m] at 100 Hz.
+def measured_every(kind: str) -> float:
+    """Time between two heights of which a disturbance is made [s]."""
+    return TICK if kind == "rate-1kHz" else SAMPLE_TIME
 
-    "rate" [m/s] is their backward difference over a sample, "slope" [-] that over the way of a sample at `speed` [m/s].
+
+def disturbance_of(heights: np.ndarray, kind: str, speed: float) -> np.ndarray:
+    """The measured disturbance from heights (n, k) [m], one `measured_every` so many seconds.
+
+    A rate [m/s] is their backward difference over that time, "slope" [-] that over the way at `speed` [m/s].
     """
     if kind == "height":
         return heights
-    rate = np.diff(heights, axis=0, prepend=heights[:1]) / SAMPLE_TIME
-    return rate if kind == "rate" else rate / speed
+    rate = np.diff(heights, axis=0, prepend=heights[:1]) / measured_every(kind)
+    return rate / speed if kind == "slope" else rate
 
 
 def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None) -> IdentifiedModels:
@@ -217,7 +233,7 @@ def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSetti
     implicit = identify_arx(data.u, data.y, order=s.order, samples=s.samples, from_rest=s.from_rest)
     explicit = identify_arx(data.u, data.y, data.d, order=s.order, samples=s.samples, from_rest=s.from_rest)
     provenance = {
-        "identification": asdict(s),
+        "identification": s.told(),
         "plant": plant.stem,
         "road": road.stem,
         "fmu_sha256": {p.stem: hashlib.sha256(p.read_bytes()).hexdigest() for p in (plant, road, speed)},
