@@ -50,6 +50,8 @@ class Execution:
         real_time: pace, 1.0 for that of the clock, 2.0 for twice as fast, see `Simulation.advance`; None: none.
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run.
+        lanes: the vectors in which studies, sweeps and searches run copies of a system side by side, as in
+            `cosim.batch.Batch`; "off": in none; None: in "auto" if it saves more time than their compilation takes.
     """
 
     isolate: tuple[str, ...] = ()
@@ -58,6 +60,7 @@ class Execution:
     real_time: float | None = None
     check_stability: bool = False
     allow_nan: bool = False
+    lanes: str | None = None
 
     def prepare(self, system: Wiring, *, every: bool = True) -> None:
         """Isolate the FMUs of a system that are to be isolated.
