@@ -3,20 +3,33 @@
 The batch is measured on each kind of vectors. Simulated time of all copies over the processor time of their steps, so
 that other work on the machine hardly counts and the number of threads does not. Initialization, which is the same for
 both, is measured separately. Every copy has a mass and a speed of its own.
+
+    python -m benchmarks.batch --sweep 10000
+
+measures whole sweeps instead, `benchmarks/random_roads.py` with seed, class, mass and speed varied: processor time of a
+run with all that belongs to it, from the point of the design to the stored row, as scalar runs and in lanes. The tables
+must be equal byte for byte.
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
+import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
-from benchmarks.random_roads import system as on_random_roads
-from cosim import Record, System
+from benchmarks import random_roads
+from cosim import Execution, Record, System
 from cosim.batch import Batch
 from cosim.batch.library import TARGETS, choose_target
 from cosim.experiments.gpc.runs import Case, wire
-from cosim.study import FmuSet
+from cosim.study import FmuSet, load
+from cosim.study.design import Design, axis
+from cosim.study.sweep import prepare, run_sweep
 
 COPIES, SECONDS, ROUNDS = 256, 2.0, 3
 TITLE = "passive full cars, simulated time of all copies / processor time"
@@ -37,7 +50,7 @@ def on_nodes() -> System:
 SYSTEMS = {
     "sine road": lambda: wire(FmuSet(), Case("sine", controller="passive")),
     "road of nodes, with preview": on_nodes,
-    "random roads, the road as a scalar": on_random_roads,
+    "random roads": random_roads.system,
 }
 
 
@@ -90,6 +103,49 @@ def measure() -> dict[str, float]:
     return found
 
 
+VARIED = ("road.seed=1..100000", "road.class=1:3", "car.body.mass=2300:3400", "speed.start.speed=8:20")
+
+
+def measure_sweeps(runs: int) -> dict[str, float]:
+    """Processor time of a run [ms]: that of a tenth of the runs as scalar ones, and of all in lanes; the best round.
+
+    One thread of this process is the worker, so it is all in one processor time. A sweep before the measured one wires
+    the system and compiles the lanes.
+    """
+    found: dict[str, float] = {}
+    kinds = ["off", *(name for name, target in TARGETS.items() if target.lanes <= choose_target().lanes)]
+    for _ in range(ROUNDS):
+        tables: dict[int, set[str]] = {}
+        for kind in kinds:
+            count = max(40, runs // 10 if kind == "off" else runs)
+            with ThreadPoolExecutor(1) as worker:
+                _sweep(40, kind, worker)
+                begin = time.process_time()
+                tables.setdefault(40, set()).add(_sweep(40, kind, worker))
+                tables.setdefault(count, set()).add(_sweep(count, kind, worker))
+                took = (time.process_time() - begin) / (count + 40) * 1e3
+            found[kind] = min(found.get(kind, np.inf), took)
+        assert all(len(same) == 1 for same in tables.values()), "the tables differ"
+    return found
+
+
+def _sweep(runs: int, vectors: str, worker: ThreadPoolExecutor) -> str:
+    """A hash of the table of a sweep."""
+    design = Design(tuple(axis(text) for text in VARIED), samples=runs)
+    with tempfile.TemporaryDirectory() as folder:
+        sweep = prepare(load(random_roads.__file__), FmuSet(), design)
+        table = run_sweep(sweep, FmuSet(), Path(folder) / "runs", executor=worker, execution=Execution(lanes=vectors))
+        assert not table.failures
+        return hashlib.sha256(table.write(Path(folder) / "table.parquet").read_bytes()).hexdigest()
+
+
 if __name__ == "__main__":
-    for what, value in measure().items():
-        print(f"{what}: {value:.3g}")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.batch", description=TITLE)
+    parser.add_argument("--sweep", type=int, metavar="RUNS", help="measure sweeps of so many runs")
+    if (given := parser.parse_args().sweep) is None:
+        for what, value in measure().items():
+            print(f"{what}: {value:.3g}")
+    else:
+        times = measure_sweeps(given)
+        for kind, milliseconds in times.items():
+            print(f"{kind}: {milliseconds:.3g} ms per run, {times['off'] / milliseconds:.3g} times as fast as scalar")
