@@ -48,7 +48,7 @@ class LaneRun:
 
 
 class _QuietBatch(Batch):
-    """A batch whose failed copies are run again, so nobody is told of them."""
+    """A batch without warnings of failed copies, since these are run again."""
 
     def _ended(self, failure: CopyFailure) -> None:
         self.failures.append(failure)
@@ -128,7 +128,7 @@ class LaneRuns:
         ends = {end for _, end in copies.values()}
         try:
             batch = self._batch(key, how, max(ends))
-            if batch is None or (batch.scalar and len(ends) > 1):  # instances may depend on the end that they are told
+            if batch is None or (batch.scalar and len(ends) > 1):  # FMU instances may depend on their stop time
                 return
             reached = {end: batch.end(end) for end in ends}
             recorded = 8 * reached[max(ends)][1] * len(batch.record_names)
@@ -144,7 +144,7 @@ class LaneRuns:
                     for k, i in enumerate(chosen)
                     if recording.failed.get(k, math.inf) > last[k]
                 }
-        except CosimError:  # no run of a batch: the runs say why one by one
+        except CosimError:  # scalar runs say why
             return
 
     def _batch(self, key: Hashable, how: How, end: float) -> Batch | None:
