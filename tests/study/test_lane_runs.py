@@ -16,6 +16,7 @@ import cosim.cli
 from cosim import Execution, System
 from cosim.study import FmuSet, load
 from cosim.study.calibration import SystemResponse, calibrate
+from cosim.study.optimise_command import PointRuns
 from cosim.study.sweep import SweepTable, history, run_sweep
 
 pytestmark = pytest.mark.usefixtures("built_fmus")
@@ -90,6 +91,21 @@ def test_a_command_says_how_many_runs_were_in_lanes(tmp_path: Path, monkeypatch:
     assert result.exit_code == 0, result.output
     said = next(line for line in result.output.splitlines() if "vector lanes" in line)
     assert 8 <= int(said.split()[0]) <= 12
+
+
+def test_a_search_turns_lanes_on_where_its_trials_take_long(
+    experiment: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cosim.study.optimise_command.LANES_PAY", 0.0)
+    sweep = made(experiment, "car.body.mass=2300:3400", samples=1)
+    first, second = ([{"car.body.mass": 2300.0 + 100 * b + k} for k in range(6)] for b in range(2))
+    with ThreadPoolExecutor(1) as worker:
+        runs = PointRuns(sweep, FMUS, tmp_path / "lanes", worker, trials=12)
+        scalar = PointRuns(sweep, FMUS, tmp_path / "scalar", worker, Execution(lanes="off"), trials=12)
+        for tried in (first, second):
+            assert runs.evaluate_batch(tried) == scalar.evaluate_batch(tried)
+    assert runs.in_lanes == [0, 6]
+    assert scalar.in_lanes == [0, 0]
 
 
 def test_a_calibration_in_lanes_finds_the_same_values() -> None:
