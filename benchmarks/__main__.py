@@ -38,7 +38,7 @@ NAMES = (
     "mpc_at_limit",
 )
 """What is measured without names."""
-MORE = ("sweeps", "web_pages")
+MORE = ("sweeps", "lane_sweeps", "web_pages")
 OLD = "fmu_cost"  # with --old
 
 

@@ -37,7 +37,7 @@ def on_nodes() -> System:
 SYSTEMS = {
     "sine road": lambda: wire(FmuSet(), Case("sine", controller="passive")),
     "road of nodes, with preview": on_nodes,
-    "random roads, the road as a scalar": on_random_roads,
+    "random roads": on_random_roads,
 }
 
 

@@ -1,6 +1,7 @@
 """Many copies of one system, stepped together on all cores.
 
 - `copies`: `Batch`, the interface for users;
+- `initial_states`: how the copies are initialized, in lanes or one after the other;
 - `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
 - `statements`: its generated functions, read back;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time as clock
 import warnings
@@ -15,21 +16,19 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base.checks import did_you_mean, whole_number
-from cosim.batch.library import Target, choose_target, interface, lane_library
+from cosim.batch.initial_states import Copies
+from cosim.batch.library import Target, choose_target
 from cosim.batch.source import LaneSource, NoLanes, lane_source
-from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
+from cosim.batch.structs import CopyFailure
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.core.interrupt import HeldInterrupt
 from cosim.core.memory import physical_memory
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive, rational, seconds_text
-from cosim.engine.exchange import Exchange
 from cosim.engine.execution import Record
-from cosim.engine.plan import Plan, make_plan
-from cosim.engine.simulation import Simulation
+from cosim.engine.stops import StopWhen, watched_names
 from cosim.fmu.component import FmuComponent
-from cosim.fmu.own_states import VALUES_AT
 from cosim.recording.recording import Recording
 from cosim.session import System
 from cosim.system.components import SystemComponent
@@ -47,13 +46,17 @@ class BatchRecording:
     """Recorded values of a batch. `recording["car.body.az"]` is one variable, of shape (copies, samples).
 
     `time` [s] has the shape (samples,), `data` (copies, samples, variables); `names` and `units` are those of the
-    variables. Values of a copy are NaN after it has ended.
+    variables. Values of a copy are NaN after it has ended. `failed`: time [s] at which a copy failed; `stopped`: the
+    stop condition that has ended a copy, and the time; `about`: the rest of what a `Recording` has.
     """
 
     time: Array
     names: list[str]
     data: Array
     units: dict[str, str] = field(default_factory=dict)
+    failed: Mapping[int, float] = field(default_factory=dict)
+    stopped: Mapping[int, tuple[str, float]] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:
@@ -61,12 +64,17 @@ class BatchRecording:
         found: Array = self.data[:, :, self.names.index(name)]
         return found
 
-    def one(self, copy: int) -> Recording:
-        """What was recorded of one copy."""
-        return Recording(self.time, list(self.names), np.asfortranarray(self.data[copy]), dict(self.units))
+    def one(self, copy: int, until: float = math.inf) -> Recording:
+        """What was recorded of one copy until a time [s], as of a run of this copy alone unless it failed before."""
+        by, at = self.stopped.get(copy, (None, math.inf))
+        count = np.searchsorted(self.time, min(until, at), side="right")
+        data = np.asfortranarray(self.data[copy, :count])
+        return Recording(
+            self.time[:count], list(self.names), data, dict(self.units), by if at <= until else None, **self.about
+        )
 
 
-class Batch:
+class Batch(Copies):
     """`copies` of a system, stepped together on all cores; each is bit-identical to a run of its own.
 
         batch = Batch(system, 1000, start={"car.body.mass": masses}, inputs=["car.force.*"], outputs=["car.body.az"])
@@ -86,10 +94,13 @@ class Batch:
         inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their
             order is `input_names`. Default: none.
         outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
-        record, start_time: as in `System.initialize`.
+        record, start_time, stop_time: as in `System.initialize`.
+        stop_when: as in `System.run`, but no functions. A copy that satisfies one ends without a failure; `stopped`
+            says which.
         threads: default one for each core that this process may use. The bits do not depend on it.
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
+        begin: False where `reset` or `reset_each` comes later.
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
@@ -109,12 +120,14 @@ class Batch:
         outputs: str | Iterable[str] = (),
         record: Record | str | Iterable[str] = (),
         start_time: TimeLike | None = None,
+        stop_time: TimeLike | None = None,
+        stop_when: Sequence[StopWhen] = (),
         threads: int | None = None,
         vectors: str = "auto",
+        begin: bool = True,
     ):
-        whole_number("copies", copies, error=CosimError)
-        self.copies = int(copies)
         self.system = system
+        self._set_copies(copies)
         for m in system.components.values():
             if not isinstance(m.implementation, FmuComponent) and not m.description.native:
                 raise CosimError(
@@ -130,8 +143,14 @@ class Batch:
         self.output_names = [f"{m.name}.{v.name}" for m, v in self._outputs]
         kept = Record.of(record)
         self._record = system.select(kept.names) if kept.names else []
+        self.record_names = [f"{m.name}.{v.name}" for m, v in self._record]
         self._interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
         self._start_time = system.experiment[0] if start_time is None else rational(start_time, "start_time")
+        self.stop_time = stop_time
+        self._stops = list(stop_when)
+        self._watch = [pair for name in watched_names(self._stops) for pair in system.select([name])]
+        if any(not isinstance(s, StopWhen) for s in self._stops):
+            raise CosimError("copies end by conditions StopWhen(name, relation, value), not by functions")
         free = [n for n in system.unconnected() if n not in self.input_names and n not in (start or {})]
         if free and not system.allow_unconnected:
             more = f" and {len(free) - 10} more" if len(free) > 10 else ""
@@ -142,6 +161,7 @@ class Batch:
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
         self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
+        self._refuse(self._schedule.loops)
         self._sources: dict[SystemComponent, LaneSource] = {}
         self.scalar: dict[str, str] = {}
         """Names of components that are not vectorizable, and why."""
@@ -151,12 +171,16 @@ class Batch:
                 self._sources[m] = self._lanes_of(m)
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
+        self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
         self._check_memory()
-        self._clones: dict[SystemComponent, list[Any]] = {}
+        super().__init__()
         self._pool: ThreadPoolExecutor | None = None
         self.failures: list[CopyFailure] = []
-        """Copies that have ended, in the order in which that was found."""
-        self.reset(start)
+        """Copies that have failed, in the order in which that was found."""
+        self.stopped: dict[int, tuple[str, float]] = {}
+        """By copy, the stop condition that has ended it, and the time [s]."""
+        if begin:
+            self.reset(start)
 
     def _check_memory(self) -> None:
         """Raise an error when the values of the copies alone need more memory than this machine has.
@@ -208,15 +232,24 @@ class Batch:
 
     # Beginning.
 
-    def reset(self, start: Mapping[str, Any] | None = None) -> None:
+    def reset(self, start: Mapping[str, Any] | None = None, *, copies: int | None = None) -> None:
         """Reset all copies to the start time, with these parameters and start values (see the class).
 
-        Other parameters keep the values of the system.
+        Other parameters keep the values of the system. `copies`: how many from now on.
         """
-        given = self._given(start or {})
-        self._forget()
-        self.failures = []
-        self._alone = dict(self._fixed_reasons)
+        if copies is not None:
+            self._set_copies(copies)
+        self._reset(self._given(start or {}))
+
+    def reset_each(self, values: Sequence[Mapping[str, Mapping[str, Any]]]) -> None:
+        """As `reset`, to one copy for each of `values`: all values of the components, by component and variable."""
+        self._set_copies(len(values))
+        keys = [(m, n) for m, own in values[0].items() for n in own]
+        self._reset({(self.system[m], n): [v[m][n] for v in values] for m, n in keys})
+
+    def _reset(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
+        self.failures, self.stopped, self._wall_time = [], {}, 0.0
+        before, self._alone = getattr(self, "_alone", None), dict(self._fixed_reasons)
         for m in self._sources:
             steps = given.get((m, "solver.step"))
             if steps is not None and len(set(steps)) > 1:
@@ -224,9 +257,17 @@ class Batch:
         self.scalar = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
-        for m in self._alone:
-            self._clones.setdefault(m, [m.implementation.clone() for _ in range(self.copies)])  # type: ignore[attr-defined]
+        if before != self._alone:
+            self._simulations.clear()
+        for m in self._schedule.components:
+            clones = self._clones.setdefault(m, [])
+            while len(clones) < (self.copies if m in self._alone else 1):
+                clones.append(m.implementation.clone())  # type: ignore[attr-defined]
         self._begin(given)
+
+    def _set_copies(self, copies: int) -> None:
+        whole_number("copies", copies, error=CosimError)
+        self.copies = int(copies)
 
     def _given(self, start: Mapping[str, Any]) -> dict[tuple[SystemComponent, str], list[Any]]:
         """Start values of all copies, element by element."""
@@ -258,130 +299,6 @@ class Batch:
                         found[component, n] = [found[component, n][0]] * self.copies
                     break
         return found
-
-    def _begin(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
-        """Initialize the copies, one after the other; where all components have lanes, equal ones once."""
-        self.system.end_simulation()
-        schedule = self._schedule
-        kept = [(m, dict(m.values), m.implementation) for m in schedule.components]
-        sources = [m for m in schedule.components if m not in self._alone]
-        exchanges: list[Exchange | None] = [None] * self.copies
-        errors: dict[int, ComponentError] = {}
-        first_of: dict[tuple[Any, ...], int] = {}
-        like: dict[int, int] = {}  # copies that are like another one
-        try:
-            for copy in range(self.copies):
-                source = (
-                    copy if self._alone else first_of.setdefault(tuple(values[copy] for values in given.values()), copy)
-                )
-                if source != copy:
-                    like[copy] = source
-                    continue
-                for m, values, _ in kept:
-                    m.values = dict(values)
-                    if m in self._alone:
-                        m.implementation = self._clones[m][copy]
-                for (m, name), each in given.items():
-                    m.values[name] = each[copy]
-                try:
-                    exchanges[copy] = exchange = self._initialized()
-                except ComponentError as error:
-                    errors[copy] = error
-                    continue
-                if len(errors) == copy - len(like):
-                    self._prepare(exchange, sources)
-                self._take(exchange, copy)
-        finally:
-            for m, values, component in kept:
-                m.values, m.implementation = values, component
-        errors |= {copy: errors[source] for copy, source in like.items() if source in errors}
-        if len(errors) == self.copies:
-            raise errors[0]
-        good = next(c for c in range(self.copies) if c not in errors)
-        padding = dict.fromkeys((*errors, *range(self.copies, len(self._alive))), good)
-        for copy, source in (like | padding).items():
-            self._copy_lane(source, copy)
-        self._alive[self.copies :] = 0
-        self._alive[list(errors)] = 0
-        self._start_lanes()
-        self._structs = Structs(
-            self._plan,
-            self._exchange,
-            exchanges,
-            self._lanes,
-            self._alone,
-            self._values,
-            self._alive,
-            self._target,
-            self.threads,
-        )
-        self._tick = self._exchange.tick
-        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
-        for copy in sorted(errors):
-            self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
-
-    def _initialized(self) -> Exchange:
-        """The exchange of one copy, whose components are initialized."""
-        watch = [*self._outputs, *self._inputs]
-        made = Simulation(
-            self._schedule,
-            self._start_time,
-            record=self._record,
-            record_interval=self._interval,
-            watch=watch,
-        )
-        if made.exchange.loops:
-            raise CosimError(
-                f"the components {made.exchange.loops[0].names} form an algebraic loop, which a batch does not solve:"
-                " run the copies alone, or give a connection of the loop delay=True"
-            )
-        return made.exchange
-
-    def _take(self, exchange: Exchange, copy: int) -> None:
-        """Values and states of a copy that has been initialized."""
-        group, lane = divmod(copy, self._target.lanes)
-        self._values[group, :, lane] = exchange.values
-        for m, lanes in self._lanes.items():
-            data = m.implementation.serialize()  # type: ignore[attr-defined]
-            lanes.values()[group, :, lane] = np.frombuffer(
-                data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values
-            )
-
-    def _copy_lane(self, source: int, to: int) -> None:
-        lanes = self._target.lanes
-        (g, i), (h, k) = divmod(source, lanes), divmod(to, lanes)
-        for array in (self._values, *(each.memory for each in self._lanes.values())):
-            array[h, :, k] = array[g, :, i]
-
-    def _prepare(self, exchange: Exchange, sources: Sequence[SystemComponent]) -> None:
-        """Memory of all copies, once the exchange is known."""
-        self._plan: Plan = make_plan(exchange)
-        self._exchange = exchange
-        lanes, groups = self._target.lanes, self._groups
-        self._values = aligned(groups, self._plan.size, lanes)
-        self._alive = np.ones(groups * lanes, dtype=np.uint8)
-        for m in sources:
-            source, outputs = self._sources[m], exchange.layout.ports[m].outputs
-            shown = tuple(
-                sorted(
-                    {
-                        source.rows[v.reference].slot + v.index
-                        for v in outputs
-                        if source.rows[v.reference].role == "FMU_OUTPUT"
-                    }
-                )
-            )
-            library = lane_library(source, shown, self._target)
-            self._lanes[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
-
-    def _start_lanes(self) -> None:
-        ffi, base = interface(), self._exchange.base
-        for m, lanes in self._lanes.items():
-            begin = float(base.start + m.offset)
-            lanes.memory[:, 0:2] = begin
-            lanes.memory[:, 2:HEADER] = 0.0
-            for group in lanes.memory:
-                lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
 
     # Stepping.
 
@@ -440,11 +357,6 @@ class Batch:
                 except WiringError as error:
                     raise WiringError(f"copy {copy}: {error}") from None
 
-    def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:
-        full = np.zeros(array.shape[0] * array.shape[2])
-        full[: self.copies] = column
-        array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
-
     def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
         """Set `inputs` (copies, n) if given, advance by `duration` [s], and return the outputs (copies, n).
 
@@ -457,10 +369,11 @@ class Batch:
         self.advance(base.exact(end))
         return self.outputs
 
-    def advance(self, until: TimeLike) -> None:
+    def advance(self, until: TimeLike, *, final: bool = False) -> None:
         """Advance all copies to the first base tick at or after `until` [s].
 
-        Ctrl-C stops between two instants, at the same one for all copies.
+        `final`: the last row is the row of `System.run`; only `reset` may follow. Ctrl-C stops between two instants,
+        at the same one for all copies.
         """
         exchange = self._exchange
         end = exchange.base.at_or_after(rational(until, "until"))
@@ -477,10 +390,11 @@ class Batch:
         with HeldInterrupt() as interrupt:
             while self._tick < end and self._alive.any():
                 begin = clock.perf_counter()
-                self._run(min(end, self._tick + length))
+                self._run(min(end, self._tick + length), final and self._tick + length >= end)
                 if interrupt.pending:
                     break
                 took = clock.perf_counter() - begin
+                self._wall_time += took
                 length = max(1, int(length * min(8.0, _PIECE / max(took, 1e-6))))
         if interrupt.pending:
             raise KeyboardInterrupt
@@ -496,20 +410,24 @@ class Batch:
         self._rows = rows
         self._structs.record_to(rows, first)
 
-    def _run(self, end: int) -> None:
+    def _run(self, end: int, final: bool) -> None:
         """One piece, by all threads."""
         run, workers = self._structs.run, self._structs.workers[: min(self.threads, self._groups)]
         before = self._alive.copy()
         self._structs.batch.next_group = 0
         if len(workers) == 1:
-            run(workers[0], self._tick, end)
+            run(workers[0], self._tick, end, final)
         else:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="cosim-batch")
-            list(self._pool.map(lambda w: run(w, self._tick, end), workers))
+            list(self._pool.map(lambda w: run(w, self._tick, end, final), workers))
         self._tick = end
-        for copy in np.flatnonzero(before != self._alive):
-            self._ended(self._structs.failure(int(copy)))
+        for copy in np.flatnonzero(before != self._alive).tolist():
+            stopped = self._structs.stopped(copy)
+            if stopped is None:
+                self._ended(self._structs.failure(copy))
+            else:
+                self.stopped[copy] = str(self._stops[stopped[0]]), self._exchange.base.seconds(stopped[1])
 
     # What failed.
 
@@ -554,9 +472,30 @@ class Batch:
         data = (
             parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
         )
-        reached = [n for n in numbers if n * clocks[-1].period <= self._tick]
-        time = np.array([self._exchange.base.seconds(n * clocks[-1].period) for n in reached])
-        return BatchRecording(time, list(layout.record_names), data[:, : len(reached)], dict(layout.record_units))
+        ticks = np.array(numbers, dtype=np.int64) * clocks[-1].period
+        a, b, d = self._plan.time
+        time = (ticks[ticks <= self._tick] * a + b) / d  # exact, see `advance`
+        return BatchRecording(
+            time,
+            list(self.record_names),
+            data[:, : len(time)],
+            dict(layout.record_units),
+            {f.copy: f.time for f in self.failures},
+            self.stopped,
+            {
+                "wall_time": self._wall_time / self.copies,
+                "aliases": layout.aliases,
+                "types": layout.record_types,
+                "display": layout.record_display,
+            },
+        )
+
+    def end(self, until: TimeLike) -> tuple[float, int]:
+        """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""
+        base = self._schedule.time_base(self._start_time)
+        tick = base.at_or_after(rational(until, "until"))
+        interval = min(m.step for m in self._schedule.components) if self._interval is None else self._interval
+        return base.seconds(tick), tick // base.count(interval) + 1
 
     def __str__(self) -> str:
         t = self._target
@@ -582,9 +521,6 @@ class Batch:
 
     # The end.
 
-    def _forget(self) -> None:
-        self._lanes: dict[SystemComponent, Lanes] = {}
-
     def close(self) -> None:
         """Free the copies' own instances; the system stays."""
         if self._pool is not None:
@@ -594,6 +530,7 @@ class Batch:
             for component in clones:
                 component.close()
         self._clones.clear()
+        self._simulations.clear()
 
     def __enter__(self) -> Batch:
         return self

@@ -30,8 +30,14 @@ from cosim.batch.statements import (
 FUNCTIONS = frozenset((*elementwise.FUNCTIONS, "square"))
 """What generated statements call on numbers; `runtime/lanes.h` has each as lanes_NAME."""
 
-VECTORS = {"x": "States", "u": "Inputs", "p": "Parameters"}
-_POINTERS = {"States": ("x", "next", "der", "start"), "Inputs": ("u",), "Parameters": ("p",), "Outputs": ("y",)}
+VECTORS = {"x": "States", "u": "Inputs", "p": "Parameters", "c": "Profiles"}
+_POINTERS = {
+    "States": ("x", "next", "der", "start"),
+    "Inputs": ("u",),
+    "Parameters": ("p",),
+    "Outputs": ("y",),
+    "Profiles": ("c",),
+}
 _RESULTS = frozenset(("y", "next", "der", "start"))
 _STRUCT = re.compile(r"typedef struct \{\n(.*?)\n\} (\w+);\n", re.DOTALL)
 _MEMBER = re.compile(r"double (\w+)((?:\[\d+\])*);")
@@ -173,11 +179,11 @@ def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
     if "static void" in (rest := re.sub(r"static void \w+\(const FmuArguments", "", code)) or "goto" in rest:
         raise NotRead("it has functions in the code of CasADi")
     arguments = (
-        "typedef struct {\n    double t;\n    const lanes *x, *u, *p;\n    const Fixed *f;\n    lanes *w;\n}"
+        "typedef struct {\n    double t;\n    const lanes *x, *u, *p, *c;\n    const Fixed *f;\n    lanes *w;\n}"
         " Arguments;\n"
     )
     parameters = structs.code.get("Parameters") or "typedef struct {\n    lanes none;\n} Parameters;\n"
-    shown = [text for name, text in structs.code.items() if name in ("Inputs", "States", "Outputs")]
+    shown = [text for name, text in structs.code.items() if name in ("Inputs", "States", "Outputs", "Profiles")]
     constants = [m[0] for m in _TABLE.finditer(code)]
     return "\n".join([parameters, *shown, *constants, fixed.code(), arguments, *functions]), names
 

@@ -24,11 +24,21 @@ from cosim.fmu.environment import HEADER as ENVIRONMENT
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
 _EXPORTED = """
-void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end);
+void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end, bool final);
+void cosim_batch_settle(Batch *b, BatchWorker *w);
 size_t cosim_lanes_rows(void);
 void cosim_lanes_prepare(void *memory);
+unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of);
 unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of);
 unsigned cosim_processor(void);
+"""
+_PROFILES = """#include "model.c"
+
+const double *lane_profiles(const double *p) {
+    static double work[N_WORK];
+    const FmuArguments at = {.p = p, .w = work};
+    return profiles(&at);
+}
 """
 
 
@@ -93,7 +103,13 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     code = source.code(outputs, target.lanes, target.number)
     mathematics = [n for n in source.files if n.startswith("musl/") and n.endswith(".c")]
     files = {n: d for n, d in source.files.items() if n in mathematics or n.endswith(".h")}
-    return _compiled(files | {"lanes.c": code.encode()}, ("lanes.c", *mathematics), f"lanes_{target.name}")
+    sources = ["lanes.c", *mathematics]
+    if "random_profiles.c" in source.files:  # each copy has its own, which the FMU's own code computes
+        files |= {n: source.files[n] for n in ("model.c", "random_profiles.c")} | {
+            "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode()
+        }
+        sources += ["profiles.c", "random_profiles.c"]
+    return _compiled(files | {"lanes.c": code.encode()}, tuple(sources), f"lanes_{target.name}")
 
 
 def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:

@@ -71,6 +71,11 @@ class LaneSource:
         """Whether the component is continuous."""
         return "is_continuous" in self.fields
 
+    @property
+    def checks(self) -> bool:
+        """Whether its initialization checks more than ranges: relations of parameters, or its solver."""
+        return self.continuous or "checks" in self.fields
+
     def size(self, role: str) -> int:
         """Length of the vector of a role: parameters, inputs, states, outputs."""
         return int(self.fields.get(f"n_{role}", "0"))
@@ -122,7 +127,8 @@ class LaneSource:
             "N_WORK": self.fields.get("n_work", "0"),
             "N_SHOWN": len(outputs),
             "IS_CONTINUOUS": int(self.continuous),
-            "HAS_START": int("start_states" in names and not self.continuous),
+            "HAS_START": int("start_states" in names),
+            "HAS_PROFILES": int("random_profiles.c" in self.files),
             "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
         }
         solvers = {"FMU_RK4": 0, "FMU_AM2": 1, "FMU_SEMI_IMPLICIT": 3}
@@ -165,8 +171,6 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         raise NoLanes("its sources are not those of its binary")
     if "qp" in fields:
         raise NoLanes("it solves quadratic programs")
-    if "random_profiles.h" in files:
-        raise NoLanes("it computes random profiles, each copy its own")
     if fields.get("solver", "FMU_RK4") == "FMU_ROS2":
         raise NoLanes("its solver (ros2) chooses pivots, each copy its own")
     if "is_continuous" not in fields and "sample" not in fields:

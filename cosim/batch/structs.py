@@ -20,7 +20,7 @@ from cosim.engine.plan import ComponentPlan, Plan
 from cosim.system.components import SystemComponent
 
 HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)
-_INPUT_REFUSED = 101  # BATCH_INPUT_REFUSED
+_INPUT_REFUSED, _STOPPED = 101, 102  # BATCH_INPUT_REFUSED, BATCH_STOPPED
 _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 
@@ -79,7 +79,7 @@ class Structs:
         self._engines: list[BoundEngine | None] = []
         ffi, copies = interface(), len(exchanges)
         if alone:
-            self._engines = [None if e is None else BoundEngine(e, ()) for e in exchanges]
+            self._engines = [None if e is None else e.engine for e in exchanges]
             # Where a copy could not be initialized nothing is called.
             pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
             self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
@@ -100,6 +100,8 @@ class Structs:
         b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
         b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
         b.record_converted = self._array("uint8_t", (scale != 1.0) | (offset != 0.0))
+        engine = exchange.engine.struct
+        b.stops, b.n_stops = engine.stops, engine.n_stops
         self.workers = [self._worker() for _ in range(threads)]
 
     def record_to(self, rows: npt.NDArray[np.float64], first: int) -> None:
@@ -107,14 +109,19 @@ class Structs:
         b = self.batch
         b.rows, b.first_row, b.n_rows = interface().cast("double*", rows.ctypes.data), first, rows.shape[1]
 
-    def run(self, worker: Any, tick: int, end: int) -> None:
-        """Groups that no other worker has taken, to the arrival at `end`."""
-        batch_library(self._target).cosim_batch_run(self.batch, worker, tick, end)
+    def run(self, worker: Any, tick: int, end: int, final: bool) -> None:
+        """Groups that no other worker has taken, to the arrival at `end`; `final`: to the sample there."""
+        batch_library(self._target).cosim_batch_run(self.batch, worker, tick, end, final)
+
+    def settle(self) -> None:
+        """Initialize copies whose components are all in lanes; those that cannot be are no longer alive."""
+        batch_library(self._target).cosim_batch_settle(self.batch, self.workers[0])
 
     def _worker(self) -> Any:
         plan = self._plan
         w = self._new("BatchWorker*")
         w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
+        w.before = self._address("char*", aligned(1, plan.size, self._target.lanes))
         w.list = self._new(f"int32_t[{len(plan.components)}]")
         return w
 
@@ -145,6 +152,7 @@ class Structs:
             return
         lanes, port = self._lanes[plan.component], self._exchange.layout.ports[plan.component]
         m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
+        m.begin = ffi.cast("BatchStep", lanes.library.cosim_lanes_begin)
         m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
         rows = lanes.source.rows
         m.to = self._array("uint32_t", [lanes.row(v) for v in port.inputs])
@@ -173,6 +181,11 @@ class Structs:
         return interface().cast(of, array.ctypes.data)
 
     # What failed.
+
+    def stopped(self, copy: int) -> tuple[int, int] | None:
+        """Number of the stop condition that has ended a copy, and the tick; None where none has."""
+        found = self._failures[copy]
+        return (found.call, found.tick) if found.result == _STOPPED else None
 
     def failure(self, copy: int) -> CopyFailure:
         """The failure of a copy, with the message that a run of this copy alone would give."""

@@ -54,6 +54,8 @@ class Execution:
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run.
         loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
+        lanes: the vectors in which studies, sweeps and searches run copies of a system side by side, as in
+            `cosim.batch.Batch`; "off": in none; None: in "auto" if it saves more time than their compilation takes.
     """
 
     isolate: tuple[str, ...] = ()
@@ -63,6 +65,7 @@ class Execution:
     check_stability: bool = False
     allow_nan: bool = False
     loop_tolerance: float = LOOP_TOLERANCE
+    lanes: str | None = None
 
     def __post_init__(self) -> None:
         number("loop_tolerance", self.loop_tolerance, above=0.0, most=1.0, error=WiringError)

@@ -24,6 +24,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     state, it is restored exactly as it was, to the last bit, also within steps.
     """
     components = exchange.schedule.components
+    exchange.values[:] = 0.0
+    exchange.tick, exchange.phase, exchange.ending = 0, Phase.ARRIVED, None
     _renew(components)
     restored = [] if state is None else _continued(exchange, state)
     for m in components:
@@ -38,8 +40,10 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             told = float(stop + m.step if m.discrete and m.description.fmi_version else stop)
         m.implementation.enter_initialization(float(begin), told)
     for m in components:
-        port = exchange.layout.ports[m]
-        exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
+        if not _still_bound(exchange, m):
+            port = exchange.layout.ports[m]
+            exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
+            exchange.forget()
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
     possible = undeclared(exchange.schedule)
@@ -81,9 +85,19 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         _take(exchange, state)
 
 
+def _still_bound(exchange: Exchange, component: SystemComponent) -> bool:
+    """Whether its ports of an initialization before still serve: an FMU whose instance was only reset."""
+    ports = exchange.ports.get(component)
+    calls = None if ports is None else ports.fmi
+    return calls is not None and calls.states is not None and calls.instance == component.implementation.address  # type: ignore[attr-defined]
+
+
 def _renew(components: Sequence[SystemComponent]) -> None:
     """Components written in Python as they were added, whatever an earlier run has left."""
-    made = renewed({m.name: m.source for m in components if m.source is not None})
+    sources = {m.name: m.source for m in components if m.source is not None}
+    if not sources:
+        return
+    made = renewed(sources)
     for m in components:
         if m.source is not None and m.implementation is not made[m.name]:
             if m.implementation is not m.source.added:

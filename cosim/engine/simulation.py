@@ -87,7 +87,7 @@ class Simulation:
             if state.continues(schedule):
                 schedule = replace(schedule, tick=gcd([schedule.tick, start - state.base.start]))
                 start = state.base.start
-        stop = None if stop_time is None else rational(stop_time, "stop_time")
+        self._stop_time = None if stop_time is None else rational(stop_time, "stop_time")
         self.schedule = schedule
         self._components = SystemComponents((m.name, m) for m in schedule.components)
         self._exchange = Exchange(
@@ -110,9 +110,20 @@ class Simulation:
         self._kept_pace: RealTime | None = None
         self._spool: Spool | None = None
         self._rounded: set[str] = set()  # integers that were said to be rounded
-        self.guarded(lambda: initialize(self._exchange, stop, state))
+        self._initialize(state)
+
+    def _initialize(self, state: SystemState | None = None) -> None:
+        self.guarded(lambda: initialize(self._exchange, self._stop_time, state))
         if self._exchange.clocks[-1].due(self._exchange.tick):
             self._exchange.recorder.sample(self.time)
+
+    def restart(self) -> None:
+        """Reset and initialize all components with the values that they have now, as for a simulation of its own.
+
+        It takes a fraction of the time. Saved states and what was recorded are gone.
+        """
+        self._over, self._terminated, self._exchange.recorder.count = None, False, 0
+        self._initialize()
 
     # Where it stands.
 

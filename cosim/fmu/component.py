@@ -423,7 +423,7 @@ class FmuComponent:
         address, own = self._address, self._integrator
         return FmiCalls(
             version=int(self.fmu.major),
-            instance=address(self._instance),
+            instance=self.address,
             do_step=address(self._function("DoStep")) if own is None else own.addresses[0],
             stepped=0 if own is None else own.addresses[1],
             sets=sets,
@@ -440,6 +440,11 @@ class FmuComponent:
 
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))
+
+    @property
+    def address(self) -> int:
+        """Of its instance."""
+        return self._address(self._instance)
 
     def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> _Bound:
         """One FMI call that moves all variables of one type.

@@ -13,6 +13,7 @@ eigenvalues belong to combinations of parameters that move nothing one could mea
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -25,9 +26,11 @@ from scipy import optimize, stats
 
 from build_fmus.base.checks import finite
 from cosim import Record, System
+from cosim.batch import Batch
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
-from cosim.core.time import TimeLike
+from cosim.core.time import TimeLike, rational
+from cosim.study.lanes import LANES_PAY, quiet_batch
 
 Response = Callable[[Mapping[str, float]], npt.ArrayLike]
 Range = tuple[float, float, float]
@@ -53,6 +56,7 @@ class SystemResponse:
         system: put together; it stays the caller's.
         outputs: full names.
         stop_time, interval: of a run, and between samples [s].
+        lanes: as in `cosim.Execution`.
     """
 
     def __init__(
@@ -62,17 +66,39 @@ class SystemResponse:
         *,
         stop_time: TimeLike,
         interval: TimeLike,
+        lanes: str | None = None,
     ) -> None:
         self.outputs = [f"{m.name}.{v.name}" for m, v in system.select(list(outputs))]
         self._system, self._stop, self._record = system, stop_time, Record(self.outputs, interval)
+        self._lanes, self._seconds = lanes, 0.0
+        self._batches: list[Batch | None] = []  # one, when it is needed; None: nothing is vectorizable
+        self.in_lanes = 0
+        """How many runs so far were copies in lanes."""
 
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Outputs (samples, outputs) of a run with these parameters, by full name."""
         for name, value in values.items():
             component, variable = self._system.components.split(name)
             component.set({variable: value})
+        begin = time.perf_counter()
         recording = self._system.run(self._stop, record=self._record)
+        self._seconds += time.perf_counter() - begin
         return np.column_stack([recording[n] for n in self.outputs])
+
+    def together(self, several: Sequence[Mapping[str, float]]) -> list[Array]:
+        """Outputs of several runs, which are copies in lanes where that is possible and saves time."""
+        vectors = self._lanes or ("auto" if self._seconds > LANES_PAY else "off")
+        found: dict[int, Array] = {}
+        if vectors != "off" and len(several) > 1:
+            end = float(rational(self._stop, "stop_time"))
+            self._batches = self._batches or [quiet_batch(self._system, self._record, end, vectors)]
+            if (batch := self._batches[0]) is not None:
+                batch.reset({name: [values[name] for values in several] for name in several[0]}, copies=len(several))
+                batch.advance(end, final=True)
+                ran = [k for k in range(len(several)) if k not in batch.recording.failed]
+                found = {k: np.column_stack([batch.recording.one(k)[n] for n in self.outputs]) for k in ran}
+                self.in_lanes += len(found)
+        return [found[k] if k in found else self(values) for k, values in enumerate(several)]
 
 
 @dataclass(frozen=True)
@@ -289,20 +315,26 @@ def calibrate(
     if not (scale > 0).all():
         raise CalibrationError(f"the noise is {noise!r}; give positive standard deviations")
 
+    def all_residuals(several: Sequence[Array]) -> list[Array]:
+        values = [dict(zip(names, np.exp(logs).tolist(), strict=True)) for logs in several]
+        shown = response.together(values) if isinstance(response, SystemResponse) else [response(v) for v in values]
+        found = [np.asarray(y, dtype=float).reshape(data.shape) for y in shown]
+        for y in found:
+            finite("the response", y, sampled=True, error=CalibrationError)
+        return [((y - data) / scale).ravel() for y in found]
+
     def residuals(logs: Array) -> Array:
-        found = np.asarray(response(dict(zip(names, np.exp(logs).tolist(), strict=True))), dtype=float).reshape(
-            data.shape
-        )
-        finite("the response", found, sampled=True, error=CalibrationError)
-        return ((found - data) / scale).ravel()
+        return all_residuals([logs])[0]
 
     def jacobian(logs: Array, step: float) -> Array:
-        columns = []
+        pairs = []
         for i in range(len(logs)):
             a, b = logs.copy(), logs.copy()
             a[i], b[i] = min(logs[i] + step, math.log(high[i])), max(logs[i] - step, math.log(low[i]))
-            columns.append((residuals(a) - residuals(b)) / (a[i] - b[i]))
-        return np.column_stack(columns)
+            pairs += [a, b]
+        found = all_residuals(pairs)
+        width = [a[i] - b[i] for i, (a, b) in enumerate(zip(pairs[::2], pairs[1::2], strict=True))]
+        return np.column_stack([(a - b) / w for a, b, w in zip(found[::2], found[1::2], width, strict=True)])
 
     random = np.random.default_rng(seed)
     begins = [np.log(start), *(random.uniform(np.log(low), np.log(high)) for _ in range(others))]

@@ -331,6 +331,7 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
         fmus.paths(part.wiring.fmus)
     with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
         results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
+    tell_lanes(results.in_lanes)
     failures = results.failures
     for name, message in list(failures.items())[:5]:
         console.print(f"failed: {name}: {message}")
@@ -340,6 +341,12 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
     console.print(f"report: {page}")
     refuse_none(len(results.ran), failures.values())
     return page
+
+
+def tell_lanes(count: int) -> None:
+    """Say how many of the runs of a command were copies in lanes, if any."""
+    if count:
+        console.print(f"{count} runs were computed in vector lanes, several at a time")
 
 
 def refuse_none(done: int, failures: Collection[str]) -> None:

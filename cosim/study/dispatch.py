@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.core.errors import CosimError
+from cosim.study.lanes import LANES_PAY
 from cosim.study.processes import NoWorkerError, WorkerDiedError
 from cosim.study.store import pack
 from cosim.study.work import JobContext, Reply, TaskSpec, work
@@ -28,6 +29,7 @@ CLUSTER = 1.0  # s, of executors whose tasks cost client and scheduler about 7 m
 LARGEST = 500  # runs of a chunk
 TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
+FEWEST, PROBE = 8, 2  # runs of a chunk in lanes, and of one that shows whether there are any
 MAX_START_FAILURES = 8  # chunks that nobody could begin, and none that anybody could
 DIED = "its worker process ended without a message, for example because an FMU crashed"
 LOST = (
@@ -60,6 +62,10 @@ class Dispatch:
         width: Callable[[Executor], int],
     ) -> None:
         self.job, self.task_spec, self.cost, self.width = job, task_spec, cost, width
+        self.in_lanes = 0
+        """How many runs so far were copies in lanes."""
+        self._vectors = (job.execution and job.execution.lanes) or ""  # "": not decided
+        self._fewest = 1 if self._vectors in ("", "off") else FEWEST
         self._pace: float | None = None  # s per cost
         self._chunk = CHUNK
         self._tries: dict[int, int] = {}
@@ -103,7 +109,9 @@ class Dispatch:
 
         def submit(chunk: list[int], contents: dict[str, bytes] | None = None) -> None:
             try:
-                future = executor.submit(work, self.job, [self.task_spec(i) for i in chunk], contents)
+                future = executor.submit(
+                    work, self.job, [self.task_spec(i) for i in chunk], contents, self._vectors or "off"
+                )
             except BaseException:
                 alone.extendleft(reversed(chunk))
                 raise
@@ -138,7 +146,7 @@ class Dispatch:
                 if reply.problem:
                     yield from zip(chunk, reply.lines, strict=False)
                     raise OSError(reply.problem)
-                self._measure(chunk, reply.seconds)
+                self._measure(chunk, reply, waiting.left)
                 yield from zip(chunk, reply.lines, strict=True)
                 if not careful and time.monotonic() - looked > 1:  # clusters grow and shrink
                     workers, looked = self.width(executor), time.monotonic()
@@ -158,18 +166,24 @@ class Dispatch:
         if alone:
             return [alone.popleft()]
         most = 1 if self._pace is None or single else min(LARGEST, max(1, waiting.left // (3 * workers)))
+        fewest = 1 if single else min(self._fewest, -(-waiting.left // workers))
         chunk: list[int] = []
         cost = 0.0
-        while len(chunk) < most and (i := waiting.peek()) is not None:
+        while len(chunk) < max(most, fewest) and (i := waiting.peek()) is not None:
             cost += self.cost(i)
-            if chunk and cost * (self._pace or 0.0) > self._chunk:
+            if len(chunk) >= fewest and cost * (self._pace or 0.0) > self._chunk:
                 break
             chunk.append(waiting.take())
         return chunk
 
-    def _measure(self, chunk: list[int], seconds: float) -> None:
-        pace = seconds / max(sum(map(self.cost, chunk)), 1e-9)
+    def _measure(self, chunk: list[int], reply: Reply, left: int) -> None:
+        pace = reply.seconds / max(sum(map(self.cost, chunk)), 1e-9)
         self._pace = pace if self._pace is None else 0.5 * (self._pace + pace)
+        self.in_lanes += reply.in_lanes
+        if not self._vectors and reply.seconds / len(chunk) * left > LANES_PAY:
+            self._vectors, self._fewest = "auto", PROBE
+        elif len(chunk) > 1 and self._fewest > 1:  # chunks of long runs are long
+            self._fewest = FEWEST if reply.in_lanes else 1
 
     def _lost(
         self, chunk: list[int], error: BaseException, alone: deque[int], suspects: deque[int] | None

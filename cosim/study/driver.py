@@ -89,7 +89,7 @@ def run_study(
     dispatch = Dispatch(job, lambda i: task_spec(names[i], todo[i]), lambda i: getattr(todo[i], "cost", 1.0), width)
     for _ in stored(dispatch, kept, order, executor, processes):
         progress(done := done + 1, len(todo))
-    return Results(todo, Stored(kept, names))
+    return Results(todo, Stored(kept, names), dispatch.in_lanes)
 
 
 def job_context(

@@ -23,6 +23,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.checks import unknown, whole_number
+from cosim import Execution
 from cosim.core.errors import CosimError
 from cosim.report.fronts import non_dominated
 from cosim.study.case import CaseError, fields
@@ -123,7 +124,7 @@ class CaseRuns:
         fmus: its FMUs.
         case: what the values do not name.
         store: folder of finished runs.
-        executor, processes: as of `cosim.study.run_study`.
+        executor, processes, execution: as of `cosim.study.run_study`.
     """
 
     experiment: Experiment
@@ -132,6 +133,7 @@ class CaseRuns:
     store: Path
     executor: Any = None
     processes: int | None = None
+    execution: Execution | None = None
 
     def check(self, names: Sequence[str]) -> None:
         """Refuse values that are no fields of the case."""
@@ -156,7 +158,13 @@ class CaseRuns:
         if not wanted:
             return [{"failed": c} for c in cases]
         results = run_study(
-            self.experiment, self.fmus, self.store, tasks=wanted, executor=self.executor, processes=self.processes
+            self.experiment,
+            self.fmus,
+            self.store,
+            tasks=wanted,
+            executor=self.executor,
+            processes=self.processes,
+            execution=self.execution,
         )
         ran = set(results.ran)
         return [

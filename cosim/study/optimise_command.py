@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +13,11 @@ import click
 from build_fmus.base.terminal import Command, console
 from cosim import Execution
 from cosim.study.case import fields
-from cosim.study.commands import make_folder, on, progress_bar
+from cosim.study.commands import make_folder, on, progress_bar, tell_lanes
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
+from cosim.study.lanes import LANES_PAY
 from cosim.study.options import EXECUTION, MANY_RUNS, OUT, case_options, command, execution, fmu_options, fmu_set
 from cosim.study.processes import local_processes
 from cosim.study.store import Store
@@ -61,13 +63,17 @@ class PointRuns:
         sweep: any of this experiment and these axes.
         store: folder of finished runs.
         executor: that makes them, any of `concurrent.futures`.
+        trials: how many points there will be; where they take long, they run in lanes.
     """
 
     sweep: Sweep
     fmus: FmuSet
     store: Path
     executor: Any = None
-    execution: Execution | None = None
+    execution: Execution = field(default_factory=Execution)
+    trials: int = 0
+    in_lanes: list[int] = field(default_factory=list)
+    _seconds: list[float] = field(default_factory=list)
 
     def check(self, names: Sequence[str]) -> None:
         """All were checked when the sweep was prepared; here that they are the same."""
@@ -80,13 +86,17 @@ class PointRuns:
     def evaluate_batch(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
         """Rows of several points; `{"failed": message}` where one has none."""
         columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
+        pay = self.execution.lanes is None and sum(self._seconds[:1]) * self.trials > LANES_PAY
+        since = time.perf_counter()
         table = run_sweep(
             replace(self.sweep, _columns=columns),
             self.fmus,
             self.store,
             executor=self.executor,
-            execution=self.execution,
+            execution=replace(self.execution, lanes="auto") if pay else self.execution,
         )
+        self._seconds.append((time.perf_counter() - since) / len(tried))
+        self.in_lanes.append(table.in_lanes)
         rows: list[Row] = [{n: float(v[i]) for n, v in table.metrics.items()} for i in range(len(tried))]
         return [{"failed": table.failures[i]} if i in table.failures else row for i, row in enumerate(rows)]
 
@@ -164,8 +174,8 @@ def _search(
     with on(given["dask"], count) as cluster, progress_bar(f"optimise {sweep.experiment.name}") as progress:
 
         def search(executor: Any) -> Outcome:
-            runs = PointRuns(sweep, fmus, folder / RUNS, executor, execution(given))
-            return optimise(
+            runs = PointRuns(sweep, fmus, folder / RUNS, executor, execution(given), given["trials"])
+            found = optimise(
                 runs,
                 space,
                 objectives,
@@ -174,6 +184,8 @@ def _search(
                 seed=given["random_seed"],
                 progress=progress,
             )
+            tell_lanes(sum(runs.in_lanes))
+            return found
 
         if cluster is not None:
             return search(cluster)

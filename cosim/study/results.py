@@ -23,9 +23,11 @@ class Results(Mapping[Any, Row]):
         tasks: of the study.
         entries: of each task, as workers gave them: `{"metrics": ...}`, `{"found": ...}` or `{"failed":
             message}`.
+        in_lanes: how many of the runs that were made now were copies in lanes.
     """
 
-    def __init__(self, tasks: Iterable[Task | Search], entries: Iterable[Row]) -> None:
+    def __init__(self, tasks: Iterable[Task | Search], entries: Iterable[Row], in_lanes: int = 0) -> None:
+        self.in_lanes = in_lanes
         self.tasks = list(tasks)
         self._entries = entries if isinstance(entries, Sequence) else list(entries)
         if len(self._entries) != len(self.tasks):

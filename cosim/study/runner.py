@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ from cosim.recording.formats import write
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
+from cosim.study.lanes import LaneRun, LaneRuns
 from cosim.tables import drive
 
 if TYPE_CHECKING:  # how results are kept is no part of what they depend on
@@ -53,6 +54,7 @@ class Runner:
         self.execution = execution or Execution()
         self.inputs, self.hold_inputs = tuple(inputs), hold_inputs
         self._systems: dict[Hashable, System] = {}
+        self._lanes: dict[str, LaneRuns] = {}  # by vectors
 
     def __enter__(self) -> Runner:
         return self
@@ -122,17 +124,27 @@ class Runner:
         found: Recording = self.run(case, **options).recording
         return found
 
-    def entry(self, case: Any, *, signals: bool = False, history: Path | None = None) -> Row:
+    def in_lanes(self, cases: Mapping[int, Any], vectors: str) -> Iterator[dict[int, LaneRun]]:
+        """Those runs of numbered cases that are made in the lanes of these vectors, some at a time."""
+        if self.inputs or replace(self.execution, lanes=None) != Execution():
+            return iter(())
+        if vectors not in self._lanes:
+            self._lanes[vectors] = LaneRuns(self.experiment, self.system, vectors)
+        return self._lanes[vectors].runs(cases)
+
+    def entry(
+        self, case: Any, *, signals: bool = False, history: Path | None = None, made: LaneRun | None = None
+    ) -> Row:
         """`metrics` of a case, and `signals` if requested, as JSON values; stored if possible.
 
-        `history`: file for the recording.
+        `history`: file for the recording. `made`: the run of this case, if it was made already.
         """
         if self.store is None:
-            return self._entry(case, signals=signals, history=history)
+            return self._entry(case, signals=signals, history=history, made=made)
         key = entry_key(case, signals=signals)
         found: Row | None = self.store.find(key)
         if found is None or "failed" in found:  # whoever asks wants it run again
-            stored: Row = self.store.put(key, self._entry(case, signals=signals))
+            stored: Row = self.store.put(key, self._entry(case, signals=signals, made=made))
             return stored
         return found
 
@@ -141,10 +153,10 @@ class Runner:
         found: Row = self.entry(case)["metrics"]
         return found
 
-    def _entry(self, case: Any, *, signals: bool, history: Path | None = None) -> Row:
+    def _entry(self, case: Any, *, signals: bool, history: Path | None = None, made: LaneRun | None = None) -> Row:
         measures = self.experiment.measures
         try:
-            run = self.run(case)
+            run = self.run(case) if made is None else Run(case, made.recording, made.system())
         except ComponentError as error:
             if history is not None and error.recording is not None:
                 _keep(history, error.recording)
@@ -160,6 +172,8 @@ class Runner:
 
     def close(self) -> None:
         """Free all FMUs."""
+        for lanes in self._lanes.values():
+            lanes.close()
         for system in self._systems.values():
             system.close()
         self._systems.clear()

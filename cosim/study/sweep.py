@@ -191,6 +191,7 @@ class SweepTable:
         failures: message by number of the run.
         histories: for each run the file of its recording, relative to the table; "" where there is none. Empty where
             none were kept.
+        in_lanes: how many of the runs that were made now were copies in lanes.
     """
 
     sweep: Sweep
@@ -198,6 +199,7 @@ class SweepTable:
     metrics: Mapping[str, Array]
     failures: Mapping[int, str]
     histories: Sequence[str] = ()
+    in_lanes: int = 0
 
     def write(self, path: Path) -> Path:
         """Write a Parquet file: `run`, the axes, the metrics, `failed`, and `history` if these were kept.
@@ -356,7 +358,7 @@ def run_sweep(
             if running_stats is not None:
                 running_stats.add(line[HEAD:])
             progress(done := done + 1, total, lost)
-    table = _table(sweep, kept, name)
+    table = replace(_table(sweep, kept, name), in_lanes=dispatch.in_lanes)
     if folder is None:
         return table
     names = (name(i) for i in range(total))

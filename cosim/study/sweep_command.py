@@ -17,7 +17,7 @@ from rich.text import Text
 
 from build_fmus.base.terminal import PATH, Command, Names, console
 from cosim.study.case import fields
-from cosim.study.commands import make_folder, on, refuse_none, run_case
+from cosim.study.commands import make_folder, on, refuse_none, run_case, tell_lanes
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
 from cosim.study.experiment import Baseline, Experiment
 from cosim.study.options import EXECUTION, MANY_RUNS, OUT, RETRY, case_options, command, execution, fmu_options, fmu_set
@@ -146,6 +146,7 @@ def write_sweep(
             raise KeyboardInterrupt(
                 "interrupted; finished runs are stored, and the same command continues from there"
             ) from None
+    tell_lanes(table.in_lanes)
     for number, message in list(table.failures.items())[:5]:
         console.print(f"failed: run {number}: {message}")
     if table.failures:

@@ -13,9 +13,11 @@ import platform
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain, count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,7 @@ from cosim import Execution
 from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
 from cosim.study.fmus import FmuSet
+from cosim.study.lanes import LaneRun
 from cosim.study.loading import load
 from cosim.study.runner import HistoryError, Runner
 from cosim.study.store import RunStore, Store, pack
@@ -62,12 +65,14 @@ class Reply:
     """What comes back: a line for each run, or hashes of the FMUs without which none could be made.
 
     `seconds`: wall time of the chunk. `problem`: why the study cannot go on, with the lines of the runs before.
+    `in_lanes`: how many of the runs were copies in lanes.
     """
 
     lines: Sequence[bytes] = ()
     missing: Sequence[str] = ()
     seconds: float = 0.0
     problem: str = ""
+    in_lanes: int = 0
 
 
 TaskSpec = tuple[str, Any]
@@ -86,8 +91,13 @@ def task_spec(name: str, task: Task | Search) -> TaskSpec:
     return name, (task.part, values(task.case), task.signals) if isinstance(task, Task) else task
 
 
-def work(job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, bytes] | None = None) -> Reply:
-    """Do tasks; a failure is an entry that says so. `contents` are FMUs by hash."""
+def work(
+    job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, bytes] | None = None, vectors: str = "off"
+) -> Reply:
+    """Do tasks; a failure is an entry that says so.
+
+    `contents` are FMUs by hash. `vectors`: those in whose lanes runs are made where that is possible; "off": in none.
+    """
     since = time.perf_counter()
     try:
         places, missing = _places(job.hashes, contents or {})
@@ -99,19 +109,36 @@ def work(job: JobContext, chunk: Sequence[TaskSpec], contents: Mapping[str, byte
     try:
         experiment = _experiment(job)
     except Exception as error:
-        lines = [pack(name, _failure(error)) for name, _ in chunk]
-    else:
-        lines = []
-        for name, task in chunk:
+        return Reply([pack(name, _failure(error)) for name, _ in chunk], seconds=time.perf_counter() - since)
+    lines: dict[int, bytes] = {}
+    in_lanes = 0
+    every: dict[int, LaneRun | None] = dict.fromkeys(range(len(chunk)))
+    ahead: Iterator[Mapping[int, LaneRun | None]] = _in_lanes(job, experiment, fmus, chunk, vectors)
+    for made in chain(ahead, [every]):
+        for i in sorted(made.keys() - lines.keys()):
+            name, task = chunk[i]
             try:
-                lines.append(pack(name, _entry(job, experiment, fmus, name, task)))
-            except HistoryError as error:
-                return Reply(lines, problem=str(error))
+                lines[i] = pack(name, _entry(job, experiment, fmus, name, task, made[i]))
             except Exception as error:
-                if safe_files.is_full(error):
-                    return Reply(lines, problem=_full(error))
-                lines.append(pack(name, _failure(error)))
-    return Reply(lines, seconds=time.perf_counter() - since)
+                if isinstance(error, HistoryError) or safe_files.is_full(error):
+                    problem = str(error) if isinstance(error, HistoryError) else _full(error)
+                    return Reply([lines[k] for k in takewhile(lines.__contains__, count())], problem=problem)
+                lines[i] = pack(name, _failure(error))
+            in_lanes += made[i] is not None
+    return Reply([lines[i] for i in range(len(chunk))], seconds=time.perf_counter() - since, in_lanes=in_lanes)
+
+
+def _in_lanes(
+    job: JobContext, experiment: Experiment, fmus: FmuSet, chunk: Sequence[TaskSpec], vectors: str
+) -> Iterator[dict[int, LaneRun]]:
+    """Those runs of a chunk that are made in lanes, by their number."""
+    parts: dict[str, dict[int, Any]] = {}
+    for i, (_, task) in enumerate(chunk):
+        if vectors != "off" and isinstance(task, tuple):
+            with suppress(Exception):  # the run alone says what is wrong with its case
+                parts.setdefault(task[0], {})[i] = experiment.part(task[0]).case(**task[1])
+    for part, cases in parts.items():
+        yield from _runner(experiment, part, job, fmus).in_lanes(cases, vectors)
 
 
 def _experiment(job: JobContext) -> Experiment:
@@ -132,12 +159,13 @@ def _failure(error: Exception) -> Row:
     return {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _entry(job: JobContext, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> Row:
+def _entry(job: JobContext, experiment: Experiment, fmus: FmuSet, name: str, task: Any, made: LaneRun | None) -> Row:
     if isinstance(task, tuple):
         part, case, signals = task
         runner = _runner(experiment, part, job, fmus)
         history = None if job.histories is None else job.histories / history_name(name)
-        return runner.entry(runner.experiment.case(**case), signals=signals, history=history)
+        known = runner.experiment.case(**case) if made is None else made.case
+        return runner.entry(known, signals=signals, history=history, made=made)
     return {"found": task(_runner(experiment, getattr(task, "part", ""), job, fmus))}
 
 

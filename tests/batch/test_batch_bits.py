@@ -91,6 +91,25 @@ def test_passive_full_cars_over_their_road() -> None:
     check(system, start, stop=2.9, record=["car.body.*", "car.tire.*.force", "road.road.*.height"], interval="10 ms")
 
 
+def test_full_cars_on_random_roads_of_their_own() -> None:
+    """Profiles of other lengths have other numbers of nodes; memory serves again at the second reset."""
+    system = System(allow_unconnected=True)
+    for name, fmu in (("speed", "SpeedProfile"), ("road", "RoadRandom"), ("car", "FullCarHmmwv")):
+        system.add(name, FMUS / "fmi3" / f"{fmu}.fmu")
+    system.connect("speed.speed", "car.target.speed")
+    system.connect("car.x", "road.x")
+    system.connect_matching("road", "car", "road.*")
+    start = {"road.seed": [1, 2, 3, 4, 5], "road.length": [900.0, 30.0, 200.0, 300.0, 30.0], "road.flat": [0.0] * 5}
+    check(system, start, stop=0.2, record=["car.body.az", "road.road.*.height"], interval="10 ms")
+    with Batch(system, 5, start=start, record="road.road.*", threads=1) as batch:
+        shorter = start | {"road.length": [30.0] * 5}
+        batch.reset(shorter)
+        batch.advance(0.1)
+        with Batch(system, 5, start=shorter, record="road.road.*", threads=1) as fresh:
+            fresh.advance(0.1)
+            np.testing.assert_array_equal(bits(batch.recording.data), bits(fresh.recording.data))
+
+
 def test_quarter_cars_with_their_regulator() -> None:
     system = case(BENCH, BenchCase(controller="lqr"))
     start = {"plant.body.mass": [2.1, 2.3, 2.6, 2.9, 3.1], "controller.limit": [38.0, 4.0, 2.0, 1.0, 0.5]}

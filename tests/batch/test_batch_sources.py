@@ -146,7 +146,7 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(
     [
         ("MpcBench", "quadratic programs"),
         ("HydraulicActuator", "ros2"),
-        ("RoadRandom", "random profiles"),
+        ("RoadRandom", ""),
         ("LqrBench", ""),
         ("ThreeAxleTrench", ""),
     ],

@@ -143,6 +143,7 @@ def test_other_vectors_than_the_processor_has(bench: System) -> None:
         {"copies": 3, "inputs": ["plant.forc"]},
         {"copies": 3, "inputs": ["plant.body.mass"]},
         {"copies": 3, "outputs": ["plant.body.q"]},
+        {"copies": 3, "stop_when": [bool]},
     ],
 )
 def test_what_does_not_fit_is_named(bench: System, arguments: dict, raises) -> None:

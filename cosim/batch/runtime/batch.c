@@ -40,7 +40,7 @@ static lanes as_type(lanes u, int type) {
     return u;
 }
 
-static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
+static void run_lanes(Group *g, int32_t number, BatchStep run, double t, int64_t tick) {
     const BatchComponent *m = &g->b->components[number];
     lanes *const memory = (lanes *)(m->memory + m->stride * (size_t)g->group);
     const lanes *values = g->values;
@@ -62,7 +62,7 @@ static void run_lanes(Group *g, int32_t number, double t, int64_t tick) {
             if (now) end_copies(g, now, number, tick, BATCH_INPUT_REFUSED, (int32_t)i, 0);
             refused |= now;
         }
-    const unsigned failed = m->run(memory, t, m->step, g->alive);
+    const unsigned failed = run(memory, t, m->step, g->alive);
     if (failed) end_copies(g, failed, number, tick, BATCH_LANE_FAILED, 0, 0);
     lanes *const y = g->values + m->first;
     for (uint32_t i = 0; i < m->n_outputs; i++) {
@@ -91,7 +91,8 @@ static void run_alone(Group *g, int32_t number, double t, int64_t tick) {
 static void run_components(Group *g, int32_t first, int32_t end, double t, int64_t tick) {
     for (int32_t k = first; k < end; k++) {
         const int32_t number = g->w->list[k];
-        if (g->b->components[number].run) run_lanes(g, number, t, tick);
+        const BatchStep run = g->b->components[number].run;
+        if (run) run_lanes(g, number, run, t, tick);
         else run_alone(g, number, t, tick);
     }
 }
@@ -149,20 +150,37 @@ static void list_due(Group *g) {
         }
 }
 
-/* Discrete components and the sample, then continuous components. */
-static void rest_of_instant(Group *g, double t, int64_t tick) {
-    run_components(g, 0, g->n_due_discrete, t, tick);
-    if (g->w->due[g->b->n_clocks - 1]) record(g, tick);
-    run_components(g, g->n_due_discrete, g->n_due, t, tick);
+/* A copy that satisfies a stop condition ends. */
+static void check_stops(Group *g, int64_t tick) {
+    for (int32_t k = 0; k < g->b->n_stops; k++) {
+        const EngineStop *s = &g->b->stops[k];
+        const lanes value = s->scale * g->values[s->slot] + s->offset;
+        const mask holds = s->relation == ENGINE_GE   ? (mask)(value >= s->value)
+                           : s->relation == ENGINE_GT ? (mask)(value > s->value)
+                           : s->relation == ENGINE_LE ? (mask)(value <= s->value)
+                                                      : (mask)(value < s->value);
+        const unsigned now = lanes_bits(holds) & g->alive;
+        if (now) end_copies(g, now, -1, tick, BATCH_STOPPED, k, 0);
+    }
 }
 
-/* One group from `tick`, whose values have arrived, to the arrival at `end`. */
-static void run_group(Group *g, int64_t tick, int64_t end) {
+/* Discrete components and the sample. */
+static void sample(Group *g, double t, int64_t tick) {
+    run_components(g, 0, g->n_due_discrete, t, tick);
+    if (g->w->due[g->b->n_clocks - 1]) record(g, tick);
+    check_stops(g, tick);
+}
+
+static void advance(Group *g, double t, int64_t tick) { run_components(g, g->n_due_discrete, g->n_due, t, tick); }
+
+/* One group from `tick`, whose values have arrived, to the arrival at `end`; `final`: to the sample there. */
+static void run_group(Group *g, int64_t tick, int64_t end, bool final) {
     const Batch *b = g->b;
     BatchWorker *w = g->w;
     look_up_due(g, tick);
     list_due(g);
-    rest_of_instant(g, time_of(b, tick), tick);
+    sample(g, time_of(b, tick), tick);
+    advance(g, time_of(b, tick), tick);
     while (g->alive) {
         bool changed = false;
         int64_t after = INT64_MAX;
@@ -180,12 +198,48 @@ static void run_group(Group *g, int64_t tick, int64_t end) {
         if (changed) list_due(g);
         const double t = time_of(b, tick);
         arrive(g, t);
-        rest_of_instant(g, t, tick);
+        sample(g, t, tick);
+        advance(g, t, tick);
     }
     look_up_due(g, end);
     list_due(g);
     arrive(g, time_of(b, end));
-    if (w->due[b->n_clocks - 1]) record(g, end);
+    if (final) sample(g, time_of(b, end), end);
+    else if (w->due[b->n_clocks - 1]) record(g, end);
+}
+
+/* Computed outputs become visible, and visible ones previous ones, of all components. */
+static void publish(Group *g) {
+    for (int pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < g->b->n_components; i++) {
+            const BatchComponent *m = &g->b->components[i];
+            for (int32_t c = pass ? 0 : m->n_copies_before; c < (pass ? m->n_copies_before : m->n_copies); c++)
+                memcpy(g->values + m->copies[c].to, g->values + m->copies[c].from, m->copies[c].n * sizeof(lanes));
+        }
+}
+
+/* Pass outputs to inputs until nothing changes except for rounding, as engine_settle. A copy that settles before others
+ * of its group, but would still change by rounding, ends as unsettled: it can be initialized alone. */
+static void settle(Group *g, lanes *before) {
+    const Batch *b = g->b;
+    for (int32_t round = 0; round < 20 + b->n_components && g->alive; round++) {
+        memcpy(before, g->values, b->n_values * sizeof(lanes));
+        for (int32_t i = 0; i < b->n_components; i++) {
+            run_lanes(g, i, b->components[i].begin, 0.0, 0);
+            publish(g);
+        }
+        mask moved = {0}, changed = {0};
+        for (size_t k = 0; k < b->n_values; k++) {
+            const lanes was = before[k], now = g->values[k];
+            const lanes size = lanes_more(lanes_fabs(was), lanes_all(1.0));
+            moved |= (mask)(lanes_fabs(now - was) > 1e-12 * size);
+            changed |= (mask)((mask)now != (mask)was);
+        }
+        const unsigned moving = lanes_bits(moved) & g->alive, rounding = lanes_bits(changed) & ~moving & g->alive;
+        if (!moving) return;
+        if (rounding) end_copies(g, rounding, -1, 0, BATCH_UNSETTLED, 0, 0);
+    }
+    end_copies(g, g->alive, -1, 0, BATCH_UNSETTLED, 0, 0);
 }
 
 #if defined(_WIN32)
@@ -195,13 +249,22 @@ static void run_group(Group *g, int64_t tick, int64_t end) {
 #endif
 
 /* Take groups that nobody has taken, until there are none. */
-EXPORT void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end) {
+EXPORT void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end, bool final) {
     for (;;) {
         const int64_t group = __atomic_fetch_add(&b->next_group, 1, __ATOMIC_RELAXED);
         if (group >= b->n_groups) return;
         Group g = {.b = b, .w = w, .group = group, .values = (lanes *)b->values + (size_t)group * b->n_values};
         for (int i = 0; i < LANES; i++) g.alive |= (unsigned)b->alive[group * LANES + i] << i;
-        if (g.alive) run_group(&g, tick, end);
+        if (g.alive) run_group(&g, tick, end, final);
+    }
+}
+
+/* Initialize all groups whose components are all in lanes. */
+EXPORT void cosim_batch_settle(Batch *b, BatchWorker *w) {
+    for (int64_t group = 0; group < b->n_groups; group++) {
+        Group g = {.b = b, .w = w, .group = group, .values = (lanes *)b->values + (size_t)group * b->n_values};
+        for (int i = 0; i < LANES; i++) g.alive |= (unsigned)b->alive[group * LANES + i] << i;
+        settle(&g, (lanes *)w->before);
     }
 }
 

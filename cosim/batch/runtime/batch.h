@@ -21,6 +21,7 @@ typedef struct {
     size_t n_extrapolations;
     uint32_t first, n_outputs;
     BatchStep run;           /* of lanes; NULL: scalar code */
+    BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
@@ -40,7 +41,7 @@ typedef struct {
     uint32_t status;
 } BatchFailure;
 
-enum { BATCH_LANE_FAILED = 100, BATCH_INPUT_REFUSED = 101 };
+enum { BATCH_LANE_FAILED = 100, BATCH_INPUT_REFUSED = 101, BATCH_STOPPED = 102, BATCH_UNSETTLED = 103 };
 
 typedef struct {
     BatchComponent *components;
@@ -59,6 +60,8 @@ typedef struct {
     size_t n_recorded;
     double *rows;             /* copies x n_rows x n_recorded */
     int64_t first_row, n_rows; /* number of the sample in the first row */
+    const EngineStop *stops;  /* conditions that end a copy */
+    int32_t n_stops;
     int64_t next_group;       /* to be done */
 } Batch;
 
@@ -67,6 +70,7 @@ typedef struct {
     int64_t *next;            /* of n_clocks */
     bool *due;
     int32_t *list;            /* of n_components */
+    char *before;             /* n_values of LANES numbers */
 } BatchWorker;
 
 #endif

@@ -7,6 +7,10 @@
 enum { N_VALUES = N_PARAMETERS + N_INPUTS + 2 * N_STATES + N_OUTPUTS };
 enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane failed */
 
+#if HAS_PROFILES
+enum { N_NODES = sizeof(Profiles) / sizeof(lanes), PIECE = 256, PIECES = (N_NODES + PIECE - 1) / PIECE };
+#endif
+
 typedef struct {
     lanes time, start_time, sample, started; /* the first number of each counts */
     lanes failure, which, when, value;       /* of lanes that have failed: why, slot, time, and the state */
@@ -14,6 +18,10 @@ typedef struct {
     lanes k[5][N_STATES + 1];
     lanes w[N_WORK + 1];
     Fixed fixed;
+#if HAS_PROFILES
+    Profiles profiles;
+    uint64_t touched[PIECES]; /* pieces of them that are not zeros */
+#endif
 } Component;
 
 #define P (m->v)
@@ -28,7 +36,12 @@ typedef struct {
 #endif
 
 INLINE Arguments arguments(Component *m, double t, const lanes *x) {
-    return (Arguments){.t = t, .x = x, .u = U, .p = P, .f = &m->fixed, .w = m->w};
+#if HAS_PROFILES
+    const lanes *const c = (const lanes *)&m->profiles;
+#else
+    const lanes *const c = NULL;
+#endif
+    return (Arguments){.t = t, .x = x, .u = U, .p = P, .c = c, .f = &m->fixed, .w = m->w};
 }
 
 static void fail(Component *m, unsigned failed, int why, int which, double when, const lanes *value) {
@@ -169,9 +182,64 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 #endif
 
 EXPORT size_t cosim_lanes_rows(void) { return sizeof(Component) / sizeof(lanes); }
+
+#if HAS_PROFILES
+const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
+
+/* Most nodes are behind the end of the road; their zeros are touched only where there was another number before. */
+static void take_profiles(Component *m) {
+    for (int i = 0; i < LANES; i++) {
+        double p[N_PARAMETERS + 1];
+        for (int k = 0; k < N_PARAMETERS; k++) p[k] = P[k][i];
+        const double *const from = lane_profiles(p);
+        lanes *const to = (lanes *)&m->profiles;
+        for (size_t piece = 0; piece < PIECES; piece++) {
+            const size_t begin = piece * PIECE, end = begin + PIECE < N_NODES ? begin + PIECE : N_NODES;
+            uint64_t any = m->touched[piece], bits;
+            for (size_t k = begin; k < end; k++) {
+                memcpy(&bits, &from[k], sizeof bits);
+                any |= bits;
+            }
+            if (!any) continue;
+            m->touched[piece] = 1;
+            for (size_t k = begin; k < end; k++) to[k][i] = from[k];
+        }
+    }
+}
+#endif
+
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = memory;
     prepare((const Parameters *)P, &m->fixed);
+#if HAS_PROFILES
+    take_profiles(m);
+#endif
+}
+/* Outputs before the first step, as fmu_core.c has them, with start states that follow inputs and parameters. */
+EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of) {
+    Component *const m = memory;
+    const double time = *(const double *)&m->time;
+    lanes *const next = m->k[0];
+    const Arguments at = arguments(m, time, X);
+    unsigned failed = 0;
+    (void)t;
+    (void)h;
+    (void)next;
+    (void)at;
+#if HAS_START
+    Arguments begin = at;
+    begin.t = 0.0;
+    memcpy(next, X, N_STATES * sizeof(lanes));
+    start_states(&begin, next);
+    memcpy(X, next, N_STATES * sizeof(lanes));
+    failed |= not_finite(m, of, X, NULL, N_STATES, STATE_NOT_FINITE, time);
+#endif
+#if !IS_CONTINUOUS
+    sample(&at, Y, next);
+#elif N_SHOWN
+    outputs(&at, Y);
+#endif
+    return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }
 

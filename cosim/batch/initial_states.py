@@ -1,0 +1,287 @@
+"""How the copies of a batch begin: in lanes all at once, or one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.batch.library import Target, interface, lane_library
+from cosim.batch.source import LaneSource
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
+from cosim.core.description import Variable
+from cosim.core.errors import CallFailed, ComponentError, CosimError
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike
+from cosim.engine.exchange import Exchange
+from cosim.engine.plan import Plan, make_plan
+from cosim.engine.simulation import Simulation
+from cosim.engine.stops import StopWhen
+from cosim.fmu.own_states import VALUES_AT
+from cosim.session import System
+from cosim.system.components import SystemComponent
+from cosim.system.loops import AlgebraicLoop
+from cosim.system.schedule import Schedule
+
+Signals = Sequence[tuple[SystemComponent, Variable]]
+
+
+class Copies:
+    """Values and states of the copies of one system; `cosim.batch.Batch` says what they are."""
+
+    system: System
+    copies: int
+    threads: int
+    stop_time: TimeLike | None
+    _schedule: Schedule
+    _start_time: Fraction
+    _interval: Fraction | None
+    _record: Signals
+    _inputs: Signals
+    _outputs: Signals
+    _watch: Signals
+    _stops: Sequence[StopWhen]
+    _target: Target
+    _groups: int
+    _sources: dict[SystemComponent, LaneSource]
+    _alone: dict[SystemComponent, str]
+
+    def __init__(self) -> None:
+        self._clones: dict[SystemComponent, list[Any]] = {}
+        self._simulations: dict[int, Simulation] = {}
+        self._lanes: dict[SystemComponent, Lanes] = {}
+        self._reset_values: dict[SystemComponent, Array] = {}
+        self._spare: dict[SystemComponent, Lanes] = {}  # of an earlier reset: their libraries and memory serve again
+
+    def _ended(self, failure: CopyFailure) -> None:
+        raise NotImplementedError
+
+    def _begin(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
+        """Initialize the copies: all at once in lanes, those that cannot be one after the other."""
+        self.system.end_simulation()
+        kept = [(m, m.values, m.implementation) for m in self._schedule.components]
+        exchanges: list[Exchange | None] = [None] * self.copies
+        errors: dict[int, ComponentError] = {}
+
+        def alone(copy: int) -> None:
+            for m, values, _ in kept:
+                m.values = dict(values)
+                m.implementation = self._clones[m][copy if m in self._alone else 0]
+            for (m, name), each in given.items():
+                m.values[name] = each[copy]
+            try:
+                exchanges[copy] = self._initialized(copy if self._alone else 0)
+            except ComponentError as error:
+                errors[copy] = error
+
+        try:
+            if not (self._simulations and not self._alone):
+                for copy in range(self.copies):
+                    alone(copy)
+                    if (first := exchanges[copy]) is not None:
+                        self._exchange: Exchange = first
+                        break
+                else:
+                    raise errors[0]
+            self._prepare(self._exchange, [m for m in self._schedule.components if m not in self._alone])
+            if self._alone:
+                self._take(self._exchange, copy)
+                rest = list(range(copy + 1, self.copies))
+            else:
+                self._bind(exchanges)
+                rest = self._settle(given)
+            for copy in rest:
+                alone(copy)
+                if (exchange := exchanges[copy]) is not None:
+                    self._take(exchange, copy)
+        finally:
+            for m, values, component in kept:
+                m.values, m.implementation = values, component
+        if len(errors) == self.copies:
+            raise errors[0]
+        good = next(c for c in range(self.copies) if c not in errors)
+        for copy in (*errors, *range(self.copies, len(self._alive))):
+            self._copy_lane(good, copy)
+        self._alive[: self.copies] = 1
+        self._alive[self.copies :] = 0
+        self._alive[list(errors)] = 0
+        if self._alone or len(rest):  # else they are as they were initialized
+            self._start_lanes()
+        if self._alone:
+            self._bind(exchanges)
+        self._tick = self._exchange.tick
+        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
+        for copy in sorted(errors):
+            self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
+
+    def _bind(self, exchanges: Sequence[Exchange | None]) -> None:
+        self._structs = Structs(
+            self._plan,
+            self._exchange,
+            exchanges,
+            self._lanes,
+            self._alone,
+            self._values,
+            self._alive,
+            self._target,
+            self.threads,
+        )
+
+    def _settle(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> list[int]:
+        """Initialize copies in lanes; returns those that cannot be, or that their FMUs may refuse."""
+        refused = np.zeros(len(self._alive), dtype=np.bool_)
+        for m, lanes in self._lanes.items():
+            own = lanes.values()
+            own[:] = self._defaults(m)[:, None]
+            values: dict[str, Any] = {n: [v] * self.copies for n, v in m.values.items()}
+            values |= {n: each for (owner, n), each in given.items() if owner is m}
+            for name, each in values.items():
+                variable = m.description.variables[name]
+                row = lanes.source.rows[variable.reference]
+                column = np.array(each, dtype=float)
+                real = row.type == "FMU_FLOAT64"
+                within = np.isfinite(column) if real else column == np.floor(column)
+                if row.role != "FMU_INPUT" or not real:
+                    within &= (column >= row.least) & (column <= row.most)
+                refused[: self.copies] |= ~within
+                self._put(lanes.memory, lanes.row(variable), column)
+        for copy in range(self.copies, len(self._alive)):
+            self._copy_lane(0, copy)
+        self._values[:] = 0.0
+        self._alive[:] = ~refused
+        for (m, variable), slot in self._exchange.layout.constants.items():
+            self._values[:, slot, :] = self._lanes[m].memory[:, self._lanes[m].row(variable), :]
+        self._start_lanes()
+        self._structs.settle()
+        self._alive[:] &= np.isfinite(self._values).all(axis=1).ravel()
+        for m, lanes in self._lanes.items():
+            self._check(m, lanes, given)
+        return np.flatnonzero(self._alive[: self.copies] == 0).tolist()
+
+    def _defaults(self, component: SystemComponent) -> Array:
+        """Values of an instance that was only reset."""
+        if component not in self._reset_values:
+            clone = self._clones[component][0]
+            clone.instantiate(component.name)
+            data = np.frombuffer(clone.serialize(), dtype=float, offset=VALUES_AT)
+            self._reset_values[component] = data[: self._sources[component].n_values].copy()
+        return self._reset_values[component]
+
+    def _check(self, m: SystemComponent, lanes: Lanes, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
+        """Have an FMU check what only it can: relations of parameters, and its solver with these parameters."""
+        port, clone = self._exchange.layout.ports[m], self._clones[m][0]
+        own, defaults = lanes.values(), self._defaults(m)
+        n, rows = lanes.source.size("parameters"), [lanes.row(v) for v in port.inputs]
+        for i, variable in enumerate(port.inputs):
+            if variable.must_equal is not None:
+                column = lanes.memory[:, rows[i], :].ravel()
+                self._alive[:] &= [variable.accepts(x) for x in column.tolist()]
+        calls = self._exchange.ports[m].fmi
+        varied = {name: each for (owner, name), each in given.items() if owner is m}
+        named = (m.description.variables[n] for n in (*m.values, *varied))
+        at = {v: lanes.row(v) - HEADER for v in named}
+        changed = (own[:, :n] != defaults[:n, None]).any(axis=1).ravel()
+        if not lanes.source.checks:
+            return
+        for copy in np.flatnonzero(changed[: self.copies] & (self._alive[: self.copies] == 1)).tolist():
+            group, lane = divmod(copy, self._target.lanes)
+            values = m.values | {name: each[copy] for name, each in varied.items()}
+            clone.instantiate(m.name)
+            if calls is None or calls.states is None or calls.instance != clone.address:
+                self._alive[copy] = 0
+                continue
+            set_ = {m.description.variables[name]: v for name, v in values.items()}
+            clone.set({v: x for v, x in set_.items() if own[group, at[v], lane] != defaults[at[v]]})
+            clone.enter_initialization(float(self._exchange.base.start + m.offset), None)
+            port.u[:] = lanes.memory[group, rows, lane]
+            self._exchange.ports[m].set_inputs()
+            try:
+                clone.exit_initialization()
+            except CallFailed:
+                self._alive[copy] = 0
+
+    @staticmethod
+    def _refuse(loops: Sequence[AlgebraicLoop]) -> None:
+        """Raise CosimError for algebraic loops."""
+        if loops:
+            raise CosimError(
+                f"the components {loops[0].names} form an algebraic loop, which a batch does not solve: run the copies"
+                " alone, or give a connection of the loop delay=True"
+            )
+
+    def _initialized(self, clone: int) -> Exchange:
+        """The exchange of the clones of this number, whose components are initialized."""
+        known = self._simulations.get(clone)
+        if known is not None:
+            known.restart()
+        else:
+            known = Simulation(
+                self._schedule,
+                self._start_time,
+                record=self._record,
+                record_interval=self._interval,
+                watch=[*self._outputs, *self._inputs, *self._watch],
+                stop_time=self.stop_time,
+            )
+            self._refuse(known.exchange.loops)
+            known.exchange.stop_when(self._stops, known.__getitem__)
+        self._simulations[clone] = known
+        return known.exchange
+
+    def _take(self, exchange: Exchange, copy: int) -> None:
+        """Values and states of a copy that has been initialized."""
+        group, lane = divmod(copy, self._target.lanes)
+        self._values[group, :, lane] = exchange.values
+        for m, lanes in self._lanes.items():
+            data = m.implementation.serialize()  # type: ignore[attr-defined]
+            lanes.values()[group, :, lane] = np.frombuffer(
+                data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values
+            )
+
+    def _copy_lane(self, source: int, to: int) -> None:
+        lanes = self._target.lanes
+        (g, i), (h, k) = divmod(source, lanes), divmod(to, lanes)
+        for array in (self._values, *(each.values() for each in self._lanes.values())):
+            array[h, :, k] = array[g, :, i]
+
+    def _prepare(self, exchange: Exchange, sources: Sequence[SystemComponent]) -> None:
+        """Memory of all copies, once the exchange is known."""
+        self._lanes.clear()
+        self._plan: Plan = make_plan(exchange)
+        lanes, groups = self._target.lanes, self._groups
+        self._values = aligned(groups, self._plan.size, lanes)
+        self._alive = np.ones(groups * lanes, dtype=np.uint8)
+        for m in sources:
+            source, outputs = self._sources[m], exchange.layout.ports[m].outputs
+            shown = tuple(
+                sorted(
+                    {
+                        source.rows[v.reference].slot + v.index
+                        for v in outputs
+                        if source.rows[v.reference].role == "FMU_OUTPUT"
+                    }
+                )
+            )
+            spare = self._spare.get(m)
+            if spare is None or len(spare.memory) < groups:
+                library = lane_library(source, shown, self._target) if spare is None else spare.library
+                spare = self._spare[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
+            self._lanes[m] = replace(spare, memory=spare.memory[:groups])
+
+    def _start_lanes(self) -> None:
+        ffi, base = interface(), self._exchange.base
+        for m, lanes in self._lanes.items():
+            begin = float(base.start + m.offset)
+            lanes.memory[:, 0:2] = begin
+            lanes.memory[:, 2:HEADER] = 0.0
+            for group in lanes.memory:
+                lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
+
+    def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:
+        full = np.zeros(array.shape[0] * array.shape[2])
+        full[: self.copies] = column
+        array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
