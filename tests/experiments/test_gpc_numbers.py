@@ -1117,7 +1117,7 @@ def test_names_of_the_options() -> None:
         "excitation",
         "roll-off",
         "horizon",
-        "latch",
+        "sampled-after",
         "datum",
         "actuator",
         "limit",

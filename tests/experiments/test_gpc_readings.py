@@ -173,8 +173,8 @@ def test_an_actuator_at_the_spring_moves_the_wheel_by_the_motion_ratio(fmus: Fmu
 def test_responses_are_sampled_before_a_command_or_after_it(fmus: FmuSet) -> None:
     """After it they contain its direct effect: 1 N on each wheel accelerates 5 t by 0.2 mm/s2."""
     files = (fmus.path(gpc.runs.PLANT), fmus.path("RoadPerryman3"), fmus.path(gpc.runs.SPEED))
-    for latch, direct in ((1, 1 / (9.81 * 5000.0)), (0, 0.0)):
-        beta = gpc.runs.models(*files, IdentificationSettings(latch=latch)).implicit.model.beta[0][0]
+    for sampled_after, direct in ((1, 1 / (9.81 * 5000.0)), (0, 0.0)):
+        beta = gpc.runs.models(*files, IdentificationSettings(sampled_after=sampled_after)).implicit.model.beta[0][0]
         assert np.mean(beta) == pytest.approx(direct, abs=2e-6)
 
 

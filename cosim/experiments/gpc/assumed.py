@@ -59,7 +59,7 @@ class Drop(Between):
         y[:] = u + self.height
 
 
-class Latch(Between):
+class EarlySample(Between):
     """Samples responses at the instant of a command."""
 
     default_step = SAMPLE_TIME
@@ -147,7 +147,7 @@ _BUILT: dict[tuple[str, int, int], Path] = {}
 
 
 def built_controller(law: GpcLaw, fmi: int) -> Path:
-    """The controller FMU for laws of the variant and the horizon of this one, whose gains are its start values."""
+    """The FMU for control laws of the variant and the horizon of this one, whose gains are its start values."""
     key = law.variant, law.h_p, fmi
     if key not in _BUILT:
         _BUILT[key] = built(gpc_controller(law, name=f"Gpc{law.variant.capitalize()}{law.h_p}"), fmi)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim import Recording, StopWhen, System
 from cosim.core.signals import peak, rms
-from cosim.experiments.gpc.assumed import Drop, Latch, MeasuredRoad, built_controller, insert, other_road
+from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
@@ -96,12 +96,12 @@ class OpenCase(Stepped):
         label="horizon-{}",
         only=_CONTROLLED,
     )
-    latch: int = option(
+    sampled_after: int = option(
         RESPONSE_TICK,
         choices=(0, RESPONSE_TICK),
         unit="ms",
         help="time after a command at which the controllers sample responses",
-        label="latch-{}ms",
+        label="sampled-after-{}ms",
         only=_CONTROLLED,
     )
     datum: float = option(
@@ -191,7 +191,16 @@ def passive(case: Case) -> Case:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    names = ("one_track", "disturbance", "horizon", "latch", "datum", "actuator", "road_roll_off", "start_height")
+    names = (
+        "one_track",
+        "disturbance",
+        "horizon",
+        "sampled_after",
+        "datum",
+        "actuator",
+        "road_roll_off",
+        "start_height",
+    )
     return case.road, case.controller, case.exchange_parts, *(getattr(case, n) for n in names)
 
 
@@ -221,9 +230,9 @@ def wire(fmus: FmuSet, case: Case) -> System:
     if name := CONTROLLERS[case.controller]:
         other = case.controller == "preview" and case.horizon != HORIZON
         system.add("controller", built_controller(control_law(fmus, case), fmus.fmi) if other else fmus.path(name))
-        if case.latch != RESPONSE_TICK:
-            insert(system, "latch", Latch(), "controller")
-            system.connect_matching("car", "latch")
+        if case.sampled_after != RESPONSE_TICK:
+            insert(system, "sampled_after", EarlySample(), "controller")
+            system.connect_matching("car", "sampled_after")
         else:
             system.connect_matching("car", "controller", "body.*")
         if case.disturbance != "height" or case.datum:
@@ -265,7 +274,7 @@ def models(plant: Path, road: Path, speed: Path, settings: IdentificationSetting
 
 def identification(fmus: FmuSet, case: Case) -> IdentificationSettings:
     """The identification run of a case."""
-    names = ("seed", "from_rest", "excitation", "roll_off", "one_track", "disturbance", "datum", "latch")
+    names = ("seed", "from_rest", "excitation", "roll_off", "one_track", "disturbance", "datum", "sampled_after")
     return IdentificationSettings(lever=_lever(fmus, case), **{name: getattr(case, name) for name in names})
 
 

@@ -47,7 +47,7 @@ READINGS: dict[str, Reading] = {
     "excitation 1 kN": (("excitation", 1e3),),
     "excitation 5 kN": (("excitation", 5e3),),
     "excitation up to 20 Hz": (("roll_off", 20.0),),
-    "responses before the command": (("latch", 0),),
+    "responses before the command": (("sampled_after", 0),),
     "heights not trimmed, 0.1 m": (("datum", 0.1),),
     "dropped from 20 mm": (("start_height", 0.02),),
     "actuator at the spring": (("actuator", "spring"),),

@@ -49,7 +49,7 @@ class IdentificationSettings:
 
     The paper leaves open whether the run starts `from_rest`, with the leading zeros of (4), where its excitation rolls
     off, whether both tracks of the road have one profile, what of the road is measured as disturbance and from which
-    `datum`, when responses are sampled (`latch`), and what force on the wheel an actuator's gives (`lever`).
+    `datum`, when responses are sampled (`sampled_after`), and what force on the wheel an actuator's gives (`lever`).
     """
 
     seed: int = 0
@@ -63,7 +63,7 @@ class IdentificationSettings:
     one_track: bool = False
     disturbance: str = "height"  # one of DISTURBANCES
     datum: float = 0.0  # m, or m/s, 1: what the disturbance is at the start; 0: trimmed
-    latch: int = RESPONSE_TICK  # tick after a sample instant
+    sampled_after: int = RESPONSE_TICK  # tick after a sample instant
     lever: float = 1.0
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class IdentificationSettings:
     def told(self) -> dict[str, Any]:
         """As JSON values; of the last three, which came after FMUs were published, those that are assumed otherwise."""
         default = IdentificationSettings()
-        late = {name for name in ("datum", "latch", "lever") if getattr(self, name) == getattr(default, name)}
+        late = {name for name in ("datum", "sampled_after", "lever") if getattr(self, name) == getattr(default, name)}
         return {name: value for name, value in asdict(self).items() if name not in late}
 
     @property
@@ -191,7 +191,7 @@ def record_identification(
     at = np.arange(n) * TICKS_PER_SAMPLE
     every = round(measured_every(s.disturbance) / TICK)
     d = disturbance_of((d - d[0])[::every], s.disturbance, s.speed)[:: TICKS_PER_SAMPLE // every][:n]
-    return IdentificationData(sequence[:n], (y - y[0])[at + s.latch], d + s.datum)
+    return IdentificationData(sequence[:n], (y - y[0])[at + s.sampled_after], d + s.datum)
 
 
 def track_of(corner: str, one_track: bool) -> str:
