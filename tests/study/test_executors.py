@@ -64,7 +64,7 @@ class Hand(Executor):
         self.fate, self.chunks = fate, []
 
     def submit(self, _work: Any, /, *args: Any, **_: Any) -> Future[Any]:
-        _, chunk, contents = args
+        _, chunk, contents, _vectors = args
         numbers = [int(name) for name, _ in chunk]
         self.chunks.append(numbers)
         future: Future[Any] = Future()
