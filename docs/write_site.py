@@ -44,7 +44,7 @@ MODULES = (
     "cosim.check",
     "build_fmus.component",
     "fmu_sources.catalog",
-    "fmu_sources.own_files",
+    "fmu_sources.own_catalog",
     "fmu_sources.registration",
     "fmu_sources.vehicles",
 )

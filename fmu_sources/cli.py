@@ -53,12 +53,12 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
     user = user or UserFiles()
     if not user.paths:
         return published
-    from fmu_sources import own_files
+    from fmu_sources import own_catalog
 
     entries: dict[str, Any] = {}
     vehicle = user.vehicle if isinstance(user.vehicle, Path) else None
     if vehicle is not None:
-        entries = own_files.own_catalog(vehicle, own_files.catalog_suffix(vehicle))
+        entries = own_catalog.own_catalog(vehicle, own_catalog.catalog_suffix(vehicle))
         if taken := sorted(entries.keys() & published):
             raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
         needed = {n for e in entries.values() for n in e.needs}
@@ -71,13 +71,13 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
         entries[name] = make(name)
 
     if (road := user.road) is not None:
-        name = own_files.road_name(road, user.vehicle)
-        add(road, name, lambda name: own_files.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
+        name = own_catalog.road_name(road, user.vehicle)
+        add(road, name, lambda name: own_catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
     if (weights := user.weights) is not None:
-        name = own_files.weights_name(weights, vehicle)
-        add(weights, name, lambda name: own_files.preview_lq_entry(weights, name, user.period, vehicle))
+        name = own_catalog.weights_name(weights, vehicle)
+        add(weights, name, lambda name: own_catalog.preview_lq_entry(weights, name, user.period, vehicle))
     if user.source is not None:
-        own = own_files.own_entry(user.source, user.maker)
+        own = own_catalog.own_entry(user.source, user.maker)
         if own.name in published:
             raise ValueError(f"{user.source} would replace the published {own.name}; give the component another name")
         entries[own.name] = own

@@ -39,7 +39,7 @@ _OWN = (
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )
 _FOREIGN = _RUNTIME / "foreign.c"
-_EXCHANGE = (_RUNTIME / "exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
+_EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
 _ROLES = {"parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "output": "FMU_OUTPUT"}

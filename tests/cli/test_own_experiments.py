@@ -23,7 +23,7 @@ from cosim.experiments.own_files import KINDS, bases, own_fmus
 from cosim.study import FmuSet, Runner
 from fmu_sources import cli
 from fmu_sources.cli import UserFiles
-from fmu_sources.own_files import catalog_suffix
+from fmu_sources.own_catalog import catalog_suffix
 from fmu_sources.vehicles import load_vehicle, vehicle_names
 
 OWN = FMUS / ".own"  # kept from one test run to the next like the other FMUs

@@ -23,7 +23,7 @@ from cosim.fmu.model_description import parse
 from fmu_sources import cli
 from fmu_sources.catalog import Context
 from fmu_sources.cli import UserFiles
-from fmu_sources.own_files import catalog_suffix, own_catalog
+from fmu_sources.own_catalog import catalog_suffix, own_catalog
 from fmu_sources.vehicles import load_three_axle_trench, load_vehicle, vehicle_files, vehicle_names
 
 FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'

@@ -18,7 +18,7 @@ from cosim.study.fmus import FmuSet, designed_with
 from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_parameters
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 from fmu_sources.models.corners import CORNERS
-from fmu_sources.own_files import weights_name
+from fmu_sources.own_catalog import weights_name
 
 CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
 WEIGHTED_CONTROLLERS = {  # name of the weights -> FMU of the controller, file of the weights
