@@ -68,8 +68,8 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
 ExchangeCall foreign_find(void *library, int version, const char *name);
 void foreign_close(void *library);
 
-/* What is otherwise in components that are integrated (Model Exchange): model_exchange.c, which only systems with such have.
- * The step functions get the integrator. */
+/* What is otherwise in components that are integrated (Model Exchange): model_exchange.c, which only systems with
+ * such have. The step functions get the integrator. */
 typedef struct Component Component;
 typedef struct {
     bool (*make)(Component *m, const char *name, const char *token, const char *resources);
