@@ -23,7 +23,7 @@ from lxml import etree
 from cosim.check import calls
 from cosim.check.calls import DISCARD, ERROR, OK, WARNING, Refused
 from cosim.check.model import Var, read
-from cosim.fmu.calls import WORDS, formatted
+from cosim.fmu import calls as fmi
 
 __all__ = ["DISCARD", "ERROR", "OK", "WARNING", "Instance", "Library", "Model", "Refused", "Signals", "Variable"]
 _KINDS = {"Real": "real", "Float64": "real", "Integer": "integer", "Int32": "integer", "Boolean": "boolean"}
@@ -152,16 +152,29 @@ class Instance(calls.Instance):
 
     def __init__(self, library: Library, kind: str = "cs", *, logger: bool = True, **options: Any) -> None:
         self.library, self.fmi = library, library.fmi
-        if not logger:
-            self._log2 = self._log3 = 0  # type: ignore[assignment,method-assign]  # NULL
+        self._has_logger = logger
         super().__init__(library.loaded, kind, **options)
 
-    def _log2(self, _: Any, __: Any, status: int, category: bytes, message: bytes, *arguments: Any) -> None:
-        text = formatted(message.decode(), arguments[:WORDS], arguments[WORDS:])
-        self._log3(None, status, category, text.encode())
+    def _instantiate(self, name: str, token: str, logging: bool) -> int:
+        if self._has_logger:
+            return super()._instantiate(name, token, logging)
+        ffi, process = fmi.ffi_of(self.version), fmi.c_library()
+        self._keep = [ffi.NULL]
+        if self.fmi == 2:
+            callbacks = ffi.new("Callbacks*")
+            callbacks.allocate = ffi.cast("void*", ffi.addressof(process, "calloc"))
+            callbacks.release = ffi.cast("void*", ffi.addressof(process, "free"))
+            self._keep.append(callbacks)
+        return self.maker(name.encode(), token.encode(), interface=int(self.kind == "cs"))() or 0
 
-    def _log3(self, _: Any, status: int, category: bytes, message: bytes) -> None:
-        self.messages.append((status, category.decode(), message.decode()))
+    def _log(self, status: int, category: str, message: str) -> None:  # type: ignore[override]
+        self.messages.append((status, category, message))
+
+    @property
+    def kept(self) -> list[c.c_void_p]:
+        """Addresses of its logger and, in FMI 2.0, of its callbacks."""
+        ffi = fmi.ffi_of(self.version)
+        return [c.c_void_p(int(ffi.cast("uintptr_t", x))) for x in self._keep]
 
     def maker(
         self,
@@ -174,15 +187,15 @@ class Instance(calls.Instance):
     ) -> Callable[[], int | None]:
         """Makes another instance and returns its address, with any arguments; in FMI 2.0 `bare` without callbacks."""
         given = self.library.token.encode() if token == b"" else token
-        place, logger, cs = self.library.resources, self._keep[0], interface == 1
+        place, kept, cs = self.library.resources, self.kept, interface == 1
         if self.fmi == 2:
             function = self.raw("Instantiate")
-            callbacks = None if bare else c.byref(self._keep[1])
+            callbacks = None if bare else kept[1]
             arguments: tuple[Any, ...] = (name, interface, given, place or b"", callbacks, 0, 0)
         else:
             function = self.raw("InstantiateCoSimulation" if cs else "InstantiateModelExchange")
             flags = (False, False, *((events, False, None, c.c_size_t(0)) if cs else ()))
-            arguments = (name, given, place, *flags, None, logger, *((None,) if cs else ()))
+            arguments = (name, given, place, *flags, None, kept[0], *((None,) if cs else ()))
         function.restype = c.c_void_p
         return lambda: function(*arguments)
 

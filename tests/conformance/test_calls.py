@@ -520,4 +520,4 @@ def test_instantiation_with_null_arguments(fmu: Library) -> None:
             assert a.maker(events=True)() is None
             scheduled = a.raw("InstantiateScheduledExecution")
             scheduled.restype = c.c_void_p
-            assert scheduled(b"x", fmu.token.encode(), None, False, True, None, a._keep[0], None, None, None) is None
+            assert scheduled(b"x", fmu.token.encode(), None, False, True, None, a.kept[0], None, None, None) is None
