@@ -23,7 +23,13 @@ from cosim.study.case import CaseError, Field, fields
 from cosim.study.experiment import Experiment, resolved
 from cosim.study.loading import load
 
-WHILE = {"hmmwv": 0.7, "preview-chain": 0.7, "trench": 0.1}  # s; the first wheel has met what there is to meet
+WHILE = {
+    "hmmwv": 0.7,
+    "hmmwv-readings": 0.7,
+    "preview-chain": 0.7,
+    "trench": 0.1,
+    "trench-readings": 0.1,
+}  # s; the first wheel has met what there is to meet
 ELSEWHERE = 0.25  # s
 
 

@@ -31,7 +31,7 @@ from cosim.study.loading import load
 
 MILLIMETRE = 1e-3
 DRIVEN = ("hmmwv", "trench", "gpc", "preview-lq", "three-axle", "bench", "ride")
-WHEELS = {"bench": 1, "three-axle": 6, "shallow": 6, "trench": 6}
+WHEELS = {"bench": 1, "three-axle": 6, "shallow": 6, "trench": 6, "trench-readings": 6}
 
 
 @pytest.fixture(autouse=True)

@@ -72,7 +72,8 @@ DEPENDS = {  # what each measures with, as far as it was forgotten before or eas
     },
     "trench": {"cosim/experiments/trench/runs.py", "cosim/experiments/metrics/crossing.py", "cosim/recording/peaks.py"},
 }
-FOUND = {e.name: e for place in EXPERIMENTS.values() for e in load(place).every}
+LOADED = [load(place) for place in EXPERIMENTS.values()]
+FOUND = {e.name: e for one in LOADED for e in one.every[1:]} | {one.name: one for one in LOADED}
 """Experiments and the parts of some."""
 
 

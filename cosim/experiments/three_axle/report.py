@@ -232,18 +232,20 @@ def _variants(study: Results) -> Content:
     infers the trench from the wheels, and the controller then needs hardly any preview on this linear vehicle.
 
     With preview the estimator hardly matters, and neither does measuring all states."""
-    yield Table.of(
-        "variants",
-        "Other choices that the thesis leaves open",
-        [
-            {"variant": words, "speed [km/h]": p[0], "depth [m]": p[1], **_cells(study[variant(p, words)])}
-            for words in VARIANTS
-            for p in places(study)
-            if variant(p, words) in study
-        ],
-        "The first two weigh the height of the body as well (20, scale 0.2), as the controller does over deep"
-        " trenches.",
-    )
+    rows = [
+        {"variant": words, "speed [km/h]": p[0], "depth [m]": p[1], **_cells(study[variant(p, words)])}
+        for words in VARIANTS
+        for p in places(study)
+        if variant(p, words) in study
+    ]
+    if rows:
+        yield Table.of(
+            "variants",
+            "Other choices that the thesis leaves open",
+            rows,
+            "The first two weigh the height of the body as well (20, scale 0.2), as the controller does over deep"
+            " trenches.",
+        )
 
 
 @report.section("Steps")
