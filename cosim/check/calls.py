@@ -170,7 +170,7 @@ class Instance:
         return "Instantiate" + {"2": ""}.get(self.version, "CoSimulation" if self.kind == "cs" else "ModelExchange")
 
     def _instantiate(self, name: str, token: str, logging: bool) -> int:
-        """Address of the instance; 0: there is none."""
+        """Address of the instance; 0 if the FMU returns no instance."""
         self.raw(self._instantiator)
         ffi, resources = fmi.ffi_of(self.version), (self.fmu.folder / "resources").resolve()
         library = self.fmu.typed(self.kind)

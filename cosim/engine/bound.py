@@ -67,7 +67,7 @@ class BoundEngine:
             self._new(f"EnginePiece[{e.n_components}]"),
         )
         self._named = setup.loops
-        self._work = [np.zeros(loop.work) for loop in plan.loops]
+        self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work)])
         e.loops, e.n_loops = self._loops, len(plan.loops)
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")

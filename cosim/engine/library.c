@@ -23,6 +23,7 @@ EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
 EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     return engine_settle(e, settles, before, n_values);
 }
+EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
     return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(Table) + sizeof(Integrator);
 }

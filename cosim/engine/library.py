@@ -29,6 +29,7 @@ int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n
 int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
 int32_t cosim_engine_restore(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
 void cosim_engine_free(const EngineStates *fmus, int32_t n, void **states);
+size_t cosim_engine_loop_work(int32_t n);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
 const char *cosim_integrator_function(uint32_t version, uint32_t number);

@@ -96,12 +96,6 @@ class LoopPlan:
     computed: tuple[int, ...]
     nominal: tuple[float, ...]
 
-    @property
-    def work(self) -> int:
-        """How many doubles its solution needs."""
-        n = len(self.nominal)
-        return 2 * n * n + 5 * n
-
 
 @dataclass(frozen=True)
 class Plan:

@@ -79,8 +79,9 @@ STUDY = ReadingsStudy(
     notes=(
         "The height of the CG: the paper's vehicle has seven degrees of freedom and drives straight at one speed, so no"
         " force acts along or across the road that a height could turn into pitch or roll.",
-        "An accumulator of a size: the actuators have none. With a pump that holds its pressure at any flow it never"
-        " empties, with the pump's limit there is none; over a bump the former is nearer, off road the latter.",
+        "An accumulator of finite size: the actuator FMUs model no accumulator. A pump that holds its pressure at any"
+        " flow is one that never empties, and a pump with its limit has no accumulator; over a bump the former is"
+        " nearer, off road the latter.",
         "Springs, dampers and masses per wheel instead of per axle (Appendix 1.C): the controllers are designed on the"
         " vehicle, so that is another vehicle file, not an option of a run.",
     ),

@@ -265,7 +265,7 @@ class SystemCode:
 
 
 def _loop(plan: LoopPlan) -> dict[str, Any]:
-    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal)), "work": plan.work}
+    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal))}
 
 
 def _exchange_calls(part: Part) -> list[str]:

@@ -152,7 +152,7 @@ class View:
         return ", ".join(map(self.label, places))
 
     def quantity(self, name: str, subject: str, place: Place) -> float | None:
-        """A quantity of a subject at a place; None: there is none."""
+        """A quantity of a subject at a place; None if the study has no run of it."""
         if name in self.quantities:
             return self.quantities[name](self, subject, place)
         row, (above, _, below) = self.study[self.case(subject, place)], name.partition("/")
@@ -260,12 +260,12 @@ class Figures(Sequence[float]):
 
     @property
     def low(self) -> float:
-        """The smallest; not a number if there is none."""
+        """The smallest number; NaN without numbers."""
         return min(self._numbers, default=math.nan)
 
     @property
     def high(self) -> float:
-        """The largest; not a number if there is none."""
+        """The largest number; NaN without numbers."""
         return max(self._numbers, default=math.nan)
 
     @property

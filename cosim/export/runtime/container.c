@@ -78,6 +78,12 @@ static size_t n_transfers(void) {
     return n;
 }
 
+static size_t loop_work(void) {
+    size_t n = 0;
+    for (int32_t i = 0; i < P->n_loops; i++) n += engine_loop_work(P->loops[i].n);
+    return n;
+}
+
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     const size_t n = (size_t)P->n_components, c = (size_t)P->n_clocks;
     const size_t sizes[] = {
@@ -99,7 +105,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n * sizeof(EnginePiece)),
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
         aligned((size_t)P->n_loops * sizeof(EngineLoop)),
-        aligned(P->n_loop_work * sizeof(double)),
+        aligned(loop_work() * sizeof(double)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];

@@ -78,7 +78,6 @@ typedef struct {
     int32_t n_clocks;
     const EngineLoop *loops;         /* without work */
     int32_t n_loops;
-    uint32_t n_loop_work;            /* doubles, of all of them */
     int64_t a, d;                    /* the tick is a / d seconds */
     uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
     uint32_t n_published;
