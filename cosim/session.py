@@ -184,6 +184,7 @@ class System(Wiring):
         progress: bool = False,
         state: SystemState | None = None,
         execution: Execution | None = None,
+        tolerance: float | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], and return the recording.
 
@@ -196,9 +197,11 @@ class System(Wiring):
         recording so far, and with `output` it is on disk in any case: of a process that dies `NAME.csv.part`, from
         which `cosim recover` makes the file, has all but the last tenth of a second of its work. An ending that stands
         for no format raises FormatError before anything runs. `execution`: an `Execution`: isolation, pace, checks.
-        The other arguments are those of `initialize`.
+        `tolerance` is short for `Execution(tolerance=...)`. The other arguments are those of `initialize`.
         """
         kept, how = Record.of(record), execution or Execution()
+        if tolerance is not None:
+            how = replace(how, tolerance=tolerance)
         _check_stop_time(stop_time, self.experiment[0] if start_time is None else start_time, state)
         if output is not None:
             _check_writable(Path(output))

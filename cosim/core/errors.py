@@ -155,7 +155,7 @@ class LoopNotSolved(CallFailed):
         )
 
 
-class ToleranceExceeded(CallFailed):  # noqa: N818
+class ToleranceExceeded(CallFailed):
     """The error of an output exceeds the tolerance of the run even in steps of the `smallest` length [s]."""
 
     def __init__(self, component: str, variable: str, error: float, tolerance: float, smallest: float, at: float):

@@ -110,7 +110,8 @@ class AdaptiveSteps:
         """
         self._schedule, self._base, self._tolerance, self._ffi = schedule, base, tolerance, interface()
         self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
-        n, self._keep = len(self._outputs), []
+        n = len(self._outputs)
+        self._keep: list[Any] = []
         self.held, refreshed = _direct(schedule, layout)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
@@ -146,9 +147,7 @@ class AdaptiveSteps:
         ]
         real = variable.type == "real"
         return (
-            _READ * bool(readers)
-            + _HELD * (not real or any(m in self.held for m in readers))
-            + _STEPWISE * (not real)
+            _READ * bool(readers) + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
         )
 
     def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
@@ -250,5 +249,6 @@ def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
 
 def _follows(layout: Layout, component: SystemComponent, inputs: dict[str, None]) -> bool:
     port = layout.ports[component]
-    own = component.description.kind is not None and component.description.fmi_version  # an FMU of this project
-    return bool(own) or follows(component, [i for i in port.inputs if i.name in inputs], port.outputs)
+    about = component.description
+    computes_on_get = about.interface == "me" or (about.kind is not None and about.fmi_version)  # or of this project
+    return bool(computes_on_get) or follows(component, [i for i in port.inputs if i.name in inputs], port.outputs)

@@ -144,9 +144,10 @@ class BoundEngine:
         ]
 
     def fail(self, component: SystemComponent, call: int, status: int, t: float, h: float | None = None) -> None:
-        """Raise the exception for an FMI call of a component with this status, in a step from `t` on, of length `h` or its own [s].
+        """Raise the exception for an FMI call of a component with this status.
 
-        `call`: 0 for the step, k > 0 for set number k - 1, k < 0 for get number -k - 1.
+        It came in a step from `t` on, of length `h` or the component's own [s]. `call`: 0 for the step, k > 0 for set
+        number k - 1, k < 0 for get number -k - 1.
         """
         calls = self._setup.ports[component].fmi
         assert calls is not None

@@ -33,7 +33,7 @@ class Mass(PythonComponent):
     def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
         y[:] = self.x, self.v / self.rate
 
-    def step(self, t: float, h: float, u: Any, y: Any) -> None:
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
         for _ in range(4):
             self.v += 0.25 * h * self.rate * (self.rate * (u[0] - self.x) - self.v)
             self.x += 0.25 * h * self.v

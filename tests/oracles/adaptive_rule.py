@@ -27,14 +27,16 @@ class AdaptiveRule(Rule):
         self.tick, self.tolerance = self.exchange.base.tick, tolerance
         declared = min(m.step for m in self.schedule.continuous)
         self.next, self.largest = int(declared / self.tick), int(64 * declared / self.tick)
-        self.outputs: list[Key] = [(m, v) for m in self.schedule.continuous for v in self.exchange.layout.ports[m].outputs]
+        self.outputs: list[Key] = [
+            (m, v) for m in self.schedule.continuous for v in self.exchange.layout.ports[m].outputs
+        ]
         self.connections = [c for c in self.schedule.connections if not c.target.discrete]
         self.read = {(c.source, c.output) for c in self.connections}
         self.held = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.held}
         self.held |= {key for key in self.outputs if key[1].type != "real"}
         self.refreshed = self.in_order()
         self.size = {(m, v): v.nominal for m, v in self.outputs}
-        self.at = {key: 0.0 for key in self.outputs}
+        self.at = dict.fromkeys(self.outputs, 0.0)
         self.begin = self.end = self.start
         self.jumps, self.accepted, self.rejected = 0, 0, 0
 
