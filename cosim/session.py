@@ -29,6 +29,7 @@ from build_fmus.base import safe_files, surface
 from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
+from cosim.engine.adaptive import for_tolerance, smallest_step
 from cosim.engine.execution import Execution, Record
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
@@ -135,7 +136,10 @@ class System(Wiring):
         kept, how = Record.of(record), execution or Execution()
         how.prepare(self)
         interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
-        schedule = self.schedule(*([] if interval is None else [interval]))
+        parts = None if how.tolerance is None else smallest_step(list(self.components.values()))
+        schedule = self.schedule(*(period for period in (interval, parts) if period is not None))
+        if parts is not None:
+            schedule = for_tolerance(schedule)
         if schedule.unconnected and not self.allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
@@ -152,6 +156,7 @@ class System(Wiring):
             state=state,
             allow_nan=how.allow_nan,
             loop_tolerance=how.loop_tolerance,
+            tolerance=None if parts is None else how.tolerance,
         )
         if how.check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
@@ -179,6 +184,7 @@ class System(Wiring):
         progress: bool = False,
         state: SystemState | None = None,
         execution: Execution | None = None,
+        tolerance: float | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], and return the recording.
 
@@ -191,9 +197,11 @@ class System(Wiring):
         recording so far, and with `output` it is on disk in any case: of a process that dies `NAME.csv.part`, from
         which `cosim recover` makes the file, has all but the last tenth of a second of its work. An ending that stands
         for no format raises FormatError before anything runs. `execution`: an `Execution`: isolation, pace, checks.
-        The other arguments are those of `initialize`.
+        `tolerance` is short for `Execution(tolerance=...)`. The other arguments are those of `initialize`.
         """
         kept, how = Record.of(record), execution or Execution()
+        if tolerance is not None:
+            how = replace(how, tolerance=tolerance)
         _check_stop_time(stop_time, self.experiment[0] if start_time is None else start_time, state)
         if output is not None:
             _check_writable(Path(output))
@@ -237,6 +245,8 @@ class System(Wiring):
         """
         from cosim.linear.exchange_error import exchange_error
 
+        if execution is not None and execution.tolerance is not None:
+            raise CosimError("the error of the exchange is that of fixed steps: leave the tolerance out")
         kept = Record.of(record)
         if kept.interval is None:
             kept = replace(kept, interval=min(m.step for m in self.components.values()))

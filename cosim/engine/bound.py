@@ -44,6 +44,7 @@ class BoundEngine:
         self._ffi, self._library = interface(), library()
         self._setup, self._stops, self._check = setup, stops, check
         self._keep: list[Any] = []
+        self._adaptive = self._ffi.NULL if setup.adaptive is None else setup.adaptive.struct
         self._failure: BaseException | None = None
         self._rows: Any = None  # the recorder's chunk that the engine writes to
         ffi = self._ffi
@@ -107,11 +108,18 @@ class BoundEngine:
         t = setup.base.seconds(self.tick)
         if result == self.NO_SOLUTION:
             self._raise_no_solution(e.component, t)
+        if result == self._library.ENGINE_NO_STEP:
+            assert setup.adaptive is not None
+            raise setup.adaptive.failure(t)
         component = setup.schedule.components[e.component]
         if result == self.NOT_FINITE:
-            culprit = setup.layout.not_finite([component], t)
+            culprit = setup.layout.not_finite([component], t, self._components[e.component].step)
             raise culprit or NotFinite(component.name, "?", float("nan"), t)
-        self.fail(component, e.call, e.status, t)
+        if result == self._library.ENGINE_STATE_FAILED:
+            calls = self._calls[e.component]
+            assert calls is not None
+            calls.call_failed("SetFMUState" if e.call else "GetFMUState", e.status)
+        self.fail(component, e.call, e.status, t, self._components[e.component].step)
 
     def _raise_no_solution(self, number: int, t: float) -> None:
         loop, work = self._named[number], self._work[number]
@@ -135,10 +143,11 @@ class BoundEngine:
             for loop, struct in zip(self._named, self._loops or (), strict=True)
         ]
 
-    def fail(self, component: SystemComponent, call: int, status: int, t: float) -> None:
-        """Raise the exception for an FMI call of a component with this status, in an instant at `t` [s].
+    def fail(self, component: SystemComponent, call: int, status: int, t: float, h: float | None = None) -> None:
+        """Raise the exception for an FMI call of a component with this status.
 
-        `call`: 0 for the step, k > 0 for set number k - 1, k < 0 for get number -k - 1.
+        It came in a step from `t` on, of length `h` or the component's own [s]. `call`: 0 for the step, k > 0 for set
+        number k - 1, k < 0 for get number -k - 1.
         """
         calls = self._setup.ports[component].fmi
         assert calls is not None
@@ -146,7 +155,7 @@ class BoundEngine:
             transfer = calls.sets[call - 1] if call > 0 else calls.gets[-call - 1]
             calls.call_failed(transfer.function, status)
         else:
-            calls.step_failed(status, t, float(component.step))
+            calls.step_failed(status, t, float(component.step) if h is None else h)
 
     def publish(self) -> None:
         """Computed outputs become visible, and visible ones previous ones, of all components."""
@@ -168,7 +177,7 @@ class BoundEngine:
 
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
-        return self._call(tick, lambda: self._library.cosim_engine_run(self._state, end))
+        return self._call(tick, lambda: self._library.cosim_engine_run(self._state, self._adaptive, end))
 
     def instant(
         self,
@@ -185,8 +194,15 @@ class BoundEngine:
         `resumed`: of the instant in which a component has failed, continue behind that component.
         """
         return self._call(
-            tick, lambda: self._library.cosim_engine_instant(self._state, t, resumed, arrives, samples, advances)
+            tick,
+            lambda: self._library.cosim_engine_instant(
+                self._state, self._adaptive, t, resumed, arrives, samples, advances
+            ),
         )
+
+    def cut(self, tick: int) -> int:
+        """End the present step of an adaptive run at `tick`, within it; returns why it came back."""
+        return self._call(tick, lambda: self._library.cosim_engine_cut(self._state, self._adaptive, tick))
 
     def _call(self, tick: int, call: Callable[[], Any]) -> int:
         e, recorder = self._state, self._setup.recorder
@@ -282,21 +298,24 @@ class BoundEngine:
         return {"slot": slot, "relation": relation, "scale": scale, "offset": offset, "value": float(stop.value)}
 
     def _back(self) -> Any:
-        components, check = self._setup.schedule.components, self._check
-        called = [(self._setup.ports[m], float(m.step)) for m in components]
+        check, adaptive, structs = self._check, self._setup.adaptive, self._components
+        called = [self._setup.ports[m] for m in self._setup.schedule.components]
 
         def back(_: Any, i: int, t: float) -> int:
             try:
-                if i < 0:
+                if i < -1:
+                    assert adaptive is not None
+                    adaptive.move_others(i)
+                elif i < 0:
                     assert check is not None
                     check(t)
                 else:
-                    ports, h = called[i]
+                    ports = called[i]
                     if math.isnan(t):
                         ports.set_inputs()
                         ports.get_outputs()
                     else:
-                        ports.run(t, h)
+                        ports.run(t, structs[i].step)
             except BaseException as error:
                 self._failure = error
                 return 1

@@ -33,7 +33,9 @@ typedef enum {
     ENGINE_CALL_FAILED, /* `call` of the component returned `status`, or its step ended early or requests termination */
     ENGINE_UNSETTLED,   /* initial values still change after many rounds: there is a loop among them */
     ENGINE_BACK_FAILED, /* `back` returned another value than 0, called for a component or for a check (-1) */
-    ENGINE_NO_SOLUTION  /* no values solve algebraic loop number `component` */
+    ENGINE_NO_SOLUTION, /* no values solve algebraic loop number `component` */
+    ENGINE_NO_STEP,     /* adaptive.h: the smallest steps exceed the tolerance */
+    ENGINE_STATE_FAILED /* adaptive.h: the state of the component was not saved (`call` 0) or not restored (1) */
 } EngineResult;
 
 /* Statuses that are no failure are 0 and 1 in FMI 2.0 and 3.0; as unsigned numbers all others are larger. */

@@ -36,6 +36,8 @@ import enum
 from collections.abc import Sequence
 
 from cosim.core.component import EndRequested
+from cosim.core.errors import TimeError
+from cosim.core.time import seconds_text
 from cosim.engine.bound import BoundEngine, SlotStop
 from cosim.engine.plan import Setup
 from cosim.engine.stops import Reader, Stop, StopCondition, StopWhen, Timed, stop_check
@@ -148,6 +150,16 @@ class Exchange(Setup):
         self.recorder.count -= self.clocks[-1].due(self.tick)
         self.phase = Phase.SAMPLED
 
+    def set_from_outside(self) -> None:
+        """Inputs or parameters are about to be set: an adaptive step that is under way ends at the present tick."""
+        if self.adaptive is None:
+            return
+        if self.adaptive.within(self.tick) and self.phase is not Phase.NOTHING:
+            result = self.engine.cut(self.tick)
+            if result != self.engine.AT_END:
+                self.engine.raise_failure(result)
+        self.adaptive.changed()
+
     # Many instants.
 
     def run_instants(self, end: int) -> None:
@@ -157,6 +169,11 @@ class Exchange(Setup):
         """
         engine = self.engine
         if not engine.exact_until(end):
+            if self.adaptive is not None:
+                raise TimeError(
+                    f"ticks of {seconds_text(self.base.tick)} are too short for a run with a tolerance to"
+                    f" {self.base.seconds(end):.9g} s: give steps that divide each other better"
+                )
             self._run_exactly(end)
             return
         while self.tick < end:
@@ -237,7 +254,10 @@ class Exchange(Setup):
             raise
         except EndRequested as request:
             component = next(m for m in self.schedule.components if m.name == request.component)
-            ending = self.tick + self.base.count(component.step) * request.complete, str(request)
+            ticks = self.base.count(component.step)
+            if self.adaptive is not None and not component.discrete:
+                ticks = self.adaptive.ticks
+            ending = self.tick + ticks * request.complete, str(request)
             self.ending = ending if self.ending is None else min(self.ending, ending)
             if not request.complete:
                 self.phase = Phase.SAMPLED

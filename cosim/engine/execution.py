@@ -44,7 +44,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Execution:
-    """How a run is executed. Where it does not fail, its numbers are the same in any way.
+    """How a run is executed. Where it does not fail, its numbers are the same in any way, except with a `tolerance`.
 
     Args:
         isolate: names and patterns of FMUs that run in processes of their own, see `System.isolate`.
@@ -54,6 +54,9 @@ class Execution:
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run.
         loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
+        tolerance: of the error of the exchange between continuous components, relative to max(nominal value, largest
+            magnitude so far) of each value: their communication steps follow it (`cosim.engine.adaptive`). None: their
+            steps are fixed.
         lanes: the vectors in which studies, sweeps and searches run copies of a system side by side, as in
             `cosim.batch.Batch`; "off": in none; None: in "auto" if it saves more time than their compilation takes.
     """
@@ -65,10 +68,13 @@ class Execution:
     check_stability: bool = False
     allow_nan: bool = False
     loop_tolerance: float = LOOP_TOLERANCE
+    tolerance: float | None = None
     lanes: str | None = None
 
     def __post_init__(self) -> None:
         number("loop_tolerance", self.loop_tolerance, above=0.0, most=1.0, error=WiringError)
+        if self.tolerance is not None:
+            number("tolerance", self.tolerance, above=0.0, most=1.0, error=WiringError)
 
     def prepare(self, system: Wiring, *, every: bool = True) -> None:
         """Isolate the FMUs of a system that are to be isolated.

@@ -10,6 +10,7 @@ from fractions import Fraction
 import numpy as np
 
 from cosim.core.errors import CosimError, NotFinite, WiringError
+from cosim.engine.adaptive import AdaptiveSteps, require_no_loops
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
@@ -25,7 +26,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     """
     components = exchange.schedule.components
     exchange.values[:] = 0.0
-    exchange.tick, exchange.phase, exchange.ending = 0, Phase.ARRIVED, None
+    exchange.tick, exchange.phase, exchange.ending, exchange.adaptive = 0, Phase.ARRIVED, None, None
     _renew(components)
     restored = [] if state is None else _continued(exchange, state)
     for m in components:
@@ -83,6 +84,13 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
+    if exchange.tolerance is not None:
+        last = 0 if stop is None else exchange.base.at_or_after(stop)
+        require_no_loops(exchange.loops)
+        exchange.adaptive = AdaptiveSteps(
+            exchange.schedule, exchange.layout, exchange.base, exchange.ports, exchange.tolerance, last
+        )
+        exchange.forget()
 
 
 def _still_bound(exchange: Exchange, component: SystemComponent) -> bool:

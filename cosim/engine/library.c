@@ -1,4 +1,5 @@
 /* What Python calls of the engine: a shared library of its own. */
+#include "adaptive.h"
 #include "engine.h"
 #include "environment.h"
 #include "integrator.h"
@@ -10,22 +11,28 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-EXPORT int cosim_engine_run(Engine *e, int64_t end) { return engine_run(e, end); }
+/* `a`: NULL where all steps are fixed. */
+EXPORT int cosim_engine_run(Engine *e, EngineAdaptive *a, int64_t end) {
+    return a ? engine_adaptive_run(e, a, end) : engine_run(e, end);
+}
 /* Parts of the instant at `tick`, time t; with `resumed` of the one in which a component has failed. */
-EXPORT int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances) {
+EXPORT int cosim_engine_instant(
+    Engine *e, EngineAdaptive *a, double t, bool resumed, bool arrives, bool samples, bool advances) {
     e->environment = environment_bits();
     if (!resumed) engine_look_up(e, e->tick);
-    int result = arrives ? engine_arrive(e, t) : ENGINE_AT_END;
+    int result = !arrives ? ENGINE_AT_END : a ? engine_adaptive_arrive(e, a, t) : engine_arrive(e, t);
     if (!result && samples) result = engine_sample(e, t);
-    return result || !advances ? result : engine_advance(e, t);
+    return result || !advances ? result : a ? engine_adaptive_advance(e, a, t) : engine_advance(e, t);
 }
+EXPORT int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick) { return engine_adaptive_cut(e, a, tick); }
 EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
 EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     return engine_settle(e, settles, before, n_values);
 }
 EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
-    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(Table) + sizeof(Integrator);
+    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineAdaptive) + sizeof(Table)
+           + sizeof(Integrator);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {

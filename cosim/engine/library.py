@@ -13,17 +13,21 @@ from build_fmus.compile import PLATFORMS, CompileError, ObjectCache, find_toolch
 from cosim.core.errors import CosimError
 
 HEADER = Path(__file__).with_name("engine.h")
+ADAPTIVE = Path(__file__).with_name("adaptive.h")
 TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
 SOURCES = tuple(
-    Path(__file__).with_name(f"{name}.c") for name in ("engine", "algebraic_loop", "table", "integrator", "library")
+    Path(__file__).with_name(f"{name}.c")
+    for name in ("engine", "algebraic_loop", "adaptive", "table", "integrator", "library")
 )
-_STRUCTS = ("Engine", "EngineComponent", "EngineLoop", "Table", "Integrator")
+_STRUCTS = ("Engine", "EngineComponent", "EngineLoop", "EngineAdaptive", "Table", "Integrator")
 
 _EXPORTED = """
-int cosim_engine_run(Engine *e, int64_t end);
-int cosim_engine_instant(Engine *e, double t, bool resumed, bool arrives, bool samples, bool advances);
+int cosim_engine_run(Engine *e, EngineAdaptive *a, int64_t end);
+int cosim_engine_instant(Engine *e, EngineAdaptive *a, double t, bool resumed, bool arrives, bool samples,
+    bool advances);
+int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick);
 void cosim_engine_publish(Engine *e);
 int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
@@ -53,9 +57,9 @@ class NoEngine(CosimError):  # noqa: N818
 
 @lru_cache
 def interface() -> cffi.FFI:
-    """The types of `engine.h`, `table.h` and `integrator.h`."""
+    """The types of `engine.h`, `adaptive.h`, `table.h` and `integrator.h`."""
     ffi = cffi.FFI()
-    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in (HEADER, TABLE, INTEGRATOR)))
+    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in (HEADER, ADAPTIVE, TABLE, INTEGRATOR)))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi
 

@@ -8,7 +8,8 @@ from fractions import Fraction
 
 from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
-from cosim.core.time import TimeBase
+from cosim.core.time import MOST_TICKS, TimeBase
+from cosim.engine.adaptive import AdaptiveSteps
 from cosim.engine.clock import Clock
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.recorder import Recorder
@@ -19,6 +20,7 @@ from cosim.system.schedule import Schedule
 
 LOOP_TOLERANCE = 1e-9
 """Of the values that solve an algebraic loop, relative to max(nominal value, |value|)."""
+_NEVER = 16 * MOST_TICKS
 
 
 class Setup:
@@ -34,11 +36,18 @@ class Setup:
         interval: Fraction | None = None,
         allow_nan: bool = False,
         loop_tolerance: float = LOOP_TOLERANCE,
+        tolerance: float | None = None,
     ):
-        """`interval` [s] is that of the recorder, a multiple of the schedule's tick; default: the smallest step."""
+        """`interval` [s] is that of the recorder, a multiple of the schedule's tick; default: the smallest step.
+
+        With a `tolerance`, the schedule is one of `for_tolerance`, and no clock decides when continuous components
+        are due.
+        """
         self.schedule = schedule
         self.allow_nan = allow_nan
         self.loop_tolerance = loop_tolerance
+        self.tolerance = tolerance
+        self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
         self.repeated: dict[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
@@ -49,9 +58,14 @@ class Setup:
         if interval is None:
             interval = min(m.step for m in schedule.components)
         self.clocks = (  # of the components, then the recorder's
-            *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.components),
+            *(self._clock(m) for m in schedule.components),
             Clock(self.base.count(interval), 0),
         )
+
+    def _clock(self, component: SystemComponent) -> Clock:
+        if self.tolerance is not None and not component.discrete:
+            return Clock(_NEVER, _NEVER)
+        return Clock(self.base.count(component.step), self.base.count(component.offset))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ class EngineStatePool(StatePool):
             assert calls.states is not None
             addresses = {"instance": calls.instance, **calls.states}
             structs.append({n: ffi.cast(types.get(n, "EngineState"), a) for n, a in addresses.items()})
-        self._structs = ffi.new("EngineStates[]", structs)
+        self.structs = ffi.new("EngineStates[]", structs)
         super().__init__({m.name: m.implementation for m in fmus}, ffi, self._save_all, self._free_all)  # type: ignore[misc]
 
     def restore(self, saved: SavedStates) -> None:
@@ -34,9 +34,9 @@ class EngineStatePool(StatePool):
         self._call("GetFMUState", self._library.cosim_engine_save, pointers)
 
     def _free_all(self, pointers: Any) -> None:
-        self._library.cosim_engine_free(self._structs, len(self._calls), pointers)
+        self._library.cosim_engine_free(self.structs, len(self._calls), pointers)
 
     def _call(self, name: str, call: Callable[..., int], pointers: Any) -> None:
-        done = call(self._structs, len(self._calls), pointers, self._status)
+        done = call(self.structs, len(self._calls), pointers, self._status)
         if done < len(self._calls):
             self._calls[done].call_failed(name, self._status[0])

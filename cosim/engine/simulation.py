@@ -75,6 +75,7 @@ class Simulation:
         state: SystemState | None = None,
         allow_nan: bool = False,
         loop_tolerance: float = LOOP_TOLERANCE,
+        tolerance: float | None = None,
         lock: AbstractContextManager[Any] | None = None,
     ):
         """The schedule's tick must divide `record_interval` [s]; the rest is as in `System.initialize`.
@@ -82,6 +83,11 @@ class Simulation:
         `lock`: a reentrant lock for calls of the components.
         """
         start = rational(start_time, "start_time")
+        if state is not None and (tolerance is not None or state.steps is not None):
+            raise CosimError(
+                "a run with a tolerance does not continue from a state of another simulation, and its states belong to"
+                " it: use Simulation.save and Simulation.restore, or leave the tolerance out"
+            )
         if state is not None:
             start = state.base.exact(state.tick)
             if state.continues(schedule):
@@ -98,6 +104,7 @@ class Simulation:
             interval=record_interval,
             allow_nan=allow_nan,
             loop_tolerance=loop_tolerance,
+            tolerance=tolerance,
         )
         self._layout = self._exchange.layout
         self._lock = threading.RLock() if lock is None else lock
@@ -159,7 +166,12 @@ class Simulation:
             component.description.find(n, component.name): v for n, v in component.expand(variable, value).items()
         }
         self._check_settable(name, component, values)
-        self.guarded(lambda: component.implementation.set(values))
+
+        def put() -> None:
+            self._exchange.set_from_outside()
+            component.implementation.set(values)
+
+        self.guarded(put)
         for changed, number in values.items():
             slot = self._layout.constants.get((component, changed))
             if slot is not None:
@@ -196,6 +208,7 @@ class Simulation:
         values = self._exchange.values
 
         def put(given: Sequence[float]) -> None:
+            self._exchange.set_from_outside()
             for implementation, places in groups:
                 implementation.set({variable: given[i] for variable, i in places})
             for slot, i in shown:
@@ -228,6 +241,7 @@ class Simulation:
         )
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
         result.loops = tuple(self._exchange.loop_effort)
+        result.steps = None if self._exchange.adaptive is None else self._exchange.adaptive.effort
         result.aliases, result.types, result.display = (
             self._layout.aliases,
             self._layout.record_types,
@@ -493,6 +507,7 @@ class Simulation:
             wiring=self._wiring,
             joint=joint,
             samples=e.recorder.count,
+            steps=None if e.adaptive is None else e.adaptive.save(),
             ending=e.ending,
             instances=self._components,
             owner=weakref.ref(e),
@@ -523,6 +538,8 @@ class Simulation:
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
         exchange.values[:] = state.values
         exchange.recorder.count = state.samples
+        if exchange.adaptive is not None and state.steps is not None:
+            exchange.adaptive.restore(state.steps)
         if self._spool is not None:
             self._spool.cut(max(0, state.samples - 1))  # the last one is provisional
 

@@ -26,6 +26,7 @@ from cosim.core.component import Array, Portable
 from cosim.core.errors import CosimError
 from cosim.core.interrupt import held
 from cosim.core.time import LONGEST, MOST_TICKS, TimeBase
+from cosim.engine.adaptive import State as AdaptiveState
 from cosim.engine.clock import Clock
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.values import Key
@@ -70,6 +71,7 @@ class SystemState:
     joint: SavedStates | None = None  # states of FMUs that were saved by one call
     samples: int = 0
     ending: tuple[int, str] | None = None
+    steps: AdaptiveState | None = None  # of a run with a tolerance
     instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
     )  # whose instances hold it; none when it traveled
@@ -107,6 +109,8 @@ class SystemState:
         In another thread (process pools pickle in a thread of their own) it waits while the simulation calls its
         components. Raises CosimError naming the components that cannot serialize their states, and why.
         """
+        if self.steps is not None:
+            raise CosimError("a state of a run with a tolerance cannot leave its process")
         packed, unable = {}, []
         with self.lock, held():
             for name, saved in self.components.items():

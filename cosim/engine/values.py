@@ -83,13 +83,18 @@ class Layout:
         self.record_index: list[int] = []
         self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
-    def not_finite(self, components: Sequence[SystemComponent], t: float | None = None) -> NotFinite | None:
-        """The first output of the components that is NaN or infinite, after a step from `t` or after initialization."""
+    def not_finite(
+        self, components: Sequence[SystemComponent], t: float | None = None, h: float | None = None
+    ) -> NotFinite | None:
+        """The first output of the components that is NaN or infinite.
+
+        After a step from `t` on, of length `h` or their own, or after initialization.
+        """
         for m in components:
             port = self.ports[m]
             for variable, value in zip(port.outputs, port.y.tolist(), strict=True):
                 if not math.isfinite(value):
-                    reached = t if t is None or m.discrete else t + float(m.step)
+                    reached = t if t is None or m.discrete else t + (float(m.step) if h is None else h)
                     return NotFinite(m.name, variable.name, value, reached)
         return None
 

@@ -42,6 +42,25 @@ class LoopEffort:
         )
 
 
+@dataclass(frozen=True)
+class StepEffort:
+    """Steps of a run with a tolerance: how many were accepted and rejected, and lengths of the accepted ones [s]."""
+
+    tolerance: float
+    accepted: int
+    rejected: int
+    smallest: float
+    mean: float
+    largest: float
+
+    def __str__(self) -> str:
+        return (
+            f"tolerance {self.tolerance:g}: {self.accepted} communication steps of {self.smallest:.3g} to"
+            f" {self.largest:.3g} s, {self.mean:.3g} s on average, and {self.rejected} rejected ones; values between"
+            " them are interpolated"
+        )
+
+
 @dataclass
 class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
@@ -50,7 +69,8 @@ class Recording:
     stop condition, or which component that asked for it, ended the run (None: it reached its stop time); `wall_time`
     [s] is what the stepping took; `real_time` is how a paced run kept pace with the clock. `types` names
     what stands for "integer" or "boolean" values, `display` the units in which FMUs want their variables displayed.
-    `loops` tells what the solution of each algebraic loop has cost.
+    `loops` tells what the solution of each algebraic loop has cost. `steps` describes the communication steps of a run
+    with a tolerance, whose rows between communication points are interpolated; None: the steps were fixed.
     """
 
     time: Array
@@ -64,6 +84,7 @@ class Recording:
     types: dict[str, str] = field(default_factory=dict)
     display: dict[str, DisplayUnit] = field(default_factory=dict)
     loops: tuple[LoopEffort, ...] = ()
+    steps: StepEffort | None = None
 
     def __post_init__(self) -> None:
         self._column = {name: i for i, name in enumerate(self.names)}
@@ -181,7 +202,8 @@ class Recording:
 
     def _repr_html_(self) -> str:
         span = f" from {self.time[0]:.9g} to {self.time[-1]:.9g} s" if len(self) else ""
-        return frames.page(self, f"{len(self)} samples of {len(self.names)} variables{span}")
+        steps = f"; {self.steps}" if self.steps else ""
+        return frames.page(self, f"{len(self)} samples of {len(self.names)} variables{span}{steps}")
 
 
 def _change(name: str, given: str, to: str) -> DisplayUnit:

@@ -14,7 +14,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from cosim import Execution
+from cosim import CosimError, Execution
 from cosim.study import key
 from cosim.study.dispatch import Dispatch, Making
 from cosim.study.executors import width
@@ -101,7 +101,13 @@ def job_context(
     store: Path | None = None,
     parameters: Parameters = (),
 ) -> JobContext:
-    """What workers need for runs of an experiment and of some of its parts."""
+    """What workers need for runs of an experiment and of some of its parts.
+
+    Raises:
+        CosimError: runs would have other numbers than those that are stored.
+    """
+    if execution is not None and execution.tolerance is not None:
+        raise CosimError("studies, sweeps and searches run with fixed steps: leave the tolerance out")
     files = [*(p for name in parts for p in fmus.paths(experiment.part(name).wiring.fmus)), *fmus.own_paths]
     group = f"of{os.getpid()}x{time.time_ns():x}"
     return JobContext(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)

@@ -19,7 +19,6 @@ from cosim.study.lanes import LaneRun, LaneRuns
 from cosim.tables import drive
 
 if TYPE_CHECKING:  # how results are kept is no part of what they depend on
-    from cosim.linear.exchange_error import ExchangeError
     from cosim.study.store import RunStore
 
 
@@ -132,8 +131,11 @@ class Runner:
         *,
         contributions: bool = True,
         progress: Callable[[int, int], None] | None = None,
-    ) -> ExchangeError:
-        """Error of the exchange in the run of a case; `variables` are by default those that the experiment records."""
+    ) -> Any:
+        """A `cosim.linear.exchange_error.ExchangeError`: of the run of a case.
+
+        `variables` are by default those that the experiment records.
+        """
         options, system = self.experiment.run, self.system(case)
         return system.exchange_error(
             options.end(system, case),

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Record, Recording, StopWhen, System
+from cosim import Execution, Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
 from oracles.loop_rule import solve
 
@@ -26,8 +26,15 @@ Key = tuple[Any, Any]  # component and variable
 class Rule:
     """A system that has just been initialized, taken through the instants of a run."""
 
-    def __init__(self, system: System, stop: Fraction, record: Sequence[str], interval: Fraction | None):
-        self.simulation = system.initialize(record=Record(record, interval), stop_time=stop)
+    def __init__(
+        self,
+        system: System,
+        stop: Fraction,
+        record: Sequence[str],
+        interval: Fraction | None,
+        execution: Execution | None = None,
+    ):
+        self.simulation = system.initialize(record=Record(record, interval), stop_time=stop, execution=execution)
         self.exchange = self.simulation.exchange
         self.schedule = self.exchange.schedule
         base = self.exchange.base

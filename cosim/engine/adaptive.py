@@ -1,0 +1,254 @@
+"""Communication steps that follow the error of the exchange, instead of fixed ones.
+
+The rule, where it differs from that of `exchange.py`. All continuous components take the same steps. A step begins at a
+communication point, after the discrete components that are due there, and ends before or at the next instant of a
+discrete component, so these run at their exact instants.
+
+1. Outputs that depend directly on inputs are computed again from the inputs as they are now.
+2. The state of each continuous component is saved.
+3. Every input that another continuous component drives is extrapolated linearly: from the last two communication
+   points, to the middle of the step. All components take the step with it. Then 1 is repeated at the end of the step.
+4. The error is the largest difference, among the outputs that continuous components read, between the value that has
+   arrived and the one that was extrapolated to the end, relative to tolerance * max(nominal, largest magnitude so far).
+   If it is above 1, the states are restored, the slopes are those of the step that was tried, and a shorter one is
+   tried. Otherwise it is accepted, and the error decides on the length of the next one.
+
+A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
+one begins without slopes; after ten such steps in a row the run fails. Between two communication points, outputs are
+interpolated linearly, for the recording and for everything else that reads them.
+
+`adaptive.c` executes the rule; tests/oracles/adaptive_rule.py states it once more, in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.core.component import Array, Ports
+from cosim.core.description import Variable
+from cosim.core.errors import LoopError, ToleranceExceeded, WiringError
+from cosim.core.time import TimeBase, seconds_text
+from cosim.engine.library import interface
+from cosim.engine.loops import follows
+from cosim.engine.saving import EngineStatePool
+from cosim.engine.values import Layout
+from cosim.recording.recording import StepEffort
+from cosim.system.components import Group, SystemComponent
+from cosim.system.loops import AlgebraicLoop, declared
+from cosim.system.schedule import Schedule
+
+PARTS = 4096
+"""The smallest step is this part of the smallest step that a continuous component has without a tolerance."""
+LARGEST = 64
+"""The largest step is so many of these."""
+SAVE, RESTORE = -2, -3
+_READ, _HELD, _STEPWISE = 1, 2, 4
+State = tuple[Array, npt.NDArray[np.int64]]
+
+
+def smallest_step(components: Sequence[SystemComponent]) -> Fraction | None:
+    """The smallest adaptive step of a system [s]; None if it has no continuous component."""
+    steps = [m.step for m in components if not m.discrete]
+    return min(steps) / PARTS if steps else None
+
+
+def for_tolerance(schedule: Schedule) -> Schedule:
+    """The schedule of a run with a tolerance, where groups and the option `extrapolate` have no meaning.
+
+    Raises:
+        WiringError: a component cannot take steps of any length or go back to a saved state, or a connection or loop
+            is of a kind that such a run does not have.
+    """
+    for m in schedule.continuous:
+        about, why = m.description, ""
+        if not about.can_save:
+            why = "cannot save its state (canGetAndSetFMUState)"
+        elif about.fmi_version and not about.variable_step:
+            why = "cannot take steps of any length (canHandleVariableCommunicationStepSize)"
+        elif about.internal_step is not None:
+            why = f"has a fixed internal step of {seconds_text(about.internal_step)} (fixedInternalStepSize)"
+        elif m.offset:
+            why = f"has an offset of {seconds_text(m.offset)}"
+        if why:
+            raise WiringError(f"'{m.name}' {why}: run the system without a tolerance")
+    delayed = next((c for c in schedule.connections if c.delay and not c.source.discrete), None)
+    if delayed is not None:
+        raise WiringError(
+            f"{delayed.source_name} -> {delayed.target_name} has a delay of one step, which has no length of its own in"
+            " a run with a tolerance: leave the delay out, or run the system without a tolerance"
+        )
+    return replace(
+        schedule,
+        groups=tuple(Group("", (m,)) for m in schedule.continuous),
+        connections=tuple(replace(c, extrapolate=False) for c in schedule.connections),
+    )
+
+
+class AdaptiveSteps:
+    """The steps of one initialized system; where they stand can be saved and restored."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        layout: Layout,
+        base: TimeBase,
+        ports: Mapping[SystemComponent, Ports],
+        tolerance: float,
+        stop: int,
+    ):
+        """`stop`: tick of the stop time, 0 if it is not known.
+
+        Raises:
+            LoopError: there may be an algebraic loop.
+        """
+        self._schedule, self._base, self._tolerance, self._ffi = schedule, base, tolerance, interface()
+        self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
+        n = len(self._outputs)
+        self._keep: list[Any] = []
+        self.held, refreshed = _direct(schedule, layout)
+        calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
+        self._others = [m for m in schedule.continuous if m not in calls]
+        self._saved: list[Any] = []
+        self._pool = EngineStatePool(calls) if calls else None
+        self._states = None if self._pool is None else self._pool.save()
+        self._memory: Array = np.zeros((3, n))  # begin, slope, size
+        self._memory[2] = [v.nominal for _, v in self._outputs]
+        self._steps: npt.NDArray[np.int64] = np.zeros(12, dtype=np.int64)
+        smallest = smallest_step(schedule.components)
+        assert smallest is not None
+        tick = base.count(smallest)
+        self.struct = a = self._ffi.new("EngineAdaptive*")
+        a.n, a.tolerance, a.stop, a.largest = n, tolerance, stop, LARGEST * PARTS * tick
+        first = self._outputs[0] if self._outputs else None
+        a.published, a.computed = (layout.visible[first], layout.latest[first]) if first else (0, 0)
+        a.use = self._pointer("uint8_t*", np.array([self._use(m, v) for m, v in self._outputs], dtype=np.uint8))
+        numbers = {m: i for i, m in enumerate(schedule.components)}
+        a.refreshed = self._pointer("int32_t*", np.array([numbers[m] for m in refreshed], dtype=np.int32))
+        a.n_refreshed, a.others = len(refreshed), bool(self._others)
+        if self._pool is not None and self._states is not None:
+            a.fmus, a.states, a.n_fmus = self._pool.structs, self._states.pointers, len(calls)
+            a.numbers = self._pointer("int32_t*", np.array([numbers[m] for m in calls], dtype=np.int32))
+        a.begin, a.slope, a.size = (self._pointer("double*", row) for row in self._memory)
+        a.steps = self._pointer("EngineSteps*", self._steps)
+        a.steps.next, a.steps.changed = PARTS * tick, True
+
+    def _use(self, component: SystemComponent, variable: Variable) -> int:
+        readers = [
+            c.target
+            for c in self._schedule.connections
+            if (c.source, c.output) == (component, variable) and not c.target.discrete
+        ]
+        real = variable.type == "real"
+        return (
+            _READ * bool(readers) + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
+        )
+
+    def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
+        self._keep.append(array)
+        return self._ffi.cast(of, array.ctypes.data)
+
+    # Where they stand.
+
+    @property
+    def ticks(self) -> int:
+        """Length of the step that was tried last [ticks]."""
+        return int(self.struct.steps.tried)
+
+    def within(self, tick: int) -> bool:
+        """Whether a step is under way at a tick."""
+        return int(self.struct.steps.begin) < tick < int(self.struct.steps.end)
+
+    def changed(self) -> None:
+        """Inputs or parameters were set from outside."""
+        self.struct.steps.changed = True
+
+    def move_others(self, what: int) -> None:
+        """Save or restore the components whose states C does not save."""
+        if what == SAVE:
+            for m, state in zip(self._others, self._saved, strict=False):
+                m.implementation.forget(state)
+            self._saved = [m.implementation.save() for m in self._others]
+        else:
+            for m, state in zip(self._others, self._saved, strict=True):
+                m.implementation.restore(state)
+
+    def save(self) -> State:
+        """Where the steps stand."""
+        return self._memory.copy(), self._steps.copy()
+
+    def restore(self, state: State) -> None:
+        """Go back to where they stood."""
+        self._memory[:], self._steps[:] = state
+
+    # What they tell.
+
+    def failure(self, t: float) -> ToleranceExceeded:
+        """Why they cannot continue at `t` [s]."""
+        component, variable = self._outputs[self.struct.worst]
+        error, second = self.struct.error * self._tolerance, float(self._base.tick)
+        return ToleranceExceeded(component.name, variable.name, error, self._tolerance, self.ticks * second, t)
+
+    @property
+    def effort(self) -> StepEffort:
+        """How many steps there were, and how long they were."""
+        s, second = self.struct.steps, float(self._base.tick)
+        lengths = [second * ticks for ticks in (s.smallest, s.total / max(1, s.n_accepted), s.largest)]
+        return StepEffort(self._tolerance, s.n_accepted, s.n_rejected, *lengths)
+
+
+def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], list[SystemComponent]]:
+    """Components with outputs that depend directly on connected inputs.
+
+    Returns those that compute them in steps only, and those that can compute them again without a step, in the order in
+    which they pass on values (a component may occur several times).
+    """
+    sources = {(c.target, c.input.name): c for c in schedule.connections}
+    values: TopologicalSorter[tuple[SystemComponent, str]] = TopologicalSorter()
+    direct: dict[SystemComponent, dict[str, None]] = {}
+    for m in schedule.continuous:
+        port = layout.ports[m]
+        for v in port.outputs:
+            known = declared(m, v.name)
+            inputs = [i.name for i in port.inputs if known is None or i.name in known]
+            if inputs:
+                direct.setdefault(m, {}).update(dict.fromkeys(inputs))
+                from_ = [sources[m, i] for i in inputs]
+                values.add((m, v.name), *((c.source, c.output.name) for c in from_ if not c.source.discrete))
+    held = [m for m, inputs in direct.items() if not _follows(layout, m, inputs)]
+    order: list[SystemComponent] = []
+    try:
+        values.prepare()
+    except CycleError as cycle:
+        path = " -> ".join(f"{m.name}.{name}" for m, name in cycle.args[1])
+        raise LoopError(
+            f"a run with a tolerance solves no algebraic loops, and there may be one: {path}. Run the system without a"
+            " tolerance."
+        ) from None
+    while values.is_active():
+        ready = values.get_ready()
+        values.done(*ready)
+        order += sorted({m for m, name in ready if m in direct and m not in held}, key=lambda m: m.name)
+    return held, order
+
+
+def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
+    """Raise LoopError where there is an algebraic loop, which no run with a tolerance solves."""
+    for loop in loops:
+        raise LoopError(
+            f"{loop.names} form an algebraic loop, which a run with a tolerance does not solve:\n{loop}\nRun the system"
+            " without a tolerance."
+        )
+
+
+def _follows(layout: Layout, component: SystemComponent, inputs: dict[str, None]) -> bool:
+    port = layout.ports[component]
+    about = component.description
+    computes_on_get = about.interface == "me" or (about.kind is not None and about.fmi_version)  # or of this project
+    return bool(computes_on_get) or follows(component, [i for i in port.inputs if i.name in inputs], port.outputs)

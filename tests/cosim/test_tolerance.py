@@ -1,0 +1,284 @@
+"""Runs with a tolerance: the true error, the instants of discrete components, failures, and what is refused."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from probes import DiscreteProbe, Integrator
+from same import assert_same
+from scipy.linalg import expm
+
+from cosim import ComponentError, CosimError, Execution, PythonComponent, Record, Recording, System, WiringError
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+K, COUPLING = 100.0, 50.0
+NAMES = ["a.x", "a.v", "b.x", "b.v"]
+
+
+class Mass(PythonComponent):
+    """A mass of 1 kg on its own spring of K N/m and damper of d Ns/m; exact for a force that is held."""
+
+    inputs = ("force",)
+    outputs = ("x", "v")
+    parameters = {"x0": 1.0, "d": 0.0}  # noqa: RUF012
+    feedthrough = {"x": (), "v": ()}  # noqa: RUF012
+
+    def begin(self) -> None:
+        self.x, self.v = self.x0, 0.0
+
+    def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
+        y[:] = self.x, self.v
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        rest, decay = u[0] / K, 0.5 * self.d
+        w = np.sqrt(K - decay * decay)
+        c, s, x = np.cos(w * h), np.sin(w * h), self.x - rest
+        p = (self.v + decay * x) / w
+        e = np.exp(-decay * h)
+        self.x = rest + e * (x * c + p * s)
+        self.v = e * ((p * w - decay * x) * c - (x * w + decay * p) * s)
+        y[:] = self.x, self.v
+
+
+class Spring(PythonComponent):
+    """A force that depends directly on two displacements."""
+
+    inputs = ("a", "b")
+    outputs = ("force",)
+    parameters = {"k": COUPLING}  # noqa: RUF012
+    computes_on_get = True
+
+    def start(self, u: Any, y: Any) -> None:
+        y[0] = self.k * (u[1] - u[0])
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        self.start(u, y)
+
+
+def oscillator(d: float = 0.0, *, spring: bool = False, step: str = "2 ms", extrapolate: bool = False) -> System:
+    """Two masses, coupled by a spring that is a component of its own or a part of both."""
+    system = System(allow_unconnected=True)
+    system.add("a", Mass, step=step, parameters={"d": d})
+    system.add("b", Mass, step=step, parameters={"x0": 0.0, "d": d})
+    if spring:
+        system.add("s", Spring, step=step)
+        system.connect("a.x", "s.a")
+        system.connect("b.x", "s.b")
+        system.connect("s.force", "a.force")
+        system.connect("s.force", "b.force", linear=(-1.0, 0.0))
+    else:
+        system.connect("a.x", "b.force", linear=(COUPLING, 0.0), extrapolate=extrapolate)
+        system.connect("b.x", "a.force", linear=(COUPLING, 0.0), extrapolate=extrapolate)
+    return system
+
+
+def relative_errors(run: Recording, d: float = 0.0, *, spring: bool = False) -> dict[str, float]:
+    """Of each variable: the largest error, relative to the largest value."""
+    k = K + COUPLING * spring
+    a = np.array([[0, 1, 0, 0], [-k, -d, COUPLING, 0], [0, 0, 0, 1], [COUPLING, 0, -k, -d]])
+    states = np.array([expm(a * t) @ [1, 0, 0, 0] for t in run.time])
+    errors = {n: np.abs(run[n] - states[:, i]).max() / np.abs(states[:, i]).max() for i, n in enumerate(NAMES)}
+    return {n: float(e) for n, e in errors.items()}
+
+
+@pytest.mark.parametrize("spring", [False, True], ids=["pair", "spring"])
+def test_the_global_error_follows_the_tolerance_over_three_decades(spring):
+    found = {}
+    for tolerance in (1e-2, 1e-3, 1e-4, 1e-5):
+        run = oscillator(spring=spring).run(1.0, record=Record(NAMES, "10 ms"), tolerance=tolerance)
+        assert len(run) == 101
+        errors = relative_errors(run, spring=spring)
+        found[tolerance] = max(errors.values()) / tolerance, run.steps.accepted
+    assert all(0.1 < share < 3.0 for share, _ in found.values())
+    for tolerance in (1e-2, 1e-3, 1e-4):  # of second order: ten times as accurate with sqrt(10) times the steps
+        assert 2.3 < found[tolerance / 10][1] / found[tolerance][1] < 4.0
+
+
+def test_there_are_fewer_steps_than_fixed_ones_of_the_same_accuracy():
+    """A motion that dies out: steps become longer."""
+    d, record = 3.0, Record(NAMES, "20 ms")
+    adaptive = oscillator(d).run(12.0, record=record, tolerance=1e-4)
+    fixed = oscillator(d, extrapolate=True).run(12.0, record=record)
+    errors = [max(relative_errors(run, d).values()) for run in (adaptive, fixed)]
+    steps_of_the_same_accuracy = 6000 * np.sqrt(errors[1] / errors[0])
+    assert adaptive.steps.accepted + adaptive.steps.rejected < 0.4 * steps_of_the_same_accuracy
+
+
+def test_a_group_and_extrapolated_connections_have_no_meaning():
+    system = oscillator(extrapolate=True)
+    system.group("both", ["a", "b"], "gauss-seidel")
+    assert_same(system.run(0.1, tolerance=1e-3), oscillator().run(0.1, tolerance=1e-3))
+
+
+def test_discrete_components_run_at_their_exact_instants():
+    system = oscillator()
+    system.add("p", DiscreteProbe(), step="1/60")
+    system.add("q", DiscreteProbe(), step="7 ms", offset="1 ms")
+    system.connect("a.x", "p.u")
+    run = system.run(0.5, record=Record(["p.y", "q.y", "a.x"], "1 ms"), tolerance=1e-4)
+    for name, step, offset in (("p", Fraction(1, 60), 0), ("q", Fraction(7, 1000), Fraction(1, 1000))):
+        known = [float(offset + step * k) for k in range(100) if offset + step * k <= Fraction(1, 2)]
+        shown = [y for y in dict.fromkeys(run[f"{name}.y"].tolist()) if y >= 0]
+        assert shown == known
+    log = system["p"].implementation.log
+    truth = {round(t, 6): x for t, x in zip(run.time, run["a.x"], strict=True)}
+    assert all(abs(truth[round(t / 1000, 6)] - u / 1000) < 1e-3 for t, u in log if t % 50 == 0)
+
+
+def test_rows_between_communication_points_are_interpolated_and_the_recording_says_so():
+    run = oscillator().run(0.5, record=Record(NAMES, "0.1 ms"), tolerance=1e-4)
+    steps = run.steps
+    assert len(run) == 5001 > 5 * steps.accepted
+    assert max(relative_errors(run).values()) < 1e-3
+    assert steps.smallest <= steps.mean <= steps.largest
+    assert steps.accepted * steps.mean == pytest.approx(0.5)
+    assert f"{steps.accepted} communication steps" in str(steps)
+    assert "between them are interpolated" in run._repr_html_()
+    assert oscillator().run(0.1).steps is None
+
+
+def test_an_input_that_is_set_takes_effect_at_once():
+    """Within the step that is under way, which is repeated up to there."""
+    with System(allow_unconnected=True) as system:
+        system.add("i", Integrator(), step="1 ms")
+        with system.initialize(record=["i.y"], execution=Execution(tolerance=1e-3)) as simulation:
+            expected = 0.0
+            for k in range(1, 40):
+                simulation.set("i.u", float(k))
+                simulation.advance(Fraction(13 * k, 1000))
+                expected += 0.013 * k
+                assert simulation["i.y"] == pytest.approx(expected, rel=1e-12)
+            put = simulation.setter(["i.u"])
+            for k in range(40, 60):
+                put(np.array([float(k)]))
+                simulation.advance(Fraction(13 * k, 1000))
+                expected += 0.013 * k
+            assert simulation["i.y"] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("value", [5.0, float("nan"), "raise"])
+def test_a_component_that_fails_is_named_with_the_time(value):
+    class Fails(Mass):
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:
+            super().step(t, h, u, y)
+            if t + h > 0.3:
+                if value == "raise":
+                    raise ValueError("the spring is broken")
+                y[0] = value
+
+    system = oscillator()
+    system.add("f", Fails, step="2 ms")
+    system.connect("a.x", "f.force", linear=(1.0, 0.0))
+    if value == 5.0:
+        assert system.run(0.5, tolerance=1e-3)["f.x"][-1] == 5.0
+        return
+    with pytest.raises(ComponentError) as caught:
+        system.run(0.5, tolerance=1e-3)
+    assert caught.value.component == "f"
+    assert caught.value.time == pytest.approx(0.3, abs=2e-6 if value != "raise" else 0.13)
+    assert ("x is nan" if value != "raise" else "the spring is broken") in str(caught.value)
+    assert caught.value.recording.time[-1] > 0.28
+
+
+def test_a_value_that_never_follows_ends_the_run_by_name():
+    class Noise(PythonComponent):
+        outputs = ("y",)
+
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = np.sin(1e9 * (t + h))
+
+    system = System()
+    system.add("n", Noise, step="1 ms")
+    system.add("i", Integrator(), step="1 ms")
+    system.connect("n.y", "i.u")
+    with pytest.raises(
+        ComponentError, match=r"the exchange of n\.y does not reach the tolerance of 0\.0001 at t = "
+    ) as c:
+        system.run(0.1, tolerance=1e-4)
+    assert c.value.component == "n"
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmus_give_the_same_bits_in_each_version_isolated_or_not(built_fmus, fmi, isolated):
+    """Two quarter cars that push each other, one of which is controlled at 10 ms."""
+    found = []
+    for version, how in ((3, False), (fmi, isolated)):
+        with System(allow_unconnected=True) as system:
+            for name, height in (("a", 0.05), ("b", 0.0)):
+                system.add(
+                    name, built_fmus.path("QuarterCarHmmwv", version), step="4 ms", start={"road.height": height}
+                )
+            system.add("d", Integrator(), kind="discrete", step="10 ms")
+            system.connect("a.suspension.deflection", "b.force", linear=(20e3, 0.0))
+            system.connect("b.suspension.deflection", "a.force", linear=(20e3, 0.0))
+            system.connect("a.body.vz", "d.u", linear=(1.0, 0.0))
+            system.connect("d.y", "b.road.height", linear=(0.1, 0.0))
+            execution = Execution(tolerance=1e-4, isolate=("?",) if how else ())
+            found.append(system.run(0.3, record=["*.body.z", "d.y", "*.body.az"], execution=execution))
+    assert_same(*found)
+    assert found[0].steps == found[1].steps
+    assert found[0].steps.rejected > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda s: s.connect("a.x", "c.u", delay=True, linear=(1.0, 0.0)), "has a delay of one step"),
+        (lambda s: s.add("o", Integrator(), step="1 ms", offset="1 ms"), "'o' has an offset of 0.001 s"),
+    ],
+)
+def test_what_is_refused(change, said):
+    system = oscillator()
+    system.add("c", Integrator(), step="1 ms")
+    change(system)
+    with pytest.raises(WiringError, match=said):
+        system.run(0.1, tolerance=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("variable_step", "can_save", "said"),
+    [(False, True, "steps of any length"), (True, False, "cannot save its state")],
+)
+def test_fmus_that_cannot_are_refused(follower, variable_step, can_save, said):
+    with System() as system:
+        system.add("f", follower[3], step="1 ms")
+        system["f"].description.variable_step, system["f"].description.can_save = variable_step, can_save
+        with pytest.raises(WiringError, match=f"'f' .*{said}.*without a tolerance"):
+            system.run(0.1, tolerance=1e-3)
+
+
+def test_loops_states_of_other_simulations_and_the_error_of_fixed_steps_are_refused():
+    system = oscillator(spring=True)
+    with system.initialize(execution=Execution(tolerance=1e-3)) as simulation:
+        simulation.advance(0.1)
+        state = simulation.save()
+        with pytest.raises(CosimError, match="cannot leave its process"):
+            state.to_bytes()
+    with system.initialize() as simulation:
+        of_fixed_steps = simulation.save()
+    for given, tolerance in ((state, None), (state, 1e-3), (of_fixed_steps, 1e-3)):
+        with pytest.raises(CosimError, match="does not continue from a state of another simulation"):
+            system.run(0.2, state=given, tolerance=tolerance)
+    with pytest.raises(CosimError, match="that of fixed steps"):
+        system.exchange_error(0.1, execution=Execution(tolerance=1e-3))
+    system.add("t", Spring, step="2 ms")
+    for name in "ab":
+        system.connect("s.force" if name == "a" else "t.force", f"t.{name}")
+    with pytest.raises(CosimError, match="form an algebraic loop, which a run with a tolerance does not solve"):
+        system.run(0.1, tolerance=1e-3)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, 2.0, float("nan")])
+def test_a_tolerance_is_a_share(tolerance):
+    with pytest.raises(WiringError, match="tolerance"):
+        oscillator().run(0.1, tolerance=tolerance)
+
+
+def test_without_continuous_components_a_tolerance_changes_nothing():
+    system = System()
+    system.add("d", DiscreteProbe(), step="1 ms")
+    assert system.run(0.1, tolerance=1e-3).steps is None
