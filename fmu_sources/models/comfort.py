@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 from build_fmus.base.checks import number
 from cosim.core.signals import Array, finite_series, rms
@@ -131,6 +130,8 @@ def absorbed_power_series(
 ) -> Array:
     """Square of the human response [W] at every sample. Donahue and Hedrick, (1.19), with the acceleration in ft/s2."""
     az = finite_series("vertical acceleration", az_m_s2)
+    from scipy import signal  # slow to import
+
     felt = signal.sosfilt(digital_sections(response, rate_hz), FEET_PER_METRE * az)
     return np.asarray(felt * felt, dtype=float)
 
@@ -173,6 +174,8 @@ def absorbed_power_peak(az_m_s2: npt.ArrayLike, rate_hz: float, window_s: float 
 def weighted_acceleration(az_m_s2: npt.ArrayLike, rate_hz: float) -> Array:
     """Wk-weighted vertical acceleration [m/s2]. ISO 2631-1, 6.4 and annex A."""
     az = finite_series("vertical acceleration", az_m_s2)
+    from scipy import signal  # slow to import
+
     return np.asarray(signal.sosfilt(digital_sections(WEIGHTING_WK, rate_hz), az), dtype=float)
 
 

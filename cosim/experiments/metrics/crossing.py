@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 from build_fmus.base.checks import number
 from cosim.core.signals import Array, finite_series, peak
@@ -98,6 +97,8 @@ def psd(
     number("sampling rate", rate_hz, "Hz", above=0)
     if len(series) < 2:
         raise ValueError(f"{name} has {len(series)} sample; a spectrum needs two at least")
+    from scipy import signal  # slow to import
+
     frequency, density = signal.periodogram(series, rate_hz, detrend=False)
     return np.asarray(frequency, dtype=float), np.asarray(density, dtype=float)
 

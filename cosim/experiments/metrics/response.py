@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy import constants, signal
+from scipy import constants
 
 from build_fmus.base.checks import number, whole_number
 from cosim.core.signals import Array, finite_channels, finite_series
@@ -45,6 +45,8 @@ def low_pass(
     if not (math.isfinite(rate_hz) and math.isfinite(cutoff_hz) and 0.0 < 2.0 * cutoff_hz < rate_hz):
         raise ValueError(f"cutoff {cutoff_hz} Hz must lie between 0 and half the sampling rate of {rate_hz} Hz")
     whole_number("filter order", order)
+    from scipy import signal  # slow to import
+
     sections = signal.butter(order, cutoff_hz, fs=rate_hz, output="sos")
     return np.asarray(signal.sosfilt(sections, series), dtype=float)
 

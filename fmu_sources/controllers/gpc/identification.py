@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
-from scipy.signal import butter, sosfilt
 
 from build_fmus.base import safe_files
 from build_fmus.base.checks import number, whole_number
@@ -91,6 +90,8 @@ class IdentificationSettings:
         white = np.random.default_rng(self.seed).normal(0.0, self.excitation, (self.samples, len(CORNERS)))
         if not self.roll_off:
             return white
+        from scipy.signal import butter, sosfilt  # slow to import
+
         low = sosfilt(butter(4, self.roll_off, fs=1 / SAMPLE_TIME, output="sos"), white, axis=0)
         return np.asarray(low * (self.excitation / np.std(low)))
 
