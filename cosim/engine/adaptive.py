@@ -32,13 +32,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.core.component import Array, Ports
+from cosim.core.dependencies import by_perturbation
 from cosim.core.description import Variable
 from cosim.core.errors import LoopError, ToleranceExceeded, WiringError
 from cosim.core.time import TimeBase, seconds_text
 from cosim.engine.library import interface
-from cosim.engine.loops import follows
 from cosim.engine.saving import EngineStatePool
-from cosim.engine.values import Layout
+from cosim.engine.values import Layout, PortLayout
 from cosim.recording.recording import StepEffort
 from cosim.system.components import Group, SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared
@@ -116,6 +116,7 @@ class AdaptiveSteps:
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
         self._saved: list[Any] = []
+        self._restored: int | None = None  # begin of the step that was under way in the last restored state
         self._pool = EngineStatePool(calls) if calls else None
         self._states = None if self._pool is None else self._pool.save()
         self._memory: Array = np.zeros((3, n))  # begin, slope, size
@@ -162,8 +163,9 @@ class AdaptiveSteps:
         return int(self.struct.steps.tried)
 
     def within(self, tick: int) -> bool:
-        """Whether a step is under way at a tick."""
-        return int(self.struct.steps.begin) < tick < int(self.struct.steps.end)
+        """Whether a step is under way at a tick, whose first part can be repeated: not after it was restored."""
+        begin = int(self.struct.steps.begin)
+        return begin != self._restored and begin < tick < int(self.struct.steps.end)
 
     def changed(self) -> None:
         """Inputs or parameters were set from outside."""
@@ -186,6 +188,7 @@ class AdaptiveSteps:
     def restore(self, state: State) -> None:
         """Go back to where they stood."""
         self._memory[:], self._steps[:] = state
+        self._restored = int(self.struct.steps.begin)
 
     # What they tell.
 
@@ -211,17 +214,17 @@ def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], 
     """
     sources = {(c.target, c.input.name): c for c in schedule.connections}
     values: TopologicalSorter[tuple[SystemComponent, str]] = TopologicalSorter()
-    direct: dict[SystemComponent, dict[str, None]] = {}
+    held: list[SystemComponent] = []
+    direct: set[tuple[SystemComponent, str]] = set()
     for m in schedule.continuous:
-        port = layout.ports[m]
-        for v in port.outputs:
-            known = declared(m, v.name)
-            inputs = [i.name for i in port.inputs if known is None or i.name in known]
-            if inputs:
-                direct.setdefault(m, {}).update(dict.fromkeys(inputs))
-                from_ = [sources[m, i] for i in inputs]
-                values.add((m, v.name), *((c.source, c.output.name) for c in from_ if not c.source.discrete))
-    held = [m for m, inputs in direct.items() if not _follows(layout, m, inputs)]
+        found = _dependencies(m, layout.ports[m])
+        if found is None:
+            held.append(m)
+            continue
+        for output, inputs in found.items():
+            direct.add((m, output))
+            before = [sources[m, i] for i in inputs]
+            values.add((m, output), *((c.source, c.output.name) for c in before if not c.source.discrete))
     order: list[SystemComponent] = []
     try:
         values.prepare()
@@ -234,8 +237,26 @@ def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], 
     while values.is_active():
         ready = values.get_ready()
         values.done(*ready)
-        order += sorted({m for m, name in ready if m in direct and m not in held}, key=lambda m: m.name)
+        order += sorted({m for m, name in ready if (m, name) in direct}, key=lambda m: m.name)
     return held, order
+
+
+def _dependencies(component: SystemComponent, port: PortLayout) -> dict[str, list[str]] | None:
+    """Outputs with the connected inputs on which they depend directly; None if they may, but follow in steps only."""
+    about, every = component.description, [v.name for v in port.inputs]
+    known = {v.name: declared(component, v.name) for v in port.outputs}
+    possible = {v: every if on is None else [i for i in every if i in on] for v, on in known.items()}
+    read = {i for inputs in possible.values() for i in inputs}
+    if not read:
+        return {}
+    inputs = [i for i in port.inputs if i.name in read]
+    measured = by_perturbation(component.implementation, inputs, port.outputs)
+    own = about.kind is not None and about.fmi_version  # an FMU of this project
+    if not any(measured.values()) and not own and about.interface != "me":
+        exact: Any = component.implementation if about.directional_derivatives else None
+        return None if exact is None or any(exact.measure_dependencies(inputs, port.outputs).values()) else {}
+    found = {v: possible[v] if on is not None else [i for i in every if i in measured[v]] for v, on in known.items()}
+    return {v: on for v, on in found.items() if on}
 
 
 def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
@@ -245,10 +266,3 @@ def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
             f"{loop.names} form an algebraic loop, which a run with a tolerance does not solve:\n{loop}\nRun the system"
             " without a tolerance."
         )
-
-
-def _follows(layout: Layout, component: SystemComponent, inputs: dict[str, None]) -> bool:
-    port = layout.ports[component]
-    about = component.description
-    computes_on_get = about.interface == "me" or (about.kind is not None and about.fmi_version)  # or of this project
-    return bool(computes_on_get) or follows(component, [i for i in port.inputs if i.name in inputs], port.outputs)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+import awkward
 import numpy as np
 import pytest
+from foreign import exchanged
 from probes import DiscreteProbe, Integrator
-from same import assert_same
+from same import assert_same, outcome
 from scipy.linalg import expm
 
 from cosim import ComponentError, CosimError, Execution, PythonComponent, Record, Recording, System, WiringError
@@ -282,3 +284,78 @@ def test_without_continuous_components_a_tolerance_changes_nothing():
     system = System()
     system.add("d", DiscreteProbe(), step="1 ms")
     assert system.run(0.1, tolerance=1e-3).steps is None
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("trouble", "value", "said"),
+    [
+        (awkward.STATUS, 2.0, "DoStep returned Discard at t = 0.3"),
+        (awkward.STATUS, 3.0, "DoStep returned Error at t = 0.3"),
+        (awkward.GET_STATUS, 3.0, "returned Error at t = 0.25"),
+        (awkward.NOT_FINITE, float("nan"), "'m': y is nan at t = 0.3"),
+        (awkward.END, 0.0, "'m' asked to end the simulation"),
+        (awkward.END_EARLY, 0.0, "'m' asked to end the simulation"),
+    ],
+)
+def test_an_fmu_in_trouble(awkward_fmus, follower, version, trouble, value, said):
+    """From 0.3 s on; its step is tried again with shorter ones where the standard allows that."""
+    with System(allow_unconnected=True) as system:
+        values = {"trouble": trouble, "at": 0.3}
+        system.add("m", awkward_fmus[version], step="50 ms", kind="continuous", parameters=values)
+        system["m"].values["value"] = value
+        system["m"].description.variable_step = True
+        system.add("z", follower[version], step="30 ms", kind="continuous")
+        system.add("d", DiscreteProbe(), step="50 ms")
+        system.connect("m.y", "z.u", linear=(1.0, 0.0))
+        failure, recording = outcome(lambda: system.run(0.6, record=Record(["m.y"], "10 ms"), tolerance=1e-2))
+    assert recording is not None
+    assert said in failure + str(recording.stopped_by)
+    assert 0.24 < recording.time[-1] <= 0.31
+    np.testing.assert_allclose(recording["m.y"][1:-1], recording.time[1:-1], atol=1e-9)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_model_exchange_fmus_go_back_too(tmp_path, version):
+    """dx/dt = u - x of one, dx/dt = -u - x of the other: a decaying rotation."""
+    path = exchanged.build(version, tmp_path)
+    with System() as system:
+        for name, k in (("a", 1.0), ("b", -1.0)):
+            system.add(name, path, step="10 ms", parameters={"k": k, "kind": 0.0}, start={"x": 1.0})
+        system.connect("a.x", "b.u")
+        system.connect("b.x", "a.u")
+        run = system.run(2.0, record=Record(["a.x", "b.x"], "20 ms"), tolerance=1e-4)
+    t = run.time
+    np.testing.assert_allclose(run["a.x"], np.exp(-t) * (np.cos(t) + np.sin(t)), atol=2e-4)
+    np.testing.assert_allclose(run["b.x"], np.exp(-t) * (np.cos(t) - np.sin(t)), atol=2e-4)
+    assert run.steps.rejected > 0
+
+
+def test_states_are_saved_in_the_same_memory(built_fmus):
+    with System(allow_unconnected=True) as system:
+        for name in "ab":
+            system.add(name, built_fmus.path("QuarterCarHmmwv", 3), step="4 ms", start={"road.height": 0.05})
+        system.connect("a.suspension.deflection", "b.force", linear=(20e3, 0.0))
+        with system.initialize(execution=Execution(tolerance=1e-4)) as simulation:
+            struct: Any = simulation.exchange.adaptive.struct
+            before = [struct.states[i] for i in range(2)]
+            simulation.advance(0.2)
+            assert [struct.states[i] for i in range(2)] == before
+            assert simulation.recording.steps.accepted > 10
+
+
+def test_a_restored_step_is_not_repeated_for_an_input():
+    """Its first part belongs to states that are gone: the input takes effect at its end."""
+    with System(allow_unconnected=True) as system:
+        system.add("i", Integrator(), step="1 ms")
+        with system.initialize(record=["i.y"], execution=Execution(tolerance=1e-3)) as simulation:
+            simulation.advance("5 ms")
+            state = simulation.save()
+            ends = []
+            for _ in range(2):
+                simulation.set("i.u", 1.0)
+                simulation.advance("300 ms")
+                ends.append(simulation["i.y"])
+                simulation.restore(state)
+        assert ends[0] == pytest.approx(0.295, rel=1e-9)
+        assert 0.29 < ends[1] < 0.295
