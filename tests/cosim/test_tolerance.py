@@ -13,7 +13,18 @@ from probes import DiscreteProbe, Integrator
 from same import assert_same, outcome
 from scipy.linalg import expm
 
-from cosim import ComponentError, CosimError, Execution, PythonComponent, Record, Recording, System, WiringError
+from cosim import (
+    ComponentError,
+    CosimError,
+    Execution,
+    PythonComponent,
+    Record,
+    Recording,
+    StopWhen,
+    System,
+    WiringError,
+)
+from cosim.study.driver import job_context
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 K, COUPLING = 100.0, 50.0
@@ -359,3 +370,28 @@ def test_a_restored_step_is_not_repeated_for_an_input():
                 simulation.restore(state)
         assert ends[0] == pytest.approx(0.295, rel=1e-9)
         assert 0.29 < ends[1] < 0.295
+
+
+def test_stepping_by_hand_stop_conditions_and_another_run_change_nothing():
+    system = oscillator()
+    record, execution = Record(NAMES, "3 ms"), Execution(tolerance=1e-3)
+    whole = system.run("0.3", record=record, execution=execution)
+    with system.initialize(record=record, execution=execution, stop_time="0.3") as simulation:
+        for _ in range(2):
+            step = simulation.stepper("10 ms")
+            for _ in range(30):
+                step()
+            simulation.advance("0.3", final=True)
+            assert_same(simulation.recording, whole)
+            assert simulation.recording.steps == whole.steps
+            simulation.restart()
+    stopped = system.run("0.3", record=record, execution=execution, stop_when=[StopWhen("a.x", "<", 0.0)])
+    n = int(np.argmax(whole["a.x"] < 0.0))
+    assert n - 1 <= len(stopped) <= n + 1
+    np.testing.assert_array_equal(stopped.data[:n], whole.data[:n])
+    assert stopped.stopped_by == "a.x < 0"
+
+
+def test_studies_do_not_run_with_a_tolerance():
+    with pytest.raises(CosimError, match="studies, sweeps and searches run with fixed steps"):
+        job_context(None, None, [], {}, Execution(tolerance=1e-3))  # type: ignore[arg-type]
