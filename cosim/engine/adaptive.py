@@ -7,7 +7,9 @@ discrete component, so these run at their exact instants.
 1. Outputs that depend directly on inputs are computed again from the inputs as they are now.
 2. The state of each continuous component is saved.
 3. Every input that another continuous component drives is extrapolated linearly: from the last two communication
-   points, to the middle of the step. All components take the step with it. Then 1 is repeated at the end of the step.
+   points, to the middle of the step; not from integers and Booleans, and not from outputs that are read by a component
+   which computes outputs with direct dependencies in steps only. All components take the step with these inputs. Then
+   1 is repeated at the end of the step.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to tolerance * max(nominal, largest magnitude so far).
    If it is above 1, the states are restored, the slopes are those of the step that was tried, and a shorter one is
