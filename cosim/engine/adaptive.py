@@ -41,6 +41,7 @@ from cosim.core.time import TimeBase, seconds_text
 from cosim.engine.library import interface
 from cosim.engine.saving import EngineStatePool
 from cosim.engine.values import Layout, PortLayout
+from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import StepEffort
 from cosim.system.components import Group, SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared
@@ -52,7 +53,8 @@ LARGEST = 64
 """The largest step is so many of these."""
 SAVE, RESTORE = -2, -3
 _READ, _HELD, _STEPWISE = 1, 2, 4
-State = tuple[Array, npt.NDArray[np.int64]]
+States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
+State = tuple[Array, npt.NDArray[np.int64], States | None]
 
 
 def smallest_step(components: Sequence[SystemComponent]) -> Fraction | None:
@@ -117,10 +119,8 @@ class AdaptiveSteps:
         self.held, refreshed = _direct(schedule, layout)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
-        self._saved: list[Any] = []
-        self._restored: int | None = None  # begin of the step that was under way in the last restored state
         self._pool = EngineStatePool(calls) if calls else None
-        self._states = None if self._pool is None else self._pool.save()
+        self._states = self._save_states()  # at the begin of the step
         self._memory: Array = np.zeros((3, n))  # begin, slope, size
         self._memory[2] = [v.nominal for _, v in self._outputs]
         self._steps: npt.NDArray[np.int64] = np.zeros(12, dtype=np.int64)
@@ -135,8 +135,9 @@ class AdaptiveSteps:
         numbers = {m: i for i, m in enumerate(schedule.components)}
         a.refreshed = self._pointer("int32_t*", np.array([numbers[m] for m in refreshed], dtype=np.int32))
         a.n_refreshed, a.others = len(refreshed), bool(self._others)
-        if self._pool is not None and self._states is not None:
-            a.fmus, a.states, a.n_fmus = self._pool.structs, self._states.pointers, len(calls)
+        if self._pool is not None:
+            self._use_states()
+            a.fmus, a.n_fmus = self._pool.structs, len(calls)
             a.numbers = self._pointer("int32_t*", np.array([numbers[m] for m in calls], dtype=np.int32))
         a.begin, a.slope, a.size = (self._pointer("double*", row) for row in self._memory)
         a.steps = self._pointer("EngineSteps*", self._steps)
@@ -165,9 +166,8 @@ class AdaptiveSteps:
         return int(self.struct.steps.tried)
 
     def within(self, tick: int) -> bool:
-        """Whether a step is under way at a tick, whose first part can be repeated: not after it was restored."""
-        begin = int(self.struct.steps.begin)
-        return begin != self._restored and begin < tick < int(self.struct.steps.end)
+        """Whether a step is under way at a tick."""
+        return int(self.struct.steps.begin) < tick < int(self.struct.steps.end)
 
     def changed(self) -> None:
         """Inputs or parameters were set from outside."""
@@ -175,22 +175,45 @@ class AdaptiveSteps:
 
     def move_others(self, what: int) -> None:
         """Save or restore the components whose states C does not save."""
-        if what == SAVE:
-            for m, state in zip(self._others, self._saved, strict=False):
+        for m, state in zip(self._others, self._states[1], strict=True):
+            if what == SAVE:
                 m.implementation.forget(state)
-            self._saved = [m.implementation.save() for m in self._others]
-        else:
-            for m, state in zip(self._others, self._saved, strict=True):
+            else:
                 m.implementation.restore(state)
+        if what == SAVE:
+            self._states = self._states[0], [m.implementation.save() for m in self._others]
 
-    def save(self) -> State:
-        """Where the steps stand."""
-        return self._memory.copy(), self._steps.copy()
+    def save(self, tick: int) -> State:
+        """Where the steps stand at a tick; within a step with the states at its begin."""
+        began = None
+        if self.within(tick):
+            present = self._save_states()
+            self._restore_states(self._states)
+            began = self._save_states()
+            self._restore_states(present)
+        return self._memory.copy(), self._steps.copy(), began
 
     def restore(self, state: State) -> None:
-        """Go back to where they stood."""
-        self._memory[:], self._steps[:] = state
-        self._restored = int(self.struct.steps.begin)
+        """Go back to where they stood; the present states of the components are to be restored after that."""
+        self._memory[:], self._steps[:], began = state
+        if began is not None:
+            self._restore_states(began)
+            self._states = self._save_states()
+            self._use_states()
+
+    def _save_states(self) -> States:
+        return None if self._pool is None else self._pool.save(), [m.implementation.save() for m in self._others]
+
+    def _restore_states(self, states: States) -> None:
+        if self._pool is not None and states[0] is not None:
+            self._pool.restore(states[0])
+        for m, state in zip(self._others, states[1], strict=True):
+            m.implementation.restore(state)
+
+    def _use_states(self) -> None:
+        """C saves into the memory of these states."""
+        if self._states[0] is not None:
+            self.struct.states = self._states[0].pointers
 
     # What they tell.
 
