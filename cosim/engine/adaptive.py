@@ -123,7 +123,7 @@ class AdaptiveSteps:
         self._states = self._save_states()  # at the begin of the step
         self._memory: Array = np.zeros((3, n))  # begin, slope, size
         self._memory[2] = [v.nominal for _, v in self._outputs]
-        self._steps: npt.NDArray[np.int64] = np.zeros(12, dtype=np.int64)
+        self._steps: npt.NDArray[np.int64] = np.zeros(self._ffi.sizeof("EngineSteps") // 8, dtype=np.int64)
         smallest = smallest_step(schedule.components)
         assert smallest is not None
         tick = base.count(smallest)
