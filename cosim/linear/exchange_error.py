@@ -68,7 +68,7 @@ class SignalError:
 
 @dataclass(frozen=True)
 class ExchangeError:
-    """Errors of the recorded variables of a run, the relatively largest first; print it.
+    """Errors of the recorded variables of a run, the relatively largest first, flags last; print it.
 
     `steps`: communication steps of the coupled continuous components [s], by name.
     """
@@ -178,8 +178,13 @@ def exchange_error(
                         held[name] = measured()
     _require_same_times([given, *runs, *held.values()])
     signals = [_signal(n, given, runs, held) for n in given.names]
-    signals.sort(key=lambda s: (-s.relative, s.name))
+    signals.sort(key=lambda s: (not _is_real(wiring, s.name), -s.relative, s.name))
     return ExchangeError(tuple(signals), {m.name: m.step for m in coupled})
+
+
+def _is_real(wiring: Wiring, name: str) -> bool:
+    owner, variable = wiring.components.parts(name)
+    return wiring.components[owner].description.find(variable, owner).type == "real"
 
 
 def _couplings(wiring: Wiring) -> list[Connection]:

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag, expm
-from scipy.sparse import csr_array
 
 from cosim.core.component import Array, PythonComponent
 from cosim.core.description import Description, Variable
@@ -39,6 +37,8 @@ def model_of(component: SystemComponent, inputs: Sequence[Variable], outputs: Se
 
 def diagonal(models: Sequence[Model]) -> Model:
     """Models side by side."""
+    from scipy.linalg import block_diag  # slow to import, and few runs need it
+
     return Model(*(block_diag(*(getattr(m, name) for m in models)) for name in "abcd"))
 
 
@@ -75,6 +75,8 @@ class LinearizedContinuous(_Linearized):
         n = len(model.a)
         block = np.zeros((n + len(inputs), n + len(inputs)))
         block[:n, :n], block[:n, n:] = model.a, model.b
+        from scipy.linalg import expm
+
         self._map = expm(block * step)[:n]
         self._out = np.hstack([model.c, model.d])
 
@@ -96,6 +98,8 @@ class LinearizedSampled(_Linearized):
     def __init__(self, updates: Sequence[Array], inputs: Sequence[Variable], outputs: Sequence[Variable]):
         """`updates`: matrices from [x; u] to [x_next; y]."""
         super().__init__("discrete", inputs, outputs, updates[0].shape[1] - len(inputs))
+        from scipy.sparse import csr_array
+
         self._updates = [csr_array(m) for m in updates]  # memories that shift are mostly zeros
         self.sample = 0  # number of the next one
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import schur
 
 from cosim.core.component import Array
 from cosim.core.description import Variable
@@ -125,6 +124,7 @@ def _participation(matrix: Array, radius: float) -> Array:
     It is the diagonal of the projector on their subspace. For a single mode these are the products of the entries of
     its left and right eigenvectors; for modes of equal growth they do not depend on which eigenvectors LAPACK chooses.
     """
+    from scipy.linalg import schur  # slow to import, and few runs need it
 
     def fastest(growth: complex) -> bool:
         return abs(growth) >= radius * (1 - TOLERANCE) and growth.imag >= -TOLERANCE * radius

@@ -9,7 +9,6 @@ from rich.text import Text
 
 from build_fmus.base.checks import number
 from build_fmus.base.terminal import Command, show
-from cosim import Record
 from cosim.study.commands import progress_bar
 from cosim.study.experiment import Experiment
 from cosim.study.options import EXECUTION, case_of, case_options, command, execution, fmu_options, fmu_set
@@ -37,15 +36,10 @@ def error_command(experiment: Experiment) -> Command:
 
     def error(**given: Any) -> None:
         tolerance = number("--tolerance", given["tolerance"], above=0.0, most=1.0)
-        case, options, how = case_of(experiment, given), experiment.run, execution(given)
+        case, how = case_of(experiment, given), execution(given)
         with Runner(experiment, fmu_set(experiment, given), execution=how) as runner, progress_bar("runs") as progress:
-            system = runner.system(case)
-            found = system.exchange_error(
-                options.end(system, case),
-                record=Record(given["variables"] or options.recorded(case), options.interval_of(case)),
-                execution=how,
-                contributions=given["contributions"],
-                progress=progress,
+            found = runner.exchange_error(
+                case, given["variables"], contributions=given["contributions"], progress=progress
             )
         show(Text(found.table(tolerance)), as_is=True)
 

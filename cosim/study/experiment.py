@@ -85,6 +85,20 @@ class Task:
 
 
 @dataclass(frozen=True)
+class DefaultExchangeError:
+    """A search: the error of the exchange in the run of the default case, as the sentence that a page shows."""
+
+    variables: tuple[str, ...]
+    label: str = "error of the exchange in the default run"
+    cost: float = 6.0
+
+    def __call__(self, runner: Any) -> str:
+        """The sentence."""
+        found: str = runner.exchange_error(runner.experiment.case(), self.variables).advice()
+        return found
+
+
+@dataclass(frozen=True)
 class Metric:
     """How a metric is shown: words, unit, the factor to it from what was measured (SI), and a format."""
 
@@ -235,6 +249,8 @@ class Study:
             The study does the plans of its parts too, and its own plan may hold cases of theirs; claims and report find
             them all in its results.
         claims: published statements, a `cosim.study.ClaimList`, or "module:NAME" of one.
+        exchange_error: names and patterns of variables; the study also estimates their error of the exchange in the
+            run of the default case, and its page tells it.
         report: the page of a study, a function of results and FMUs that gives a `cosim.report.Report`, or
             "module:NAME" of one; by default a table and curves over what differs.
         papers: sources by short name, for the provenance, or "module:NAME" of them.
@@ -243,6 +259,7 @@ class Study:
     plan: Iterable[Any] | Callable[..., Iterable[Any]] | None = None
     parts: Sequence[Experiment | str] = ()
     claims: Any = None
+    exchange_error: Sequence[str] = ()
     report: Callable[..., Any] | str | None = None
     papers: Mapping[str, str] | str = field(default_factory=dict)
 
@@ -357,7 +374,9 @@ class Experiment:
 
 def _planned(experiment: Experiment, options: Mapping[str, Any]) -> Iterable[Any]:
     plan = experiment.study.plan
-    return (plan(**options) if callable(plan) else plan) or ()
+    found = [*((plan(**options) if callable(plan) else plan) or ())]
+    variables = experiment.study.exchange_error
+    return [*found, DefaultExchangeError(tuple(variables))] if found and variables else found
 
 
 def resolved(named: Any) -> Any:

@@ -19,7 +19,7 @@ from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
 from cosim.study import key
 from cosim.study.case import Field, differing
-from cosim.study.experiment import Experiment, Metric, resolved, undeclared
+from cosim.study.experiment import DefaultExchangeError, Experiment, Metric, resolved, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.results import Results, RunFailed
 
@@ -109,10 +109,27 @@ def failed_section(results: Results) -> list[Section]:
     return [Section("Failed runs", [text], tables=[table])]
 
 
+def exchange_section(experiment: Experiment, results: Results) -> list[Section]:
+    """The error of the exchange in the default run, where the study has estimated it."""
+    search = DefaultExchangeError(tuple(experiment.study.exchange_error))
+    if search not in results.tasks:
+        return []
+
+    def error_of_the_exchange(_: Any) -> Section:
+        chosen = ", ".join(search.variables)
+        text = (
+            f"In the run with default options, of {chosen}: {results.found(search)} The command `error` tells it for"
+            " every case and variable."
+        )
+        return Section("Error of the exchange", [text])
+
+    return sections(None, [error_of_the_exchange])
+
+
 def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
     """The page of a study: that of the experiment, or the one by default; at its end the runs that failed."""
     made: Report = (resolved(experiment.study.report) or partial(default_report, experiment))(results, fmus)
-    return replace(made, sections=[*made.sections, *failed_section(results)])
+    return replace(made, sections=[*made.sections, *exchange_section(experiment, results), *failed_section(results)])
 
 
 # ------------------------------------------------------------------------------------------------- a report by default

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -123,6 +123,27 @@ class Runner:
         """The recording of `run`."""
         found: Recording = self.run(case, **options).recording
         return found
+
+    def exchange_error(
+        self,
+        case: Any,
+        variables: Sequence[str] = (),
+        *,
+        contributions: bool = True,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Any:
+        """A `cosim.linear.exchange_error.ExchangeError`: of the run of a case.
+
+        `variables` are by default those that the experiment records.
+        """
+        options, system = self.experiment.run, self.system(case)
+        return system.exchange_error(
+            options.end(system, case),
+            record=Record(variables or options.recorded(case), options.interval_of(case)),
+            execution=self.execution,
+            contributions=contributions,
+            progress=progress,
+        )
 
     def in_lanes(self, cases: Mapping[int, Any], vectors: str) -> Iterator[dict[int, LaneRun]]:
         """Those runs of numbered cases that are made in the lanes of these vectors, some at a time."""

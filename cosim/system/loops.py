@@ -11,11 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from graphlib import TopologicalSorter
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from cosim.core.description import Variable
 from cosim.core.errors import LoopError
@@ -81,8 +79,11 @@ def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Alge
         for c in undelayed
         if c.target is component and (inputs is None or c.input.name in inputs)
     ]
-    if not edges:
+    if not _has_cycle((begin, end) for begin, end, _ in edges):
         return []
+    from scipy.sparse import coo_array  # slow to import, and hardly any system has a loop
+    from scipy.sparse.csgraph import connected_components
+
     rows, columns, _ = zip(*edges, strict=True)
     graph = coo_array((np.ones(len(edges)), (rows, columns)), shape=(len(numbers), len(numbers)))
     _, label = connected_components(graph.tocsr(), directed=True, connection="strong")
@@ -94,6 +95,17 @@ def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Alge
         else:
             before.add(int(label[end]), int(label[begin]))
     return [_ordered(tuple(within[k])) for k in before.static_order() if k in within]
+
+
+def _has_cycle(edges: Iterable[tuple[int, int]]) -> bool:
+    graph: TopologicalSorter[int] = TopologicalSorter()
+    for begin, end in edges:
+        graph.add(end, begin)
+    try:
+        graph.prepare()
+    except CycleError:
+        return True
+    return False
 
 
 def _ordered(connections: tuple[Connection, ...]) -> AlgebraicLoop:

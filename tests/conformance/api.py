@@ -34,6 +34,7 @@ class Variable:
 
     def __init__(self, said: Var) -> None:
         self._said = said
+        self.__dict__.update(vars(said))  # most accesses are to these; __getattr__ would be slow
         self.kind = _KINDS[said.type]
         self.initial = said.says.get("initial")
 
@@ -106,6 +107,7 @@ class Library(Model):
         with zipfile.ZipFile(path) as z:
             z.extractall(self.folder)
         binary = next(p for p in self.folder.glob("binaries/*/*") if p.suffix in (".so", ".dll", ".dylib"))
+        self.readings: dict[tuple[str, ...], list[Any]] = {}
         self.loaded = calls.Fmu(self.said, self.folder, dict.fromkeys(("cs", "me"), binary))
         self.real = "Real" if self.fmi == 2 else "Float64"
         self.state_type = "FMUstate" if self.fmi == 2 else "FMUState"
@@ -262,10 +264,26 @@ class Instance(calls.Instance):
         super().set({self.library.variables[n]: [x] for n, x in values.items()})
 
     def get(self, names: Iterable[str]) -> np.ndarray:  # type: ignore[override]
-        """Values of variables by name, all as float."""
-        variables = [self.library.variables[n] for n in names]
-        found = super().get(variables)
-        return np.array([found[v][0] for v in variables], dtype=float)
+        """Values of variables by name, all as float, of an array its first element.
+
+        Groups are found once: derivatives of large FMUs are compared with thousands of readings.
+        """
+        names = tuple(names)
+        if names not in self.library.readings:
+            variables = [self.library.variables[n] for n in names]
+            kinds = dict.fromkeys(v.access for v in variables)
+            places = {kind: [i for i, v in enumerate(variables) if v.access == kind] for kind in kinds}
+            self.library.readings[names] = [
+                (kind, at, [0, *np.cumsum([variables[i].size for i in at[:-1]])], [variables[i] for i in at])
+                for kind, at in places.items()
+            ]
+        values = np.empty(len(names))
+        for kind, at, starts, group in self.library.readings[names]:
+            before = len(self.messages)
+            status, buffer = self.get_raw(kind, group)
+            self._demand(f"Get{kind}", status, before)
+            values[at] = np.array(buffer[:])[starts]
+        return values
 
     # ------------------------------------------------------------------ time
 

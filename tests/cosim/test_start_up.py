@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-SLOW = ("control", "matplotlib", "fmpy", "casadi", "pandas", "plotly")
+SLOW = ("control", "matplotlib", "fmpy", "scipy", "casadi", "pandas", "plotly")
 COMMAND = "import sys, suspension_fmus; sys.argv = {!r}\ntry: suspension_fmus.cosim_command()\nexcept SystemExit: pass"
 
 

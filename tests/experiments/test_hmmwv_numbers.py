@@ -1084,7 +1084,7 @@ def test_runs_cost_what_they_take() -> None:
 
     More with finer steps and sensors, less without hydraulics.
     """
-    costs = {t.case: t.cost for t in EXPERIMENT.tasks() if isinstance(t.case, Case)}
+    costs = {t.case: t.cost for t in EXPERIMENT.tasks() if isinstance(t, Task) and isinstance(t.case, Case)}
     plain = Case("track", "passive")
     assert costs[plain] == 4.0
     assert costs[finer(plain)] == 6.0

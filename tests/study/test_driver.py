@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -191,3 +191,16 @@ def test_plans(experiment, raises) -> None:
         dataclasses.replace(experiment, study=Study()).tasks()
     twice = dataclasses.replace(experiment, study=Study([experiment.case(1.0), Task(experiment.case(1.0))]))
     assert twice.tasks() == [Task(experiment.case(1.0))]
+
+
+def test_a_study_tells_the_error_of_the_exchange_in_its_default_run(experiment, tmp_path) -> None:
+    told = replace(experiment, study=replace(experiment.study, exchange_error=["mass.z"]))
+    report = report_of(told, run_study(told, FMUS, tmp_path / "runs", processes=1), FMUS)
+    with Runner(told, FMUS) as runner:
+        found = runner.exchange_error(told.case(), ["mass.z"])
+    (text,) = next(s.paragraphs for s in report.sections if s.title == "Error of the exchange")
+    assert [s.name for s in found.signals] == ["mass.z"]
+    assert text == (
+        f"In the run with default options, of mass.z: {found.advice()} The command `error` tells it for every case and"
+        " variable."
+    )

@@ -26,6 +26,7 @@ EXPERIMENT = Experiment(
         published.plan,
         parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
         claims="cosim.experiments.hmmwv.claims:CLAIMS",
+        exchange_error=["car.body.az", "car.body.z", "actuator_*.force"],
         report="cosim.experiments.hmmwv.report:report",
         papers="fmu_sources.catalog:PAPERS",
     ),
