@@ -230,7 +230,7 @@ int engine_adaptive_arrive(Engine *e, EngineAdaptive *a, double t) {
     else {
         const double share = (double)(e->tick - s->begin) / (double)(s->end - s->begin);
         for (uint32_t k = 0; k < a->n; k++)
-            published[k] = a->use[k] & ENGINE_STEPWISE ? a->begin[k] : a->begin[k] + (computed[k] - a->begin[k]) * share;
+            published[k] = a->begin[k] + (a->use[k] & ENGINE_STEPWISE ? 0.0 : (computed[k] - a->begin[k]) * share);
     }
     return engine_arrive(e, t);
 }

@@ -7,7 +7,9 @@ discrete component, so these run at their exact instants.
 1. Outputs that depend directly on inputs are computed again from the inputs as they are now.
 2. The state of each continuous component is saved.
 3. Every input that another continuous component drives is extrapolated linearly: from the last two communication
-   points, to the middle of the step. All components take the step with it. Then 1 is repeated at the end of the step.
+   points, to the middle of the step; not from integers and Booleans, and not from outputs that are read by a component
+   which computes outputs with direct dependencies in steps only. All components take the step with these inputs. Then
+   1 is repeated at the end of the step.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to tolerance * max(nominal, largest magnitude so far).
    If it is above 1, the states are restored, the slopes are those of the step that was tried, and a shorter one is
@@ -32,13 +34,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.core.component import Array, Ports
+from cosim.core.dependencies import by_perturbation
 from cosim.core.description import Variable
 from cosim.core.errors import LoopError, ToleranceExceeded, WiringError
 from cosim.core.time import TimeBase, seconds_text
 from cosim.engine.library import interface
-from cosim.engine.loops import follows
 from cosim.engine.saving import EngineStatePool
-from cosim.engine.values import Layout
+from cosim.engine.values import Layout, PortLayout
+from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import StepEffort
 from cosim.system.components import Group, SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared
@@ -50,7 +53,8 @@ LARGEST = 64
 """The largest step is so many of these."""
 SAVE, RESTORE = -2, -3
 _READ, _HELD, _STEPWISE = 1, 2, 4
-State = tuple[Array, npt.NDArray[np.int64]]
+States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
+State = tuple[Array, npt.NDArray[np.int64], States | None]
 
 
 def smallest_step(components: Sequence[SystemComponent]) -> Fraction | None:
@@ -115,12 +119,11 @@ class AdaptiveSteps:
         self.held, refreshed = _direct(schedule, layout)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
-        self._saved: list[Any] = []
         self._pool = EngineStatePool(calls) if calls else None
-        self._states = None if self._pool is None else self._pool.save()
+        self._states = self._save_states()  # at the begin of the step
         self._memory: Array = np.zeros((3, n))  # begin, slope, size
         self._memory[2] = [v.nominal for _, v in self._outputs]
-        self._steps: npt.NDArray[np.int64] = np.zeros(12, dtype=np.int64)
+        self._steps: npt.NDArray[np.int64] = np.zeros(self._ffi.sizeof("EngineSteps") // 8, dtype=np.int64)
         smallest = smallest_step(schedule.components)
         assert smallest is not None
         tick = base.count(smallest)
@@ -132,8 +135,9 @@ class AdaptiveSteps:
         numbers = {m: i for i, m in enumerate(schedule.components)}
         a.refreshed = self._pointer("int32_t*", np.array([numbers[m] for m in refreshed], dtype=np.int32))
         a.n_refreshed, a.others = len(refreshed), bool(self._others)
-        if self._pool is not None and self._states is not None:
-            a.fmus, a.states, a.n_fmus = self._pool.structs, self._states.pointers, len(calls)
+        if self._pool is not None:
+            self._use_states()
+            a.fmus, a.n_fmus = self._pool.structs, len(calls)
             a.numbers = self._pointer("int32_t*", np.array([numbers[m] for m in calls], dtype=np.int32))
         a.begin, a.slope, a.size = (self._pointer("double*", row) for row in self._memory)
         a.steps = self._pointer("EngineSteps*", self._steps)
@@ -171,21 +175,45 @@ class AdaptiveSteps:
 
     def move_others(self, what: int) -> None:
         """Save or restore the components whose states C does not save."""
-        if what == SAVE:
-            for m, state in zip(self._others, self._saved, strict=False):
+        for m, state in zip(self._others, self._states[1], strict=True):
+            if what == SAVE:
                 m.implementation.forget(state)
-            self._saved = [m.implementation.save() for m in self._others]
-        else:
-            for m, state in zip(self._others, self._saved, strict=True):
+            else:
                 m.implementation.restore(state)
+        if what == SAVE:
+            self._states = self._states[0], [m.implementation.save() for m in self._others]
 
-    def save(self) -> State:
-        """Where the steps stand."""
-        return self._memory.copy(), self._steps.copy()
+    def save(self, tick: int) -> State:
+        """Where the steps stand at a tick; within a step with the states at its begin."""
+        began = None
+        if self.within(tick):
+            present = self._save_states()
+            self._restore_states(self._states)
+            began = self._save_states()
+            self._restore_states(present)
+        return self._memory.copy(), self._steps.copy(), began
 
     def restore(self, state: State) -> None:
-        """Go back to where they stood."""
-        self._memory[:], self._steps[:] = state
+        """Go back to where they stood; the present states of the components are to be restored after that."""
+        self._memory[:], self._steps[:], began = state
+        if began is not None:
+            self._restore_states(began)
+            self._states = self._save_states()
+            self._use_states()
+
+    def _save_states(self) -> States:
+        return None if self._pool is None else self._pool.save(), [m.implementation.save() for m in self._others]
+
+    def _restore_states(self, states: States) -> None:
+        if self._pool is not None and states[0] is not None:
+            self._pool.restore(states[0])
+        for m, state in zip(self._others, states[1], strict=True):
+            m.implementation.restore(state)
+
+    def _use_states(self) -> None:
+        """C saves into the memory of these states."""
+        if self._states[0] is not None:
+            self.struct.states = self._states[0].pointers
 
     # What they tell.
 
@@ -211,17 +239,17 @@ def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], 
     """
     sources = {(c.target, c.input.name): c for c in schedule.connections}
     values: TopologicalSorter[tuple[SystemComponent, str]] = TopologicalSorter()
-    direct: dict[SystemComponent, dict[str, None]] = {}
+    held: list[SystemComponent] = []
+    direct: set[tuple[SystemComponent, str]] = set()
     for m in schedule.continuous:
-        port = layout.ports[m]
-        for v in port.outputs:
-            known = declared(m, v.name)
-            inputs = [i.name for i in port.inputs if known is None or i.name in known]
-            if inputs:
-                direct.setdefault(m, {}).update(dict.fromkeys(inputs))
-                from_ = [sources[m, i] for i in inputs]
-                values.add((m, v.name), *((c.source, c.output.name) for c in from_ if not c.source.discrete))
-    held = [m for m, inputs in direct.items() if not _follows(layout, m, inputs)]
+        found = _dependencies(m, layout.ports[m])
+        if found is None:
+            held.append(m)
+            continue
+        for output, inputs in found.items():
+            direct.add((m, output))
+            before = [sources[m, i] for i in inputs]
+            values.add((m, output), *((c.source, c.output.name) for c in before if not c.source.discrete))
     order: list[SystemComponent] = []
     try:
         values.prepare()
@@ -234,8 +262,26 @@ def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], 
     while values.is_active():
         ready = values.get_ready()
         values.done(*ready)
-        order += sorted({m for m, name in ready if m in direct and m not in held}, key=lambda m: m.name)
+        order += sorted({m for m, name in ready if (m, name) in direct}, key=lambda m: m.name)
     return held, order
+
+
+def _dependencies(component: SystemComponent, port: PortLayout) -> dict[str, list[str]] | None:
+    """Outputs with the connected inputs on which they depend directly; None if they may, but follow in steps only."""
+    about, every = component.description, [v.name for v in port.inputs]
+    known = {v.name: declared(component, v.name) for v in port.outputs}
+    possible = {v: every if on is None else [i for i in every if i in on] for v, on in known.items()}
+    read = {i for inputs in possible.values() for i in inputs}
+    if not read:
+        return {}
+    inputs = [i for i in port.inputs if i.name in read]
+    measured = by_perturbation(component.implementation, inputs, port.outputs)
+    own = about.kind is not None and about.fmi_version  # an FMU of this project
+    if not any(measured.values()) and not own and about.interface != "me":
+        exact: Any = component.implementation if about.directional_derivatives else None
+        return None if exact is None or any(exact.measure_dependencies(inputs, port.outputs).values()) else {}
+    found = {v: possible[v] if on is not None else [i for i in every if i in measured[v]] for v, on in known.items()}
+    return {v: on for v, on in found.items() if on}
 
 
 def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
@@ -245,10 +291,3 @@ def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
             f"{loop.names} form an algebraic loop, which a run with a tolerance does not solve:\n{loop}\nRun the system"
             " without a tolerance."
         )
-
-
-def _follows(layout: Layout, component: SystemComponent, inputs: dict[str, None]) -> bool:
-    port = layout.ports[component]
-    about = component.description
-    computes_on_get = about.interface == "me" or (about.kind is not None and about.fmi_version)  # or of this project
-    return bool(computes_on_get) or follows(component, [i for i in port.inputs if i.name in inputs], port.outputs)

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from cosim.core.component import EndRequested, Ports
 from cosim.core.dependencies import Dependencies, by_perturbation
-from cosim.core.description import Variable
 from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed, LoopError
 from cosim.system.components import SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared, find_loops, require_solvable
@@ -127,8 +126,7 @@ def repeated_steps(
     found: dict[SystemComponent, RepeatedStep] = {}
     for loop in loops:
         for m in loop.components:
-            inputs = [c.input for c in loop.connections if c.target is m]
-            if follows(m, inputs, list(dict.fromkeys(c.output for c in loop.connections if c.source is m))):
+            if _follows(loop, m):
                 continue
             if not m.description.can_save:
                 raise LoopError(
@@ -140,8 +138,10 @@ def repeated_steps(
     return found
 
 
-def follows(component: SystemComponent, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> bool:
-    """Whether outputs of an initialized component change with inputs without a step."""
+def _follows(loop: AlgebraicLoop, component: SystemComponent) -> bool:
+    """Whether outputs change with inputs without a step."""
+    inputs = [c.input for c in loop.connections if c.target is component]
+    outputs = list(dict.fromkeys(c.output for c in loop.connections if c.source is component))
     try:
         return any(by_perturbation(component.implementation, inputs, outputs).values())
     except CosimError as error:

@@ -33,6 +33,7 @@ from cosim.core.errors import (
 from cosim.core.interrupt import HeldInterrupt, held
 from cosim.core.real_time import Pace, RealTime
 from cosim.core.time import TimeLike, gcd, positive, rational
+from cosim.engine.adaptive import State as AdaptiveState
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.engine.plan import LOOP_TOLERANCE
@@ -488,9 +489,12 @@ class Simulation:
         e, components, pool = self._exchange, self._saved_individually, self._state_pool
         individual: dict[str, Any] = {}
         joint: SavedStates | None = None
+        steps: AdaptiveState | None = None
 
         def save() -> None:
-            nonlocal joint
+            nonlocal joint, steps
+            if e.adaptive is not None:
+                steps = e.adaptive.save(e.tick)
             for m in components:
                 individual[m.name] = m.implementation.save()
             if pool is not None:
@@ -507,7 +511,7 @@ class Simulation:
             wiring=self._wiring,
             joint=joint,
             samples=e.recorder.count,
-            steps=None if e.adaptive is None else e.adaptive.save(),
+            steps=steps,
             ending=e.ending,
             instances=self._components,
             owner=weakref.ref(e),
@@ -525,6 +529,8 @@ class Simulation:
             raise CosimError(f"this state does not contain '{missing[0]}'; was it freed by Simulation.forget?")
 
         def restore() -> None:
+            if self._exchange.adaptive is not None and state.steps is not None:
+                self._exchange.adaptive.restore(state.steps)
             for m in components:
                 m.implementation.restore(state.components[m.name])
             if pool is not None and joint is not None:
@@ -538,8 +544,6 @@ class Simulation:
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
         exchange.values[:] = state.values
         exchange.recorder.count = state.samples
-        if exchange.adaptive is not None and state.steps is not None:
-            exchange.adaptive.restore(state.steps)
         if self._spool is not None:
             self._spool.cut(max(0, state.samples - 1))  # the last one is provisional
 

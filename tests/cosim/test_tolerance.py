@@ -5,13 +5,26 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+import awkward
 import numpy as np
 import pytest
+from foreign import exchanged
 from probes import DiscreteProbe, Integrator
-from same import assert_same
+from same import assert_same, outcome
 from scipy.linalg import expm
 
-from cosim import ComponentError, CosimError, Execution, PythonComponent, Record, Recording, System, WiringError
+from cosim import (
+    ComponentError,
+    CosimError,
+    Execution,
+    PythonComponent,
+    Record,
+    Recording,
+    StopWhen,
+    System,
+    WiringError,
+)
+from cosim.study.driver import job_context
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 K, COUPLING = 100.0, 50.0
@@ -282,3 +295,115 @@ def test_without_continuous_components_a_tolerance_changes_nothing():
     system = System()
     system.add("d", DiscreteProbe(), step="1 ms")
     assert system.run(0.1, tolerance=1e-3).steps is None
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("trouble", "value", "said"),
+    [
+        (awkward.STATUS, 2.0, "DoStep returned Discard at t = 0.3"),
+        (awkward.STATUS, 3.0, "DoStep returned Error at t = 0.3"),
+        (awkward.GET_STATUS, 3.0, "returned Error at t = 0.25"),
+        (awkward.NOT_FINITE, float("nan"), "'m': y is nan at t = 0.3"),
+        (awkward.END, 0.0, "'m' asked to end the simulation"),
+        (awkward.END_EARLY, 0.0, "'m' asked to end the simulation"),
+    ],
+)
+def test_an_fmu_in_trouble(awkward_fmus, follower, version, trouble, value, said):
+    """From 0.3 s on; its step is tried again with shorter ones where the standard allows that."""
+    with System(allow_unconnected=True) as system:
+        values = {"trouble": trouble, "at": 0.3}
+        system.add("m", awkward_fmus[version], step="50 ms", kind="continuous", parameters=values)
+        system["m"].values["value"] = value
+        system["m"].description.variable_step = True
+        system.add("z", follower[version], step="30 ms", kind="continuous")
+        system.add("d", DiscreteProbe(), step="50 ms")
+        system.connect("m.y", "z.u", linear=(1.0, 0.0))
+        failure, recording = outcome(lambda: system.run(0.6, record=Record(["m.y"], "10 ms"), tolerance=1e-2))
+    assert recording is not None
+    assert said in failure + str(recording.stopped_by)
+    assert 0.24 < recording.time[-1] <= 0.31
+    np.testing.assert_allclose(recording["m.y"][1:-1], recording.time[1:-1], atol=1e-9)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_model_exchange_fmus_go_back_too(tmp_path, version):
+    """dx/dt = u - x of one, dx/dt = -u - x of the other: a decaying rotation."""
+    path = exchanged.build(version, tmp_path)
+    with System() as system:
+        for name, k in (("a", 1.0), ("b", -1.0)):
+            system.add(name, path, step="10 ms", parameters={"k": k, "kind": 0.0}, start={"x": 1.0})
+        system.connect("a.x", "b.u")
+        system.connect("b.x", "a.u")
+        run = system.run(2.0, record=Record(["a.x", "b.x"], "20 ms"), tolerance=1e-4)
+    t = run.time
+    np.testing.assert_allclose(run["a.x"], np.exp(-t) * (np.cos(t) + np.sin(t)), atol=2e-4)
+    np.testing.assert_allclose(run["b.x"], np.exp(-t) * (np.cos(t) - np.sin(t)), atol=2e-4)
+    assert run.steps.rejected > 0
+
+
+def test_states_are_saved_in_the_same_memory(built_fmus):
+    with System(allow_unconnected=True) as system:
+        for name in "ab":
+            system.add(name, built_fmus.path("QuarterCarHmmwv", 3), step="4 ms", start={"road.height": 0.05})
+        system.connect("a.suspension.deflection", "b.force", linear=(20e3, 0.0))
+        with system.initialize(execution=Execution(tolerance=1e-4)) as simulation:
+            struct: Any = simulation.exchange.adaptive.struct
+            before = [struct.states[i] for i in range(2)]
+            simulation.advance(0.2)
+            assert [struct.states[i] for i in range(2)] == before
+            assert simulation.recording.steps.accepted > 10
+
+
+@pytest.mark.parametrize("kind", ["python", "FMU"])
+def test_an_input_takes_effect_at_once_in_a_restored_state_too(built_fmus, kind):
+    """Also where it was saved within a step."""
+    with System(allow_unconnected=True) as system:
+        system.add("i", Integrator(), step="1 ms")
+        if kind == "FMU":
+            system.add("car", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"road.height": 0.05})
+            system.connect("car.body.z", "i.u", linear=(1.0, 0.0))
+        with system.initialize(
+            record=["*.y", *(["car.body.z"] if kind == "FMU" else [])], execution=Execution(tolerance=1e-3)
+        ) as simulation:
+            what, read = ("car.force", "car.body.z") if kind == "FMU" else ("i.u", "i.y")
+            simulation.advance("5 ms")
+            assert simulation.exchange.adaptive.within(simulation.exchange.tick)
+            state = simulation.save()
+            ends = []
+            for value in (1.0, 2.0, 1.0):
+                simulation.set(what, value)
+                simulation.advance("300 ms")
+                ends.append((simulation[read], simulation.recording.steps))
+                simulation.restore(state)
+            simulation.advance("20 ms")
+            simulation.restore(state)
+        assert ends[0] == ends[2]
+        assert ends[0][0] != ends[1][0]
+        if kind == "python":
+            assert ends[0][0] == pytest.approx(0.295, rel=1e-9)
+
+
+def test_stepping_by_hand_stop_conditions_and_another_run_change_nothing():
+    system = oscillator()
+    record, execution = Record(NAMES, "3 ms"), Execution(tolerance=1e-3)
+    whole = system.run("0.3", record=record, execution=execution)
+    with system.initialize(record=record, execution=execution, stop_time="0.3") as simulation:
+        for _ in range(2):
+            step = simulation.stepper("10 ms")
+            for _ in range(30):
+                step()
+            simulation.advance("0.3", final=True)
+            assert_same(simulation.recording, whole)
+            assert simulation.recording.steps == whole.steps
+            simulation.restart()
+    stopped = system.run("0.3", record=record, execution=execution, stop_when=[StopWhen("a.x", "<", 0.0)])
+    n = int(np.argmax(whole["a.x"] < 0.0))
+    assert n - 1 <= len(stopped) <= n + 1
+    np.testing.assert_array_equal(stopped.data[:n], whole.data[:n])
+    assert stopped.stopped_by == "a.x < 0"
+
+
+def test_studies_do_not_run_with_a_tolerance():
+    with pytest.raises(CosimError, match="studies, sweeps and searches run with fixed steps"):
+        job_context(None, None, [], {}, Execution(tolerance=1e-3))  # type: ignore[arg-type]

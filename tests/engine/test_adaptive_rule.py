@@ -108,7 +108,7 @@ def made(pieces: list[Any], follower: dict[int, Path]) -> System:
 
 
 @settings(
-    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
 @given(
     pieces=st.lists(piece, min_size=2, max_size=6),

@@ -48,6 +48,8 @@ class AdaptiveRule(Rule):
             return [c for c in self.connections if c.target is m and (known is None or c.input.name in known)]
 
         def level(m: Any, v: Any) -> int:
+            if m in self.exchange.adaptive.held:
+                return 0
             before = [level(c.source, c.output) for c in direct(m, v) if not c.source.discrete]
             return 1 + max(before) if before else 0
 
