@@ -326,6 +326,7 @@ def test_an_fmu_in_trouble(awkward_fmus, follower, version, trouble, value, said
     np.testing.assert_allclose(recording["m.y"][1:-1], recording.time[1:-1], atol=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore::cosim.AlgebraicLoopWarning")
 @pytest.mark.parametrize("version", [2, 3])
 def test_model_exchange_fmus_go_back_too(tmp_path, version):
     """dx/dt = u - x of one, dx/dt = -u - x of the other: a decaying rotation."""
