@@ -10,6 +10,7 @@ from typing import Any
 
 from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
+from build_fmus.generate import RUNTIME_DIR, references, ticks
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
@@ -23,7 +24,8 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     """Write the folder of a component to `out`, and return it. Two builds with one compiler are byte-identical.
 
     Raises:
-        TargetError: the component cannot become a library, or the library breaks a rule (calls of a library, global variables, unknown stack).
+        TargetError: the component cannot become a library, or the library breaks a rule: it calls another one, has
+            global variables, or its stack is not known.
         CompileError: the compiler or a tool is missing or failed.
     """
     model = component.model()
@@ -34,6 +36,9 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
+        if target.board:
+            content["firmware.elf"] = _firmware(library.name, tools, Path(tmp))
+            content["interface.json"] = (json.dumps(_interface(model, target), indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
     folder = out / target.name / library.name
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,3 +119,36 @@ def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str
     tools.link([f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-e0", *needed], "all.elf", tmp)
     symbols = tools.tool("nm", "--defined-only", "all.elf", folder=tmp)
     return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
+
+
+def _firmware(name: str, tools: Tools, tmp: Path) -> bytes:
+    """A program that takes samples for a host, for the board that QEMU emulates."""
+    text = (RUNTIME_DIR / "firmware.c").read_text()
+    (tmp / "firmware.c").write_text(re.sub(r"\bComponent(?=_|\b)", name, text))
+    (tmp / "firmware.ld").write_bytes((RUNTIME_DIR / "firmware.ld").read_bytes())
+    tools.compile("firmware.c", "firmware.o", tmp)
+    objects = ["firmware.o", f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-Tfirmware.ld", "-Wl,-s"]
+    tools.link([*objects, "-Wl,--build-id=none"], "firmware.elf", tmp)
+    return (tmp / "firmware.elf").read_bytes()
+
+
+def _interface(component: Model, target: Target) -> dict[str, Any]:
+    """What a host has to know of the firmware: variables in the order of the structs."""
+
+    def named(role: Any) -> list[list[str]]:
+        return [[e.name, e.variable.unit or ""] for e in component.elements(role)]
+
+    parameters = []
+    for i, r in enumerate(references(component, arrays=True)):
+        if r.variable.role == "parameter":
+            for k, (name, start) in enumerate(zip(r.element_names, r.start or (), strict=True)):
+                parameters.append([name, r.variable.unit or "", float(start), i, k])
+    return {
+        "component": component.name,
+        "board": target.board,
+        "sample_time": str(ticks(component)),
+        "inputs": named("input"),
+        "input_starts": [float(x) for x in component.vector("input")],
+        "outputs": named("output"),
+        "parameters": parameters,
+    }

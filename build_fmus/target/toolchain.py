@@ -16,18 +16,24 @@ _ARM = ("-mthumb", "-mfloat-abi=hard")
 
 @dataclass(frozen=True)
 class Target:
-    """A processor. `prefix`: of the names of its compiler and binary tools; "" for this machine's."""
+    """A processor.
+
+    Attributes:
+        prefix: of the names of its compiler and binary tools; "" for this machine's.
+        board: that QEMU emulates with this processor; "" for none.
+    """
 
     name: str
     prefix: str
     flags: tuple[str, ...]
+    board: str = ""
 
 
 TARGETS = {
     t.name: t
     for t in (
-        Target("cortex-m4f", "arm-none-eabi-", ("-mcpu=cortex-m4", *_ARM, "-mfpu=fpv4-sp-d16")),
-        Target("cortex-m7", "arm-none-eabi-", ("-mcpu=cortex-m7", *_ARM, "-mfpu=fpv5-d16")),
+        Target("cortex-m4f", "arm-none-eabi-", ("-mcpu=cortex-m4", *_ARM, "-mfpu=fpv4-sp-d16"), "mps2-an386"),
+        Target("cortex-m7", "arm-none-eabi-", ("-mcpu=cortex-m7", *_ARM, "-mfpu=fpv5-d16"), "mps2-an500"),
         Target("cortex-r5", "arm-none-eabi-", ("-mcpu=cortex-r5", "-marm", "-mfloat-abi=hard", "-mfpu=vfpv3-d16")),
         Target("host-static", "", ("-fPIC", "-fvisibility=hidden")),
     )

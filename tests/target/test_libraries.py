@@ -1,4 +1,4 @@
-"""C libraries for targets: the same bits as the FMU, what they refuse, what they measure (40 s)."""
+"""C libraries for targets: bit-identical to the FMU, what they refuse, what they measure (40 s)."""
 
 from __future__ import annotations
 
