@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels release lint bench mutants fuzz snapshots docs pictures fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels test-embedded release lint bench mutants fuzz snapshots docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -65,6 +65,12 @@ test-judges: $(VENV)/.test
 	$(BIN)/build-fmus
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[judges]' || echo "not every package of the extra [judges] can be installed here"
 	$(BIN)/python -m pytest -m judges -rs tests/judges
+
+# Builds controllers for Cortex-M4F and M7 and runs them in QEMU, sample by sample. From Debian: apt install gcc-arm-none-eabi
+# qemu-system-arm. What is not installed is skipped, and said.
+test-embedded: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m pytest -m embedded -rs tests/target
 
 # Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both color schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.

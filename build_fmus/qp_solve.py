@@ -36,6 +36,7 @@ class CompiledPrograms:
 
     Attributes:
         memory: last solutions and warm starts; zeros at first.
+        scratch_size: bytes that a solve works in.
     """
 
     def __init__(self, component: Model) -> None:
@@ -43,7 +44,8 @@ class CompiledPrograms:
         self.memory = np.zeros(sum(q.n_memory for q in component.programs))
         self._n_data = sum(q.n_data for q in component.programs)
         self._n_solution = sum(q.n_solution for q in component.programs)
-        self._scratch = np.zeros(self._library.scratch_size() // 16 + 1, dtype=np.complex128)  # 16-byte aligned
+        self.scratch_size: int = self._library.scratch_size()
+        self._scratch = np.zeros(self.scratch_size // 16 + 1, dtype=np.complex128)  # 16-byte aligned
         self._library.setup(self._scratch.ctypes.data)
 
     def solve(self, data: np.ndarray, *, commit: bool = True) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import re
 import tempfile
 import time
@@ -22,6 +23,7 @@ from build_fmus.base.terminal import PATH, SETTINGS, Command, Names, console, sh
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
+from build_fmus.target.toolchain import TARGETS
 
 FMI = {"2": (2,), "3": (3,), "both": (2, 3)}
 
@@ -99,6 +101,29 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
         for fmi in versions:
             data = build_fmu(component, fmi, platforms, cache, arrays=options.arrays, clocks=options.clocks)
             safe_files.write(options.target(name, fmi), data)
+
+
+def build_libraries(names: Sequence[str], target: str, options: Options, user: UserFiles | None = None) -> list[Path]:
+    """Build the C libraries of catalog entries for a target (all of a user's file when `names` is empty).
+
+    Returns their folders, `OUT/target/TARGET/NAME`.
+    """
+    from build_fmus.target.library import build_library
+    from fmu_sources.catalog import PAPERS, Context, find
+
+    catalog = load_catalog(user)
+    if not names and not (user and user.paths):
+        raise ValueError(f"--target {target}: name the components to build, such as LqrHmmwv")
+    for name in names:
+        find(catalog, name)
+    folders = []
+    for name in names or [n for n in catalog if n not in load_catalog()]:
+        component = catalog[name].make(Context(options.out, options.cache))
+        component.bibliography = PAPERS
+        if options.qp is not None:
+            component.choose_backend(options.qp)
+        folders.append(build_library(component, TARGETS[target], options.out / "target"))
+    return folders
 
 
 def build(
@@ -181,6 +206,11 @@ def code_of_makers() -> Callable[[builder.Buildable], str]:
 )
 @click.option("--qp", type=Names(SOLVERS), help="solver of quadratic programs (default: each component's own)")
 @click.option(
+    "--target",
+    type=Names(TARGETS),
+    help="build C libraries for this processor instead of FMUs, with their measurements",
+)
+@click.option(
     "--force/--no-force", default=False, help="build everything from scratch, without caches, even if up to date"
 )
 @click.option("--list", "list_", is_flag=True, help="list the catalog and stop")
@@ -200,6 +230,7 @@ def app(
     fmi3_arrays: bool,
     clocks: bool,
     qp: str | None,
+    target: str | None,
     force: bool,
     list_: bool,
 ) -> None:
@@ -240,9 +271,24 @@ def app(
             console.print(f"  built {name}")
 
     options = Options(out, versions, platform, fmi3_arrays, clocks, qp)
+    if target is not None:
+        if target not in TARGETS:
+            raise ValueError(f"--target {target}: choose {_or(TARGETS)}")
+        show_libraries(build_libraries(names, target, options, user))
+        return
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
+
+
+def show_libraries(folders: Sequence[Path]) -> None:
+    """Print where libraries are and what they need."""
+    table = Table("library", "flash [B]", "RAM [B]", "stack [B]", "folder", box=None)
+    for folder in folders:
+        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        numbers = (metrics[k] for k in ("flash_bytes", "ram_bytes", "stack_bytes"))
+        table.add_row(metrics["component"], *("not measured" if n is None else str(n) for n in numbers), str(folder))
+    show(table)
 
 
 def _or(names: Iterable[str]) -> str:

@@ -1,0 +1,1 @@
+"""Sampled components as C libraries for firmware: one C file, one header, a static library and its measurements."""

@@ -1,0 +1,269 @@
+"""One C file and one header of a sampled component, assembled from the sources of its FMU.
+
+The files of an FMU are separate translation units. In one file their names meet: macros of a file end with it, names
+that several files define for themselves get the name of the file in front, and what is visible to other files gets
+the name of the component in front, so that several components go into one firmware.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from build_fmus import generate
+from build_fmus.component import Model
+from build_fmus.equations.names import Struct, identifier
+from build_fmus.mathematics import copyright_notice
+from build_fmus.qp_solve import CompiledPrograms
+from build_fmus.qp_sources import license_file
+
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
+COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+RENAMED = re.compile(r"^#define (\w+) (\w+_\1)$", re.MULTILINE)
+_STATIC = re.compile(r"^static\b([^;{(=]*)([;{(=\[])([^;{]*)", re.MULTILINE)
+_TYPE = re.compile(r"^(?:typedef struct \{.*?^\} (\w+);|struct (\w+) \{)", re.MULTILINE | re.DOTALL)
+_MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)", re.MULTILINE)
+_ROLES = (("parameters", "p", "parameter"), ("inputs", "u", "input"), ("outputs", "y", "output"))
+_STATUS = {
+    "OK": "the step or the change is done",
+    "NOT_FINITE": "an input or a value is NaN or infinite; nothing has changed",
+    "OUT_OF_RANGE": "a value is outside its range; nothing has changed",
+    "NOT_TUNABLE": "this parameter can be set before the first step only",
+    "UNKNOWN_PARAMETER": "there is no such parameter or element",
+    "BAD_PARAMETERS": "the parameters contradict each other; the first step needs others",
+    "FAILED": "a result was not finite; only init helps",
+}
+
+
+class TargetError(ValueError):
+    """A component that cannot become a library, or a library that breaks a rule."""
+
+
+@dataclass(frozen=True)
+class Library:
+    """Sources of a library.
+
+    Attributes:
+        header: text of the header.
+        code: text of the C file, before `rename_externals`.
+        notices: copyright notices by file name.
+    """
+
+    name: str
+    header: str
+    code: str
+    notices: dict[str, bytes]
+
+
+def assemble(component: Model) -> Library:
+    """The C file and the header of a component.
+
+    Raises:
+        TargetError: a component that is not sampled, or one with random profiles.
+    """
+    if component.kind == "continuous":
+        raise TargetError(f"{component.name} is continuous; --target builds sampled components (controllers, filters)")
+    if component.profiles:
+        raise TargetError(f"{component.name} has random road profiles, which --target does not build")
+    name, functions = component.name, generate.written_functions(component)
+    model = generate.generate_c(component, arrays=True, token="")
+    for part, pointer, _ in _ROLES:
+        if (struct := functions.structs.get(pointer)) is not None:
+            model = model.replace(struct.definition(), f"typedef {name}_{part} {struct.name};")
+    model = re.sub(r'\.(name|token) = "(?:[^"\\]|\\.)*",[ \n]?', "", model)  # firmware has no use for names
+    model = re.sub(r"\A/\*.*?\*/\n", "", model, flags=re.DOTALL)
+    target = (generate.RUNTIME_DIR / "target.c").read_text()
+    own = {"model.c": model, "target.c": re.sub(r"\bComponent(?=_|\b)", name, target)}
+    files = generate.solver_files(component) | {path: text.encode() for path, text in own.items()}
+    files = generate.with_mathematics(files)
+    files |= {n: (generate.RUNTIME_DIR / n).read_bytes() for n in ("equations.h", "fmu_model.h")}
+    code = _one_file(component, {path: data.decode() for path, data in files.items()})
+    notices = {"LICENSE.txt": license_file("suspension-fmus"), "LICENSE-musl.txt": copyright_notice()}
+    notices |= {f"LICENSE-{p.name}.txt": p.license for p in generate.third_party(component)}
+    return Library(name, _header(component), code, notices)
+
+
+def _header(component: Model) -> str:
+    """The header: structs, status, functions."""
+    name, structs = component.name, generate.written_functions(component).structs
+    guard = f"{name.upper()}_H"
+    parts = [
+        f"/* {name}: {component.description.split('. ')[0].rstrip('.')}. Call {name}_step every"
+        f" {component.sample_time:.9g} s.\n *\n"
+        f" * All values are double; a Boolean is 0 or 1. An instance must not be moved after {name}_init. */",
+        f"#ifndef {guard}\n#define {guard}\n",
+    ]
+    sizes = {}
+    for part, pointer, role in _ROLES:
+        struct = structs.get(pointer)
+        sizes[part] = component.size(role)  # type: ignore[arg-type]
+        if struct is None or not sizes[part]:
+            parts.append(f"typedef struct {{\n    double none; /* there are no {part} */\n}} {name}_{part};\n")
+            continue
+        parts.append(_renamed(struct, f"{name}_{part}", part.capitalize()).definition() + "\n")
+    rows = [r for r in enumerate(generate.references(component, arrays=True)) if r[1].variable.role == "parameter"]
+    taken: list[str] = []
+    for i, r in rows:
+        taken.append(f"    {name}_PARAMETER_{identifier(r.name, taken, local=False)} = {i},")
+    taken = taken or [f"    {name}_NO_PARAMETERS = -1,"]
+    parts.append("\n".join(["typedef enum {", *taken, f"}} {name}_parameter;\n"]))
+    status = [f"    {name}_{k}, /* {text} */" for k, text in _STATUS.items()]
+    parts.append("\n".join(["typedef enum {", *status, f"}} {name}_status;\n"]))
+    programs = CompiledPrograms(component).scratch_size if component.programs else 0
+    numbers = {
+        "states": component.size("state"),
+        "next": component.size("state"),
+        "checks": len(component.check_messages),
+        "work": generate.written_functions(component).n_work,
+        "program_data": sum(q.n_data for q in component.programs),
+        "program_solution": sum(q.n_solution for q in component.programs),
+        "program_memory": sum(q.n_memory for q in component.programs),
+        "program_work": -(-programs // 8),
+    }
+    fields = [f"    double {k}[{max(n, 1)}];" for k, n in numbers.items()]
+    parts += [
+        "/* An instance: read its fields, but change them by the functions only. */",
+        "\n".join(
+            [
+                "typedef struct {",
+                f"    {name}_parameters parameters;",
+                f"    {name}_outputs results;",
+                *fields,
+                "    long long sample; /* number of samples taken */",
+                "    int started, failed;",
+                f"}} {name};\n",
+            ]
+        ),
+        "/* Set all parameters and states to their start values. */",
+        f"void {name}_init({name} *self);\n",
+        "/* Set one element of a parameter; matrices count row by row from 0. */",
+        f"{name}_status {name}_set_parameter({name} *self, {name}_parameter parameter, int element, double value);\n",
+        "/* Take one sample: outputs from inputs. */",
+        f"{name}_status {name}_step({name} *self, const {name}_inputs *inputs, {name}_outputs *outputs);\n",
+        "#endif\n",
+    ]
+    return "\n".join(parts)
+
+
+def _renamed(struct: Struct, name: str, title: str) -> Struct:
+    copy = Struct(name, title, [])
+    copy.fields, copy.size = struct.fields, struct.size
+    return copy
+
+
+def rename_externals(library: Library, names: Iterable[str]) -> str:
+    """The C file, with the component's name in front of all `names` that the linker would see."""
+    own = [n for n in sorted(names) if not n.startswith(f"{library.name}_")]
+    lines = [f"#define {n} {library.name}_{n}" for n in own]
+    return library.code.replace("/* RENAMED */\n", "\n".join([*lines, "", ""]) if lines else "")
+
+
+def _one_file(component: Model, files: Mapping[str, str]) -> str:
+    """All C files one after the other, headers where they are first included."""
+    sources = [n for n in files if n.endswith(".c")]
+    sources.sort(key=lambda n: (n == "target.c", n == "model.c", not n.startswith("musl/"), n))
+    last_of_musl = max((n for n in sources if n.startswith("musl/")), default="")
+    own = {n: _own_names(files[n]) for n in sources}
+    count = Counter(name for names in own.values() for name in names)
+    seen: set[str] = set()
+    papers = "".join(f" * {k}: {title}\n" for k, title in generate.cited(component).items())
+    parts = [
+        f"/* {component.name} for firmware. Generated from its declaration and the sources of its FMU; do not edit.\n"
+        f" * Equations: {component.source}.\n{papers} */",
+        f'#include "{component.name}.h"\n\n#include <float.h>\n#include <math.h>\n#include <stddef.h>\n'
+        "#include <stdint.h>\n#include <stdlib.h>\n#include <string.h>\n",
+        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT,
+    ]
+    for name in sources:
+        headers, body = _split(name, files, seen)
+        stem = posixpath.splitext(name)[0].replace("/", "_").strip("_")
+        if clashing := sorted(n for n in own[name] if count[n] > 1):  # but for fields of structs
+            body = re.sub(rf"(?<![.>\w])({'|'.join(clashing)})\b", rf"{stem}_\1", body)
+        after = [f"#undef {n}" for n in dict.fromkeys(_MACRO.findall(body))]
+        parts.append("\n".join([f"/* {'-' * 60} {name} */", headers, body.rstrip(), *after, ""]))
+        if name == last_of_musl:
+            parts.append("\n".join(f"#undef {n}" for n in _MACRO.findall(files["musl/libm.h"])[1:]) + "\n")
+    # OSQP's tables of messages are constants that it does not call so.
+    return re.sub(r"const char \* ?(OSQP_\w+\[\])", r"const char *const \1", "\n".join(parts))
+
+
+# A processor without a unit for double precision would call a library's square root.
+_SQUARE_ROOT = """
+#if defined(__ARM_FP) && !(__ARM_FP & 8)
+#undef sqrt
+#define sqrt(x) soft_sqrt(x)
+/* Correctly rounded: the root of the significand, bit by bit. */
+static double soft_sqrt(double x) {
+    if (!(x > 0.0) || x > DBL_MAX) return x == 0.0 || x > 0.0 ? x : NAN;
+    int shift = 0;
+    union { double number; uint64_t bits; } v = {x};
+    if (x < DBL_MIN) { v.number = x * 18014398509481984.0; shift = -27; } /* 2^54 */
+    const int exponent = (int)(v.bits >> 52) - 1023, odd = exponent & 1;
+    uint64_t rest = ((v.bits & 0xfffffffffffffull) | 0x10000000000000ull) << odd << 1, root = 0, trial = 0;
+    for (uint64_t bit = 0x20000000000000ull; bit; bit >>= 1) {
+        const uint64_t t = trial + bit;
+        if (t <= rest) { trial = t + bit; rest -= t; root += bit; }
+        rest <<= 1;
+    }
+    root += rest != 0 ? root & 1 : 0;
+    v.bits = (root >> 1) + ((uint64_t)((exponent - odd) / 2 + shift + 1022) << 52);
+    return v.number;
+}
+#endif
+
+"""
+
+
+def _split(name: str, files: Mapping[str, str], seen: set[str]) -> tuple[str, str]:
+    """The headers that a C file includes unconditionally and that are not there yet, and the rest of it."""
+    headers: list[str] = []
+    body: list[str] = []
+    depth = 0
+    for line in files[name].splitlines():
+        found = _INCLUDE.match(line)
+        depth += bool(re.match(r"\s*#\s*if", line)) - bool(re.match(r"\s*#\s*endif", line))
+        if found and (path := _path(name, found[1], files)):
+            (headers if depth == 0 else body).append(_expand(path, files, seen, keep=depth > 0))
+        else:
+            body.append(line)
+    return "".join(headers), "\n".join(body)
+
+
+def _expand(name: str, files: Mapping[str, str], seen: set[str], *, keep: bool = False) -> str:
+    """A header with those that it includes; "" when it is there already, unless `keep`: its guard then empties it."""
+    if name in seen:
+        return ""
+    if not keep:
+        seen.add(name)
+    guarded = _MACRO.search(files[name])
+    base = 1 if guarded and re.match(r"\s*#\s*ifndef", COMMENT.sub("", files[name]).lstrip()) else 0
+    lines, depth = [], 0
+    for line in files[name].splitlines():
+        found = _INCLUDE.match(line)
+        depth += bool(re.match(r"\s*#\s*if", line)) - bool(re.match(r"\s*#\s*endif", line))
+        if found and (path := _path(name, found[1], files)):
+            lines.append(_expand(path, files, seen, keep=keep or depth > base))
+        else:
+            lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _path(name: str, included: str, files: Mapping[str, str]) -> str | None:
+    beside = posixpath.normpath(posixpath.join(posixpath.dirname(name), included))
+    return next((p for p in (beside, included) if p in files), None)
+
+
+def _own_names(text: str) -> set[str]:
+    """Names that a C file defines for itself: static functions, static data, types."""
+    text = re.sub(r"=\s*\{[^{}]*\}", "= 0", COMMENT.sub(" ", text))
+    names = {n for found in _TYPE.findall(text) for n in found if n}
+    for head, mark, rest in _STATIC.findall(text):
+        words = re.findall(r"\w+", head)
+        if words:
+            names.add(words[-1])
+        if mark != "(":
+            names |= set(re.findall(r"(?:^|,)\s*(\w+)\s*(?:\[[^\]]*\]\s*)*=", rest, re.MULTILINE))
+    return names

@@ -1,0 +1,154 @@
+"""The folder of a component for a target: C file, header, static library, metrics.json."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from build_fmus.base import safe_files
+from build_fmus.component import Component, Model
+from build_fmus.generate import RUNTIME_DIR, references, ticks
+from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
+from build_fmus.target.stack import worst_stack
+from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
+
+FUNCTIONS = ("init", "set_parameter", "step")
+# Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
+_ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
+
+
+def build_library(component: Component, target: Target, out: Path) -> Path:
+    """Write the folder of a component to `out`, and return it. Two builds with one compiler are byte-identical.
+
+    Raises:
+        TargetError: the component cannot become a library, or the library breaks a rule: it calls another one, has
+            global variables, or its stack is not known.
+        CompileError: the compiler or a tool is missing or failed.
+    """
+    model = component.model()
+    if failed := model.failed_checks():
+        raise TargetError(f"{model.name}: its own start values fail a check: {failed[0]}")
+    model.dimensions.check()
+    tools, library = find_tools(target), assemble(model)
+    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
+        content = _compile(library, tools, Path(tmp))
+        metrics = _measure(model, library, tools, Path(tmp))
+        if target.board:
+            content["firmware.elf"] = _firmware(library.name, tools, Path(tmp))
+            content["interface.json"] = (json.dumps(_interface(model, target), indent=1) + "\n").encode()
+    content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
+    folder = out / target.name / library.name
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in content.items():
+        safe_files.write(folder / name, data)
+    return folder
+
+
+def _compile(library: Library, tools: Tools, tmp: Path) -> dict[str, bytes]:
+    """Header, C file and library, also as files in `tmp`; of the library only what the functions need."""
+    name = library.name
+    source, header, archive = f"{name}.c", f"{name}.h", f"lib{name}.a"
+    (tmp / header).write_text(library.header)
+    (tmp / source).write_text(library.code)
+    tools.compile(source, "all.o", tmp)
+    defined = tools.tool("nm", "-g", "--defined-only", "all.o", folder=tmp)
+    (tmp / source).write_text(
+        rename_externals(library, (line.split()[-1].lstrip("_") for line in defined.splitlines()))
+    )
+    tools.compile(source, "all.o", tmp, *(("-fstack-usage", "-fcallgraph-info=su") if tools.is_gcc else ()))
+    keep = [f"{name}_{f}" for f in FUNCTIONS]
+    needed = [f"-u{k}" for k in keep]
+    tools.tool("ld", "-r", "--gc-sections", *needed, "all.o", "-o", f"{name}.o", folder=tmp)
+    tools.tool("objcopy", *(f"--keep-global-symbol={k}" for k in keep), f"{name}.o", folder=tmp)
+    tools.tool("ar", "rcD", archive, f"{name}.o", folder=tmp)
+    return {n: (tmp / n).read_bytes() for n in (source, header, archive)}
+
+
+def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dict[str, Any]:
+    """What `metrics.json` says; refuses a library that breaks a rule."""
+    name = library.name
+    undefined = {n.split()[-1] for n in tools.tool("nm", "-u", f"{name}.o", folder=tmp).splitlines()}
+    if foreign := sorted(n for n in undefined if not _ALLOWED.fullmatch(n)):
+        raise TargetError(f"{name} calls {foreign[0]} of a library; a target has its own mathematics only")
+    flash = ram = 0
+    for line in tools.tool("objdump", "-h", "-w", f"{name}.o", folder=tmp).splitlines():
+        words = line.split()
+        if len(words) < 7 or "ALLOC" not in line or ".eh_frame" in line:
+            continue
+        constant = "READONLY" in line or words[1].startswith(".data.rel.ro")
+        flash, ram = (flash + int(words[2], 16), ram) if constant else (flash, ram + int(words[2], 16))
+    if ram:
+        raise TargetError(f"{name} has {ram} bytes of global variables; all variables belong into its struct")
+    arm = bool(tools.target.prefix)
+    if arm and (fused := re.search(r"\tvfn?m[as]\S*", tools.tool("objdump", "-d", f"{name}.o", folder=tmp))):
+        raise TargetError(f"{name} has the fused multiplication {fused[0].strip()}, which would change bits")
+    (tmp / "size.c").write_text(f'#include "{name}.h"\nchar instance[sizeof({name})];\n')
+    tools.compile("size.c", "size.o", tmp)
+    size = int(tools.tool("nm", "-S", "size.o", folder=tmp).split()[1], 16)
+    stack: int | None = None
+    # DAQP moves the best pivot to the end of the active rows, of which there is one less each time inside another.
+    rows = 1 + max((q.n for q in component.programs), default=0)
+    recursions = {f"{name}_daqp_pivot_last": rows} if component.programs else {}
+    if tools.is_gcc:
+        frames = _frames(name, undefined, tools, tmp) if arm else None
+        code = (tmp / f"{name}.c").read_text()
+        entries = [f"{name}_{f}" for f in FUNCTIONS]
+        stack = worst_stack((tmp / "all.ci").read_text(), code, entries, frames, recursions)
+    return {
+        "component": name,
+        "target": tools.target.name,
+        "compiler": tools.version,
+        "flags": [*CFLAGS, *tools.target.flags],
+        "precision": "double",
+        "sample_time_s": component.sample_time,
+        "flash_bytes": flash,
+        "ram_bytes": size,
+        "stack_bytes": stack,
+        "stack_assumes": [f"{n} is called inside itself at most {k} times" for n, k in recursions.items()],
+        "stack_without": [] if arm else sorted(undefined),
+        "needs": sorted(undefined),
+    }
+
+
+def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str, tuple[int, set[str]]]:
+    """Stack of the functions of the C environment that a library needs."""
+    needed = [f"-Wl,-u{n}" for n in (*sorted(undefined), *(f"{name}_{f}" for f in FUNCTIONS))]
+    tools.link([f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-e0", *needed], "all.elf", tmp)
+    symbols = tools.tool("nm", "--defined-only", "all.elf", folder=tmp)
+    return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
+
+
+def _firmware(name: str, tools: Tools, tmp: Path) -> bytes:
+    """A program that takes samples for a host, for the board that QEMU emulates."""
+    text = (RUNTIME_DIR / "firmware.c").read_text()
+    (tmp / "firmware.c").write_text(re.sub(r"\bComponent(?=_|\b)", name, text))
+    (tmp / "firmware.ld").write_bytes((RUNTIME_DIR / "firmware.ld").read_bytes())
+    tools.compile("firmware.c", "firmware.o", tmp)
+    objects = ["firmware.o", f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-Tfirmware.ld", "-Wl,-s"]
+    tools.link([*objects, "-Wl,--build-id=none"], "firmware.elf", tmp)
+    return (tmp / "firmware.elf").read_bytes()
+
+
+def _interface(component: Model, target: Target) -> dict[str, Any]:
+    """What a host has to know of the firmware: variables in the order of the structs."""
+
+    def named(role: Any) -> list[list[str]]:
+        return [[e.name, e.variable.unit or ""] for e in component.elements(role)]
+
+    parameters = []
+    for i, r in enumerate(references(component, arrays=True)):
+        if r.variable.role == "parameter":
+            for k, (name, start) in enumerate(zip(r.element_names, r.start or (), strict=True)):
+                parameters.append([name, r.variable.unit or "", float(start), i, k])
+    return {
+        "component": component.name,
+        "board": target.board,
+        "sample_time": str(ticks(component)),
+        "inputs": named("input"),
+        "input_starts": [float(x) for x in component.vector("input")],
+        "outputs": named("output"),
+        "parameters": parameters,
+    }

@@ -1,0 +1,106 @@
+"""Controllers on emulated processors: bit-identical to the FMU, stack, closed loop, failures (3 min)."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from built import FMUS
+from same_samples import declared, fmu_samples, inputs_of
+
+from build_fmus.generate import ticks
+from build_fmus.target.library import build_library
+from build_fmus.target.toolchain import TARGETS
+from cosim import CosimError, System
+from cosim.fmu.target import EmulatedTarget, target
+
+MISSING = [n for n in ("arm-none-eabi-gcc", "qemu-system-arm") if shutil.which(n) is None]
+pytestmark = [
+    pytest.mark.embedded,
+    pytest.mark.skipif(
+        bool(MISSING),
+        reason=f"{', '.join(MISSING)} not installed (Debian packages gcc-arm-none-eabi, qemu-system-arm)",
+    ),
+]
+SAMPLES = {"Skyhook": 500, "LqrHmmwv": 500, "KalmanHmmwv": 200, "ForceTracking": 500, "GpcImplicit": 500}
+SAMPLES |= {"GpcPreview": 200, "MpcBench": 20}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("target")
+
+
+def built(name: str, processor: str, folder: Path, **options: float) -> EmulatedTarget:
+    if not (folder / processor / name).exists():
+        build_library(declared(name, FMUS), TARGETS[processor], folder)
+    return target(name, processor, folder=folder, **options)
+
+
+@pytest.mark.parametrize("processor", ["cortex-m4f", "cortex-m7"])
+@pytest.mark.parametrize("name", SAMPLES)
+def test_same_bits_and_stack(name: str, processor: str, folder: Path) -> None:
+    model = declared(name, FMUS).model()
+    u = inputs_of(model, SAMPLES[name], seed=2)
+    inputs, outputs = ([e.name for e in model.elements(r)] for r in ("input", "output"))
+    expected = fmu_samples(FMUS / "fmi3" / f"{name}.fmu", u, inputs, outputs, float(ticks(model)))
+    controller = built(name, processor, folder)
+    controller.instantiate(name)
+    controller.begin()
+    y = np.zeros((len(u), len(outputs) + 2))
+    for row, result in zip(u, y, strict=True):
+        controller.step(0.0, 0.0, row, result)
+    controller.close()
+    assert y[:, :-2].tobytes() == expected.tobytes()
+    predicted = json_of(folder / processor / name / "metrics.json")["stack_bytes"]
+    assert y[:, -1].max() <= predicted + 16  # the call itself
+    if not model.programs:  # whose prediction has the deepest recursion of DAQP in it
+        assert y[:, -1].max() > 0.2 * predicted
+
+
+def json_of(path: Path) -> dict[str, int]:
+    found: dict[str, int] = json.loads(path.read_text())
+    return found
+
+
+def closed_loop(controller: EmulatedTarget | str) -> np.ndarray:
+    system = System()
+    system.add("speed", "SpeedProfile")
+    system.add("road", "RoadBumps")
+    system.add("car", "RideCarHmmwv", step="1 ms")
+    system.add("controller", controller)
+    system.connect_matching("speed", "road")
+    system.connect_matching("road", "car")
+    system.connect_matching("car", "controller")
+    system.connect_matching("controller", "car")
+    recording = system.run(0.9, record=["car.body.z", "controller.force.fl"])
+    return np.array([recording["car.body.z"], recording["controller.force.fl"]])
+
+
+def test_closed_loop_as_with_the_fmu(folder: Path) -> None:
+    with_fmu = closed_loop("Skyhook")
+    assert closed_loop(built("Skyhook", "cortex-m7", folder)).tobytes() == with_fmu.tobytes()
+    assert np.abs(with_fmu[1]).max() > 0
+
+
+def test_failures_have_names(folder: Path) -> None:
+    with pytest.raises(CosimError, match="build-fmus --target cortex-m7 Nothing"):
+        target("Nothing", "cortex-m7", folder=folder)
+    controller = built("Skyhook", "cortex-m7", folder)
+    controller.instantiate("controller")
+    controller.begin()
+    u, y = np.zeros(len(controller.inputs)), np.zeros(len(controller.outputs))
+    u[0] = np.nan
+    with pytest.raises(ValueError, match="an input or a value is not finite"):
+        controller.step(0.0, 0.0, u, y)
+    assert controller._process is not None
+    controller._process.kill()
+    with pytest.raises(CosimError, match="the emulator of mps2-an500 has ended"):
+        controller.step(0.0, 0.0, np.zeros(len(u)), y)
+    controller.begin()
+    controller._timeout = 0.0
+    with pytest.raises(CosimError, match="no answer of the emulated mps2-an500 within 0 s"):
+        controller.step(0.0, 0.0, np.zeros(len(u)), y)
