@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from built import FMUS
+from pages import ROOT, blocks
 from same_samples import declared, fmu_samples, inputs_of
 
 from build_fmus.generate import ticks
 from build_fmus.target.library import build_library
-from build_fmus.target.toolchain import TARGETS
+from build_fmus.target.toolchain import CFLAGS, TARGETS, Tools
 from cosim import CosimError, System
 from cosim.fmu.target import EmulatedTarget, target
 
@@ -104,3 +106,27 @@ def test_failures_have_names(folder: Path) -> None:
     controller._timeout = 0.0
     with pytest.raises(CosimError, match="no answer of the emulated mps2-an500 within 0 s"):
         controller.step(0.0, 0.0, np.zeros(len(u)), y)
+
+
+def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The how-to page as a reader follows it."""
+    page = ROOT / "docs" / "how-to" / "microcontroller.md"
+    monkeypatch.chdir(ROOT)
+    for command in "\n".join(blocks(page, "shell")).strip().splitlines():
+        program, *arguments = command.split()
+        Tools.run([str(Path(sys.executable).parent / program), *arguments], ROOT)
+    library = ROOT / "fmus" / "target" / "cortex-m7" / "LqrHmmwv"
+    (tmp_path / "firmware.c").write_text("\n".join(blocks(page, "c")))
+    compiler = [
+        "arm-none-eabi-gcc",
+        *CFLAGS,
+        *TARGETS["cortex-m7"].flags,
+        "-Wall",
+        "-Wextra",
+        "-Wconversion",
+        "-Werror",
+    ]
+    Tools.run([*compiler, f"-I{library}", "-c", "firmware.c"], tmp_path)
+    for code in blocks(page, "python"):
+        exec(compile(code, page.name, "exec"), {"__name__": "page"})
+    assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out
