@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cosim.experiments.gpc.matching import match_weight
-from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Assumed, Case, assume, passive
+from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Assumed, Case, assume, passive, structure
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 
@@ -102,6 +102,11 @@ class Comparison:
     def cost(self) -> float:
         """Rough time."""
         return 8 * _seconds(self.speed_kmh)
+
+    @property
+    def beside(self) -> tuple[Any, ...]:
+        """Comparisons whose systems are the same, and whose runs last as long."""
+        return *structure(self.case("preview")), self.speed_kmh
 
     def case(self, controller: str) -> Case:
         """The case of a controller at R = 1e-7."""
