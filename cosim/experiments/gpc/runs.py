@@ -181,7 +181,7 @@ def assume(assumed: Assumed, case: Case) -> Case:
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    parts = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
+    parts: dict[str, Any] = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
     assumed = tuple((f.name, getattr(case, f.name)) for f in OPEN)
     return assume(assumed, Case(case.road, case.speed_kmh, "passive", **parts))
 
