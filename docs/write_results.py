@@ -1,11 +1,11 @@
-"""Write the results of the studies into `results.md` and the README's table of papers, from the studies' summaries.
+"""Write the results of the studies into `results.md`, the README's table of papers and the tables of readings.
 
 make studies
 python docs/write_results.py [results]
 
-Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, and both pages are generated from
-these files, so every number on them comes from a run. Tests compare the pages with these files, and the files with new
-runs of the studies.
+Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, verdicts under several readings of a
+paper in `docs/results/readings/NAME.json`. The pages are generated from these files, so every number on them comes from
+a run. Tests compare the pages with these files, and the files with new runs of the studies.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from typing import Any
 from cosim.cli import NAMES
 from cosim.experiments import EXPERIMENTS
 from cosim.report.claims import OUTCOMES
+from cosim.study.readings_report import LEGEND, SHORT
 from fmu_sources.catalog import PAPERS
 
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 KEPT = HERE / "results"
-MARKS = ("<!-- results: written by docs/write_results.py -->", "<!-- end of results -->")
+PAPERS_PAGE = HERE / "explanation" / "what-the-papers-do-not-say.md"
 _CLAIM = (
     "id",
     "claim",
@@ -56,6 +57,10 @@ FEATURED = {
 JUDGED = [n for n in NAMES if import_module(EXPERIMENTS[n]).EXPERIMENT.study.claims]
 """Experiments whose study judges claims."""
 
+READINGS = [n for n in NAMES if n not in JUDGED]
+"""Experiments whose study judges the claims of others under several readings of the paper."""
+
+IN_FULL = {SHORT[v] for v in OUTCOMES[:2]}
 Summary = dict[str, Any]
 
 
@@ -72,15 +77,58 @@ def condense(summary: Summary) -> Summary:
     return {**kept, "claims": [{k: claim[k] for k in _CLAIM} for claim in summary["claims"]]}
 
 
-def collect(results: Path) -> list[Summary]:
-    """Condensed summaries of the studies below a folder of results, by name of the experiment."""
-    found = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(results.glob("*/summary.json"))]
-    return [condense(s) for s in found if s["experiment"] in JUDGED]
-
-
 def kept() -> list[Summary]:
     """The summaries in the repository."""
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(KEPT.glob("*.json"))]
+
+
+def condense_readings(summary: Summary) -> Summary:
+    """What is kept of a study under several readings: each verdict in a word, and how many claims hold in full.
+
+    Both by reading, of which the first is that of the main study.
+    """
+    table = summary["tables"]["map"]
+    first = 1 + ("sentence" in table["columns"])
+    names = table["columns"][first:]
+    claims = {}
+    for claim, *cells in table["rows"]:
+        if claim != "in full":
+            words = [str(cell).removeprefix("→ ").split()[0] for cell in cells[first - 1 :]]
+            claims[claim] = dict(zip(names, words, strict=True))
+    counts = {n: sum(found[n] in IN_FULL for found in claims.values()) for n in names}
+    return {"experiment": summary["experiment"], "in full": counts, "claims": claims}
+
+
+def kept_readings() -> list[Summary]:
+    """Those in the repository."""
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / "readings").glob("*.json"))]
+
+
+def turned(study: Summary, reading: str) -> str:
+    """Claims on which the verdict in a reading is not the main study's, by what becomes of it."""
+    changes: dict[str, list[str]] = {}
+    for claim, found in study["claims"].items():
+        before, after = next(iter(found.values())), found[reading]
+        if before != after:
+            changes.setdefault(f"{before} → {after}", []).append(f"`{claim}`")
+    return "; ".join(f"{change}: {', '.join(claims)}" for change, claims in changes.items()) or "none"
+
+
+def readings_section(study: Summary) -> str:
+    """Of each reading how many claims hold in full and which turn, and the claims that no reading reaches."""
+    counts = study["in full"]
+    main = next(iter(counts))
+    rows = [[n, count, turned(study, n) if n != main else "-"] for n, count in counts.items()]
+    never = [f"`{c}`" for c, found in study["claims"].items() if not IN_FULL & set(found.values())]
+    return "\n\n".join(
+        [
+            "\n".join(map(_row, [["reading", "claims in full", "claims that turn"], ["---"] * 3, *rows])),
+            _wrapped(
+                f"{LEGEND} Of {len(study['claims'])} claims {counts[main]} hold in full {main}. In none of the"
+                f" {len(rows)} readings do these hold in full: {', '.join(never) or 'none'}."
+            ),
+        ]
+    )
 
 
 def count(study: Summary, verdict: str) -> int:
@@ -217,11 +265,19 @@ def _anchor(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
-def with_section(readme: str, text: str) -> str:
-    """The README with its section on results replaced."""
-    before, rest = readme.split(MARKS[0])
-    _, after = rest.split(MARKS[1])
-    return f"{before}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{after}"
+def with_section(page: str, text: str, name: str = "results") -> str:
+    """A page with the section of this name replaced: in the README that on results."""
+    begin, end = f"<!-- {name}: written by docs/write_results.py -->", f"<!-- end of {name} -->"
+    before, rest = page.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}\n\n{text}\n\n{end}{after}"
+
+
+def with_readings(page: str) -> str:
+    """The page on what papers do not say, with the sections of all studies that are kept."""
+    for s in kept_readings():
+        page = with_section(page, readings_section(s), s["experiment"])
+    return page
 
 
 def _figures(s: Summary) -> str:
@@ -273,14 +329,22 @@ def _row(cells: list[Any]) -> str:
 
 
 def write(results: Path) -> None:
-    """Keep the summaries below `results` and write both pages; experiments that were not run stay as they are."""
-    KEPT.mkdir(exist_ok=True)
-    for s in collect(results):
-        text = json.dumps(s, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-        (KEPT / f"{s['experiment']}.json").write_text(text, encoding="utf-8")
+    """Keep the summaries below `results` and write the pages; experiments that were not run stay as they are."""
+    for summary in (json.loads(p.read_text(encoding="utf-8")) for p in sorted(results.glob("*/summary.json"))):
+        name = summary["experiment"]
+        if name in JUDGED:
+            _keep(KEPT / f"{name}.json", condense(summary), sort_keys=True)
+        elif name in READINGS:
+            _keep(KEPT / "readings" / f"{name}.json", condense_readings(summary))
     studies = kept()
+    PAPERS_PAGE.write_text(with_readings(PAPERS_PAGE.read_text(encoding="utf-8")), encoding="utf-8")
     (HERE / "results.md").write_text(page(studies), encoding="utf-8")
     README.write_text(with_section(README.read_text(encoding="utf-8"), section(studies)), encoding="utf-8")
+
+
+def _keep(path: Path, kept: Summary, **how: bool) -> None:
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(kept, indent=1, ensure_ascii=False, **how) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

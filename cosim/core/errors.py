@@ -150,8 +150,11 @@ class LoopNotSolved(CallFailed):
         more = f" and {len(self.values) - 8} more" if len(self.values) > 8 else ""
         return (
             f"the algebraic loop through '{self.component}' has no solution at t = {self.at:.9g} s, or its solution"
-            f" jumps there: {found}{more}, tolerance {self.tolerance:g}\n{self.path}\nGive one of these connections"
-            " delay=True (one step of delay), or the run a larger execution=Execution(loop_tolerance=...)."
+            f" jumps there: {found}{more}, tolerance {self.tolerance:g}\n{self.path}"
+            + surface.hint(
+                "\nGive one of these connections delay=True (one step of delay), or the run a larger"
+                " execution=Execution(loop_tolerance=...)."
+            )
         )
 
 

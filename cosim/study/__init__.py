@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     )
     from cosim.study.fmus import FmuSet
     from cosim.study.loading import ExperimentError, load
-    from cosim.study.pages import default_report, make_lead, parameters, provenance, sections
+    from cosim.study.pages import default_report, parameters, provenance
     from cosim.study.results import Results, RunFailed
     from cosim.study.runner import Runner
     from cosim.study.study_report import Content, StudyReport
@@ -57,7 +57,7 @@ _PLACES = {
     ),
     "cosim.study.fmus": ("FmuSet",),
     "cosim.study.loading": ("ExperimentError", "load"),
-    "cosim.study.pages": ("default_report", "make_lead", "parameters", "provenance", "sections"),
+    "cosim.study.pages": ("default_report", "parameters", "provenance"),
     "cosim.study.results": ("Results", "RunFailed"),
     "cosim.study.runner": ("Runner",),
     "cosim.study.study_report": ("Content", "StudyReport"),
@@ -104,10 +104,8 @@ __all__ = [
     "fields",
     "grid",
     "load",
-    "make_lead",
     "option",
     "parameters",
     "provenance",
     "run_study",
-    "sections",
 ]

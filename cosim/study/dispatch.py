@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.core.errors import CosimError
-from cosim.study.lanes import LANES_PAY
+from cosim.study.lanes import LANES_PAY, TOGETHER
 from cosim.study.processes import NoWorkerError, WorkerDiedError
 from cosim.study.store import pack
 from cosim.study.work import JobContext, Reply, TaskSpec, work
@@ -52,6 +52,7 @@ class Dispatch:
         given: a task by its number, as it travels.
         cost: its rough relative time.
         width: how many workers an executor has.
+        beside: tasks alike in it go into one chunk if runs are made in lanes; "" is none.
     """
 
     def __init__(
@@ -60,8 +61,9 @@ class Dispatch:
         task_spec: Callable[[int], TaskSpec],
         cost: Callable[[int], float],
         width: Callable[[Executor], int],
+        beside: Callable[[int], str] = lambda _: "",
     ) -> None:
-        self.job, self.task_spec, self.cost, self.width = job, task_spec, cost, width
+        self.job, self.task_spec, self.cost, self.width, self.beside = job, task_spec, cost, width, beside
         self.in_lanes = 0
         """How many runs so far were copies in lanes."""
         self._vectors = (job.execution and job.execution.lanes) or ""  # "": not decided
@@ -165,9 +167,14 @@ class Dispatch:
         """Numbers of the next chunk; none when there is nothing to do."""
         if alone:
             return [alone.popleft()]
+        chunk: list[int] = []
+        first = waiting.peek()
+        if first is not None and (alike := self.beside(first)) and self._vectors not in ("", "off") and not single:
+            while len(chunk) < TOGETHER and (i := waiting.peek()) is not None and self.beside(i) == alike:
+                chunk.append(waiting.take())
+            return chunk
         most = 1 if self._pace is None or single else min(LARGEST, max(1, waiting.left // (3 * workers)))
         fewest = 1 if single else min(self._fewest, -(-waiting.left // workers))
-        chunk: list[int] = []
         cost = 0.0
         while len(chunk) < max(most, fewest) and (i := waiting.peek()) is not None:
             cost += self.cost(i)

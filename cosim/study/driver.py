@@ -18,7 +18,7 @@ from cosim import CosimError, Execution
 from cosim.study import key
 from cosim.study.dispatch import Dispatch, Making
 from cosim.study.executors import width
-from cosim.study.experiment import Experiment, Search, Task
+from cosim.study.experiment import Experiment, Search, Task, beside
 from cosim.study.fmus import FmuSet
 from cosim.study.processes import local_processes
 from cosim.study.results import Results
@@ -81,12 +81,18 @@ def run_study(
     runs = {name: RunStore(kept, salt) for name, salt in salts.items()}
     names = [runs[_part(task)].name(task_key(task)) for task in todo]
     order = [i for i, name in enumerate(names) if not usable(kept, name, failed=not retry_failed)]
-    order.sort(key=lambda i: -getattr(todo[i], "cost", 1.0))
+    order.sort(key=lambda i: (-getattr(todo[i], "cost", 1.0), beside(todo[i])))
     done = len(todo) - len(order)
     progress(done, len(todo))
     searches = any(not isinstance(todo[i], Task) for i in order)  # alone ask for runs, which others may have made
     job = job_context(experiment, fmus, by_part, salts, execution, store if searches else None)
-    dispatch = Dispatch(job, lambda i: task_spec(names[i], todo[i]), lambda i: getattr(todo[i], "cost", 1.0), width)
+    dispatch = Dispatch(
+        job,
+        lambda i: task_spec(names[i], todo[i]),
+        lambda i: getattr(todo[i], "cost", 1.0),
+        width,
+        lambda i: beside(todo[i]),
+    )
     for _ in stored(dispatch, kept, order, executor, processes):
         progress(done := done + 1, len(todo))
     return Results(todo, Stored(kept, names), dispatch.in_lanes)

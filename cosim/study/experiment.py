@@ -54,7 +54,8 @@ class Search(Protocol):
     """A task of a study that is more than one run, such as looking for the weight that matches a response.
 
     A frozen dataclass of JSON values at module level; `label` names it, `cost` is its rough time in runs. With an
-    attribute `part` it gets a runner of that part of the experiment.
+    attribute `part` it gets a runner of that part of the experiment. Searches with the same attribute `beside` are done
+    together, so that their runs can be made in lanes: they ask for metrics only, and do little else.
     """
 
     @property
@@ -115,6 +116,11 @@ class Metric:
     def shown(self, value: float | str | None) -> str:
         """The value as people read it; a text as it is, a dash for None."""
         return "-" if value is None else value if isinstance(value, str) else self.form.format(self.factor * value)
+
+
+def beside(task: Task | Search) -> str:
+    """Which searches a task is done with; empty for one that is done alone."""
+    return str(getattr(task, "beside", ""))
 
 
 _WITH_UNIT = re.compile(r"(\S.*) \[([^\[\]]+)\]")

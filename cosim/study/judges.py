@@ -156,7 +156,7 @@ class View:
         if name in self.quantities:
             return self.quantities[name](self, subject, place)
         row, (above, _, below) = self.study[self.case(subject, place)], name.partition("/")
-        return float(row[above] / row[below] if below else row[above])
+        return quotient(row[above], row[below]) if below else float(row[above])
 
     def values(self, c: Comparison, place: Place) -> Distribution | None:
         """A comparison at a place, over its samples."""

@@ -14,7 +14,7 @@ from typing import Any
 from cosim import Record, Recording, StopWhen, System
 from cosim.batch import Batch, CopyFailure
 from cosim.core.errors import CosimError
-from cosim.study.experiment import Experiment
+from cosim.study.experiment import Experiment, Row
 
 LANES_PAY = 10.0  # s of scalar work, beyond which it pays to compile it for vectors
 TOGETHER, WITH_INSTANCES = 64, 16  # copies of a batch; of one in which each has FMU instances of its own
@@ -169,3 +169,69 @@ class LaneRuns:
             if batch is not None:
                 batch.close()
         self._batches.clear()
+
+
+class _NotMade(BaseException):
+    """A search needs a run that is not made yet."""
+
+
+class SearchRuns:
+    """A runner for searches that are done together: the runs for which they wait are made together, in lanes.
+
+    A search ends at the first run that is not made, and begins again when it is; what it does besides must be quick.
+
+    Args:
+        runner: which makes the runs.
+        vectors: as in `cosim.batch.Batch`.
+    """
+
+    def __init__(self, runner: Any, vectors: str) -> None:
+        self._runner, self._vectors = runner, vectors
+        self._made: dict[Any, Row | Exception] = {}
+        self.in_lanes = 0
+        """How many runs were copies in lanes."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._runner, name)
+
+    def metrics(self, case: Any) -> Row:
+        """Metrics of a case whose run is made."""
+        if case not in self._made:
+            if (stored := self._runner.stored(case)) is None:
+                raise _NotMade(case)
+            self._made[case] = stored["metrics"]
+        found = self._made[case]
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def results(self, searches: Mapping[int, Callable[[Any], Any]]) -> Iterator[tuple[int, Any]]:
+        """What numbered searches find; nothing of those that fail, which fail alone too."""
+        left = dict(searches)
+        while left:
+            missing: dict[Any, None] = {}
+            for i, search in list(left.items()):
+                try:
+                    yield i, search(self)
+                except _NotMade as run:
+                    missing[run.args[0]] = None
+                    continue
+                except Exception:
+                    pass
+                del left[i]
+            self._make(list(missing))
+
+    def _make(self, cases: Sequence[Any]) -> None:
+        alone = dict(enumerate(cases))
+        for made in self._runner.in_lanes(dict(alone), self._vectors):
+            self.in_lanes += len(made)
+            for i, run in made.items():
+                self._keep(alone.pop(i), run)
+        for case in alone.values():
+            self._keep(case, None)
+
+    def _keep(self, case: Any, made: LaneRun | None) -> None:
+        try:
+            self._made[case] = self._runner.entry(case, made=made)["metrics"]
+        except Exception as error:
+            self._made[case] = error

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from cosim.study.claims import ClaimList
-from cosim.study.experiment import Experiment, Row, Task, resolved
+from cosim.study.experiment import Experiment, Row, Search, Task, resolved
 from cosim.study.results import Results, RunFailed
 
 AS_READ = "as read"
@@ -42,14 +42,29 @@ class Change:
         return replace(case, **self.fields)
 
 
-Reading = Sequence[Change]
+Reading = Sequence[Callable[[Any], Any]]
+"""Changes of cases, or of searches, one after the other; most are a `Change`."""
 
 
 def read_as(reading: Reading, case: Any) -> Any:
-    """The case that a reading runs in the place of one of the main study."""
+    """The case, or search, that a reading runs in the place of one of the main study."""
     for change in reading:
         case = change(case)
     return case
+
+
+def seen(results: Results, reading: Reading, tasks: Sequence[Task | Search]) -> Results:
+    """The runs of a reading as if they were those of these tasks of the main study."""
+    entries: list[Row] = []
+    for task in tasks:
+        try:
+            if isinstance(task, Task):
+                entries.append({"metrics": results[read_as(reading, task.case)]})
+            else:
+                entries.append({"found": results.found(read_as(reading, task))})
+        except RunFailed as error:
+            entries.append({"failed": str(error)})
+    return _Seen(tasks, entries)
 
 
 @dataclass(frozen=True)
@@ -111,14 +126,7 @@ class ReadingsStudy:
 
     def seen(self, results: Results, reading: Reading) -> Results:
         """The runs of a reading as if they were those of the main study."""
-        tasks = [t for t in self.main.placed(self.needs()) if isinstance(t, Task)]
-        entries: list[Row] = []
-        for task in tasks:
-            try:
-                entries.append({"metrics": results[read_as(reading, task.case)]})
-            except RunFailed as error:
-                entries.append({"failed": str(error)})
-        return _Seen(tasks, entries)
+        return seen(results, reading, self.main.placed(self.needs()))
 
 
 class _Seen(Results):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from cosim.report import Figure, Panel, Report, Result, Section, Series, Table
 from cosim.report.claims import OUTCOMES, Claim, Claims, Verdict
 from cosim.report.model import Scalar
@@ -14,10 +16,8 @@ from cosim.study.results import Results
 SHORT: dict[Verdict, str] = dict(zip(OUTCOMES, ("yes", "calibrated", "trend", "open", "no"), strict=True))
 _IN_FULL = OUTCOMES[:2]
 _TURNS = "→"
-_LEGEND = (
-    f"yes: reproduced; trend: reproduced in another size. {_TURNS}: another verdict than as read today. Criteria are"
-    " those of the main study."
-)
+LEGEND = "yes: reproduced; trend: reproduced in another size."
+_LEGEND = f"{LEGEND} {_TURNS}: another verdict than as read today. Criteria are those of the main study."
 _STEPS = "Half the steps: the main study judges at these too, this one only with --full."
 
 Judged = dict[str, Claims]
@@ -52,8 +52,6 @@ def report_readings(study: ReadingsStudy, experiment: Experiment, results: Resul
     judged = judge(study, results)
     counts = {name: in_full(claims) for name, claims in judged.items()}
     best = max((n for n in counts if n != AS_READ), key=counts.__getitem__)
-    bars = Series("claims that hold in full", range(len(counts)), list(counts.values()), mode="bar")
-    panel = Panel("", "reading [-]", "claims [-]", [bars], x_names=list(counts))
     notes = [*study.notes, *[_STEPS] * (not _is_full(study, results))]
     return Report(
         experiment=experiment.name,
@@ -63,11 +61,18 @@ def report_readings(study: ReadingsStudy, experiment: Experiment, results: Resul
             f" {len(counts) - 1} other readings the best one ({best}) holds {counts[best]}. No reading reaches"
             f" {len(unreached(judged))} of them."
         ),
-        figure=Figure("main-result", "Claims that hold in full, by reading", _LEGEND, [panel]),
+        figure=counts_figure(counts, _LEGEND),
         results=[Result("readings", len(judged)), Result("published claims", len(judged[AS_READ]))],
         sections=[*sections(judged, (_map, _turns, _never)), Section("Left out", notes)],
         provenance=provenance(experiment, fmus),
     )
+
+
+def counts_figure(counts: Mapping[str, int], caption: str) -> Figure:
+    """Bars of how many claims hold in full, by reading."""
+    bars = Series("claims that hold in full", range(len(counts)), list(counts.values()), mode="bar")
+    panel = Panel("", "reading [-]", "claims [-]", [bars], x_names=list(counts))
+    return Figure("main-result", "Claims that hold in full, by reading", caption, [panel])
 
 
 def _map(judged: Judged) -> Section:

@@ -162,12 +162,15 @@ class Runner:
         """
         if self.store is None:
             return self._entry(case, signals=signals, history=history, made=made)
-        key = entry_key(case, signals=signals)
-        found: Row | None = self.store.find(key)
-        if found is None or "failed" in found:  # whoever asks wants it run again
-            stored: Row = self.store.put(key, self._entry(case, signals=signals, made=made))
-            return stored
+        found = self.stored(case, signals=signals)
+        if found is None:
+            found = self.store.put(entry_key(case, signals=signals), self._entry(case, signals=signals, made=made))
         return found
+
+    def stored(self, case: Any, *, signals: bool = False) -> Row | None:
+        """The stored entry of a case; None where there is none, or a failed one: whoever asks wants it run again."""
+        found: Row | None = None if self.store is None else self.store.find(entry_key(case, signals=signals))
+        return None if found is None or "failed" in found else found
 
     def metrics(self, case: Any) -> Row:
         """Metrics of a case; stored if possible."""

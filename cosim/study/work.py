@@ -24,9 +24,9 @@ from typing import Any
 from build_fmus.base import safe_files
 from cosim import Execution
 from cosim.study.case import values
-from cosim.study.experiment import Experiment, Row, Search, Task
+from cosim.study.experiment import Experiment, Row, Search, Task, beside
 from cosim.study.fmus import FmuSet
-from cosim.study.lanes import LaneRun
+from cosim.study.lanes import LaneRun, SearchRuns
 from cosim.study.loading import load
 from cosim.study.runner import HistoryError, Runner
 from cosim.study.store import RunStore, Store, pack
@@ -111,7 +111,10 @@ def work(
     except Exception as error:
         return Reply([pack(name, _failure(error)) for name, _ in chunk], seconds=time.perf_counter() - since)
     lines: dict[int, bytes] = {}
-    in_lanes = 0
+    searches = _search_runs(job, experiment, fmus, chunk, vectors)
+    for runs, numbered in searches:
+        lines |= {i: pack(chunk[i][0], {"found": found}) for i, found in runs.results(numbered)}
+    in_lanes = sum(runs.in_lanes for runs, _ in searches)
     every: dict[int, LaneRun | None] = dict.fromkeys(range(len(chunk)))
     ahead: Iterator[Mapping[int, LaneRun | None]] = _in_lanes(job, experiment, fmus, chunk, vectors)
     for made in chain(ahead, [every]):
@@ -135,10 +138,24 @@ def _in_lanes(
     parts: dict[str, dict[int, Any]] = {}
     for i, (_, task) in enumerate(chunk):
         if vectors != "off" and isinstance(task, tuple):
+            part, values, signals = task
             with suppress(Exception):  # the run alone says what is wrong with its case
-                parts.setdefault(task[0], {})[i] = experiment.part(task[0]).case(**task[1])
+                case = experiment.part(part).case(**values)
+                if _runner(experiment, part, job, fmus).stored(case, signals=signals) is None:
+                    parts.setdefault(part, {})[i] = case
     for part, cases in parts.items():
         yield from _runner(experiment, part, job, fmus).in_lanes(cases, vectors)
+
+
+def _search_runs(
+    job: JobContext, experiment: Experiment, fmus: FmuSet, chunk: Sequence[TaskSpec], vectors: str
+) -> list[tuple[SearchRuns, dict[int, Search]]]:
+    """The searches of a chunk that may be done together, by their number, with their runner."""
+    parts: dict[str, dict[int, Search]] = {}
+    for i, (_, task) in enumerate(chunk):
+        if vectors != "off" and not isinstance(task, tuple) and beside(task):
+            parts.setdefault(getattr(task, "part", ""), {})[i] = task
+    return [(SearchRuns(_runner(experiment, p, job, fmus), vectors), s) for p, s in parts.items() if len(s) > 1]
 
 
 def _experiment(job: JobContext) -> Experiment:

@@ -11,6 +11,7 @@ import pytest
 from probes import Integrator
 from same import assert_same
 
+from build_fmus.base import surface
 from cosim import (
     AlgebraicLoopWarning,
     ComponentError,
@@ -118,6 +119,9 @@ def test_a_loop_without_a_solution_ends_the_run_by_name(made):
     assert "a.y -> b.u" in text
     assert "delay=True" in text
     assert error.value.status == "not solved"
+    with surface.command(["--lanes"]), pytest.raises(ComponentError) as error:  # no option sets a connection
+        system.run(0.01)
+    assert "delay=True" not in str(error.value)
 
 
 def test_the_schedule_tells_of_a_loop():

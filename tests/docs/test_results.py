@@ -13,10 +13,27 @@ import pytest
 from pages import ROOT, headings
 
 from cosim.cli import NAMES
+from cosim.experiments.gpc_readings.report import CURB, SMOOTH
 from fmu_sources.catalog import PAPERS
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_results.py"))
-STUDIES = WRITER["kept"]()
+STUDIES, READINGS = WRITER["kept"](), WRITER["kept_readings"]()
+PAPERS_PAGE = WRITER["PAPERS_PAGE"].read_text(encoding="utf-8")
+FULL, TREND = ("yes", "calibrated"), ("yes", "calibrated", "trend")
+EXCLUSIVE = (
+    ("gpc-readings", "no reading in `gpc-readings` holds both blocks", ((CURB, TREND), (SMOOTH, TREND))),
+    (
+        "hmmwv-readings",
+        "The two readings of the pump exclude each other",
+        ((("bump-threefold",), FULL), (("track-twofold",), FULL)),
+    ),
+    (
+        "trench-readings",
+        "The order of the scores (`scores`) and the claims on cost and peaks (`cost-below-passive`, `peak-az`) exclude",
+        ((("scores",), TREND), (("cost-below-passive", "peak-az"), TREND)),
+    ),
+)
+"""Experiment, sentence of the page, and both sides: claims, and in which words they hold."""
 
 
 def test_every_experiment_is_there_or_said_to_be_missing() -> None:
@@ -33,6 +50,49 @@ def test_the_pages_are_up_to_date() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert readme == WRITER["with_section"](readme, WRITER["section"](STUDIES)), hint
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
+
+
+@pytest.mark.parametrize("study", READINGS, ids=lambda s: s["experiment"])
+def test_a_verdict_that_changes_changes_the_table_of_readings(study: dict) -> None:
+    changed = json.loads(json.dumps(study))
+    claim, found = next((c, f) for c, f in changed["claims"].items() if not {*FULL} & {*f.values()})
+    *_, last = found
+    assert f"`{claim}`" in " ".join(WRITER["readings_section"](study).split()).partition("hold in full: ")[2]
+    found[last] = "yes"
+    assert f"→ yes: `{claim}`" in WRITER["turned"](changed, last)
+    assert f"`{claim}`" not in " ".join(WRITER["readings_section"](changed).split()).partition("hold in full: ")[2]
+
+
+def test_the_page_on_papers_has_the_tables_of_all_readings() -> None:
+    assert WRITER["READINGS"] == ["gpc-readings", "hmmwv-readings", "trench-readings"]
+    assert WRITER["with_readings"](PAPERS_PAGE) == PAPERS_PAGE
+    for study in READINGS:
+        assert WRITER["readings_section"](study) in PAPERS_PAGE
+
+
+def test_names_of_claims_on_the_page_on_papers() -> None:
+    """Each name in code marks that is not of a command, a parameter or a file is of a claim of that paper."""
+    papers = re.split(r"^## Paper (\d+)", PAPERS_PAGE, flags=re.MULTILINE)
+    for number, text in zip(papers[1::2], papers[2::2], strict=True):
+        claims = {c["id"] for s in STUDIES if WRITER["paper"](s["experiment"]) == number for c in s["claims"]}
+        named = set(re.findall(r"`([a-z0-9]+(?:-[a-z0-9]+)*)`", text.partition("\n## ")[0]))
+        assert named - claims <= {*NAMES}, number
+
+
+def test_what_the_page_on_papers_says_of_claims_that_exclude_each_other() -> None:
+    """In no reading do both sides hold; each does in one."""
+    found = {s["experiment"]: s for s in READINGS}
+    text = " ".join(PAPERS_PAGE.split())
+    for experiment, sentence, sides in EXCLUSIVE:
+        assert sentence in text
+        if experiment not in found:  # its study was not run on the newest FMUs
+            continue
+        claims = found[experiment]["claims"]
+        names = [
+            {n for n in found[experiment]["in full"] if all(claims[c][n] in told for c in side)} for side, told in sides
+        ]
+        assert all(names), sentence
+        assert not set.intersection(*names), sentence
 
 
 def test_the_page_names_the_pump_with_which_a_claim_holds() -> None:

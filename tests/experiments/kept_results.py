@@ -23,3 +23,9 @@ def kept_verdicts(experiment: str) -> dict[str, str]:
 def is_kept(experiment: str) -> bool:
     """Whether the study was run on the newest FMUs; README and results.md name those that were not."""
     return (_FOLDER / f"{experiment}.json").is_file()
+
+
+def kept_readings(experiment: str) -> dict[str, Any]:
+    """Verdicts of a study under several readings, as `docs/write_results.py` keeps them."""
+    found: dict[str, Any] = json.loads((_FOLDER / "readings" / f"{experiment}.json").read_text(encoding="utf-8"))
+    return found

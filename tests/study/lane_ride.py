@@ -62,6 +62,35 @@ def measure(run):
     }
 
 
+@dataclass(frozen=True)
+class Shaken:
+    """Looks for the time up to which the r.m.s. acceleration is no larger, where each run depends on the last."""
+
+    rms: float
+    until: float
+    cost: float = 3.0
+
+    @property
+    def label(self) -> str:
+        return f"shaken-{self.rms:g}-until-{self.until:g}"
+
+    @property
+    def beside(self) -> str:
+        return "all of them"
+
+    def __call__(self, runner):
+        low, high = 0.0, self.until
+        for _ in range(3):
+            middle = round((low + high) / 2, 3)
+            if runner.metrics(Ride(seconds=middle))["rms"] > self.rms:
+                high = middle
+            else:
+                low = middle
+        if self.rms < 0:
+            raise ValueError("nothing is shaken as little")
+        return [low, high]
+
+
 EXPERIMENT = Experiment(
     "lane-ride",
     Ride,

@@ -69,6 +69,8 @@ def judged(*lines: dict[str, Any], view: type[View] = RoadView, **entry: Any):
         ({"ratio": "force", "of": "passive", "to": "passive", "most": 9}, False),  # 0 over 0 is on no side
         ({"value": "force, if any", "of": ["passive", "lqr"], "least": 2}, True),  # where there is one
         ({"value": "force, if any", "of": "passive", "least": 2}, False),
+        ({"value": "rms/force", "of": "passive", "above": 9}, True),  # per nothing
+        ({"value": "force/force", "of": "passive", "most": 9}, False),
     ],
 )
 def test_forms_and_sides(line: dict[str, Any], holds: bool) -> None:

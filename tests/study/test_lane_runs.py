@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from sweep_tables import FMUS, made
 
 import cosim.cli
 from cosim import Execution, System
-from cosim.study import FmuSet, load
+from cosim.study import FmuSet, load, run_study
 from cosim.study.calibration import SystemResponse, calibrate
 from cosim.study.optimise_command import PointRuns
 from cosim.study.sweep import SweepTable, history, run_sweep
@@ -73,6 +74,23 @@ def test_systems_that_are_not_vectorizable_run_as_before(experiment: Any, tmp_pa
     _, table = compare(experiment, tmp_path, "car.body.mass=2300:3400", "python=true")
     assert table.in_lanes == 0
     assert not table.failures
+
+
+def test_searches_that_are_done_together_find_what_each_finds_alone(experiment: Any, tmp_path: Path) -> None:
+    """Their runs are made in lanes, though none knows its next one; one that fails does so alone."""
+    shaken = sys.modules[experiment.case.__module__].Shaken
+    tasks = [shaken(rms, 0.2 + 0.01 * i) for i, rms in enumerate([0.1, 0.5, 1.0, -1.0, 2.0, 9.0])]
+    found = []
+    for lanes in ("off", "auto"):
+        with ThreadPoolExecutor(1) as worker:
+            results = run_study(
+                experiment, FMUS, tmp_path / lanes, tasks=tasks, executor=worker, execution=Execution(lanes=lanes)
+            )
+        assert (results.in_lanes >= 6) == (lanes == "auto")
+        found.append([results.failures, *(results.found(t) for t in tasks if t.rms > 0)])
+    assert found[0] == found[1]
+    assert len({str(f) for f in found[0][1:]}) == 5
+    assert list(found[0][0].values()) == ["ValueError: nothing is shaken as little"]
 
 
 def test_an_isolated_sweep_is_not_in_lanes(experiment: Any, tmp_path: Path) -> None:

@@ -34,9 +34,8 @@ from cosim.study import (
     option,
     parameters,
     provenance,
-    sections,
 )
-from cosim.study.pages import compared, failed_section, make_lead, report_of
+from cosim.study.pages import compared, failed_section, make_lead, report_of, sections
 
 
 @dataclass(frozen=True)

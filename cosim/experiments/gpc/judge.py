@@ -23,7 +23,7 @@ from cosim.experiments.gpc.published import WEIGHTS
 from cosim.experiments.gpc.results import Results, Study
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, ClaimList, Distribution, Finding, RunFailed
-from cosim.study.judges import Comparison, Side, Tally, View, compare
+from cosim.study.judges import Comparison, Side, Tally, View, compare, quotient
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import IdentificationSettings
 
@@ -92,7 +92,7 @@ class Judge(View):
         above, _, below = c.quantity.partition("/")
 
         def value(row: Mapping[str, Any], other: Mapping[str, Any] | None = base) -> float:
-            own = row[above] / row[below] if below else row[above]
+            own = quotient(row[above], row[below]) if below else row[above]
             return float(c.number(own, None if other is None else other[c.quantity]))
 
         if c.of == "explicit" and c.to == "passive" and c.quantity == "response":

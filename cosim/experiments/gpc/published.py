@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cosim.experiments.gpc.matching import match_weight
-from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Case, Reading, passive, read_as
+from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Assumed, Case, assume, passive, structure
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 
@@ -34,16 +34,16 @@ def plan(seeds: Sequence[int] = SEEDS, speeds: Sequence[float] = SPEEDS_KMH) -> 
     return [*searches(seeds, speeds), *histories, *tasks([*cases(seeds, speeds), *refined])]
 
 
-def searches(seeds: Sequence[int], speeds: Sequence[float], reading: Reading = ()) -> list[Comparison]:
+def searches(seeds: Sequence[int], speeds: Sequence[float]) -> list[Comparison]:
     """Comparisons of the controllers on every road at every speed, with every identification seed."""
-    return [Comparison(road, v, seed, reading) for road in ROADS for v in on(road, speeds) for seed in seeds]
+    return [Comparison(road, v, seed) for road in ROADS for v in on(road, speeds) for seed in seeds]
 
 
-def cases(seeds: Sequence[int], speeds: Sequence[float], reading: Reading = ()) -> list[Case]:
+def cases(seeds: Sequence[int], speeds: Sequence[float]) -> list[Case]:
     """What the claims need besides: the passive car, and preview over the weights."""
-    found = [read_as(reading, road, v, "passive") for road in ROADS for v in on(road, speeds)]
-    found += [swept(v, w, seed, reading) for v in speeds for seed in seeds for w in WEIGHTS]
-    return found + [read_as(reading, "sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
+    found = [Case(road, v, "passive") for road in ROADS for v in on(road, speeds)]
+    found += [swept(v, w, seed) for v in speeds for seed in seeds for w in WEIGHTS]
+    return found + [Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
 
 
 def tasks(cases: Iterable[Case]) -> list[Task]:
@@ -61,9 +61,9 @@ def _seconds(speed: float) -> float:
     return 540 / speed
 
 
-def swept(speed: float, weight: float, seed: int, reading: Reading = ()) -> Case:
+def swept(speed: float, weight: float, seed: int) -> Case:
     """Preview on the sine road with a weight of figure 6."""
-    return read_as(reading, "sine", speed, "preview", R=weight, seed=seed)
+    return Case("sine", speed, "preview", R=weight, seed=seed)
 
 
 def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Case]:
@@ -90,22 +90,27 @@ class Comparison:
     road: str
     speed_kmh: float
     seed: int
-    reading: Reading = ()
+    assumed: Assumed = ()
 
     @property
     def label(self) -> str:
         """For people."""
-        reading = "".join(f"-{name.replace('_', '-')}-{value}" for name, value in self.reading)
-        return f"comparison-{self.road}-{self.speed_kmh:g}kmh-seed{self.seed}{reading}"
+        assumed = "".join(f"-{name.replace('_', '-')}-{value}" for name, value in self.assumed)
+        return f"comparison-{self.road}-{self.speed_kmh:g}kmh-seed{self.seed}{assumed}"
 
     @property
     def cost(self) -> float:
         """Rough time."""
         return 8 * _seconds(self.speed_kmh)
 
+    @property
+    def beside(self) -> tuple[Any, ...]:
+        """Comparisons whose systems are the same, and whose runs last as long."""
+        return *structure(self.case("preview")), self.speed_kmh
+
     def case(self, controller: str) -> Case:
         """The case of a controller at R = 1e-7."""
-        return read_as(self.reading, self.road, self.speed_kmh, controller, seed=self.seed)
+        return assume(self.assumed, Case(self.road, self.speed_kmh, controller, seed=self.seed))
 
     def __call__(self, runner: Any) -> dict[str, list[Row]]:
         """Run the controllers at their weights."""

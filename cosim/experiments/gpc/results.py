@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -20,7 +20,7 @@ from cosim.experiments.gpc.published import (
     refinements,
     swept,
 )
-from cosim.experiments.gpc.runs import CONTROLLERS, R_PUBLISHED, ROADS, Case, Reading, read_as
+from cosim.experiments.gpc.runs import CONTROLLERS, R_PUBLISHED, ROADS, Case
 from cosim.experiments.metrics import response as metrics
 from cosim.study import Distribution, Row, RunFailed
 from cosim.study import Results as Runs
@@ -52,13 +52,9 @@ class Study:
     failures: Mapping[str, str] = field(default_factory=dict)  # of runs that failed: label -> message
 
     @classmethod
-    def of(cls, runs: Runs, reading: Reading = (), only: Collection[int] | None = None) -> Study:
-        """The rows of a study that was run, or those of one of its readings; a run that failed has none.
-
-        `only`: these identification seeds of those that were run.
-        """
-        planned = [t for t in runs.tasks if isinstance(t, Comparison) and t.reading == reading]
-        planned = [t for t in planned if only is None or t.seed in only]
+    def of(cls, runs: Runs) -> Study:
+        """The rows of a study that was run; a run that failed has none."""
+        planned = [t for t in runs.tasks if isinstance(t, Comparison)]
         seeds = tuple(dict.fromkeys(s.seed for s in planned))
         speeds = tuple(dict.fromkeys(s.speed_kmh for s in planned if s.road == "sine"))
         failures = runs.failures
@@ -69,13 +65,13 @@ class Study:
 
         compared = [runs.found(t) for t in planned if t.label not in failures]
         histories = [runs.found(t) for t in runs.tasks if isinstance(t, History) and t.label not in failures]
-        passive = [read_as(reading, road, v, "passive") for road in ROADS for v in on(road, speeds)]
-        open_loop = [read_as(reading, "sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
+        passive = [Case(road, v, "passive") for road in ROADS for v in on(road, speeds)]
+        open_loop = [Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
         refined = [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
         result = cls(
             seeds,
             speeds,
-            sweep=rows(swept(v, w, s, reading) for v in speeds for s in seeds for w in WEIGHTS),
+            sweep=rows(swept(v, w, s) for v in speeds for s in seeds for w in WEIGHTS),
             comparison=[*(r for c in compared for r in c["compared"]), *rows(passive)],
             unmatched=[r for c in compared for r in c["unmatched"]],
             open_loop=rows(open_loop),

@@ -169,21 +169,21 @@ class Case(OpenCase):
 OPEN = tuple(f for f in dataclasses.fields(OpenCase) if f.name not in Stepped.__dataclass_fields__)
 """Fields of a case that the paper leaves open."""
 
-Reading = tuple[tuple[str, Any], ...]  # values of open fields by name, those that are not the main study's
+Assumed = tuple[tuple[str, Any], ...]  # values of open fields by name, those that are not the main study's
 
 
-def read_as(reading: Reading, road: str, speed_kmh: float, controller: str, **others: Any) -> Case:
-    """A case in a reading of the paper, of which that is kept which means something for the controller."""
-    case, rules = Case(road, speed_kmh, controller, **others), {f.name: f.metadata["option"].only for f in OPEN}
-    kept = {name: value for name, value in reading if rules[name] is None or rules[name][0](case)}
+def assume(assumed: Assumed, case: Case) -> Case:
+    """A case with other assumptions, of which those are kept that mean something for its controller."""
+    rules = {f.name: f.metadata["option"].only for f in OPEN}
+    kept = {name: value for name, value in assumed if rules[name] is None or rules[name][0](case)}
     return dataclasses.replace(case, **kept)
 
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    parts = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
-    reading = tuple((f.name, getattr(case, f.name)) for f in OPEN)
-    return read_as(reading, case.road, case.speed_kmh, "passive", **parts)
+    parts: dict[str, Any] = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
+    assumed = tuple((f.name, getattr(case, f.name)) for f in OPEN)
+    return assume(assumed, Case(case.road, case.speed_kmh, "passive", **parts))
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring

@@ -8,35 +8,36 @@ law stays the main study.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import click
-import numpy as np
 
 from cosim.experiments import gpc
-from cosim.experiments.gpc.published import SEEDS, SPEEDS_KMH, cases, on, searches, tasks
-from cosim.experiments.gpc.runs import ROADS, Reading, control_law, read_as
+from cosim.experiments.gpc.published import SEEDS, SPEEDS_KMH, cases, searches, tasks
+from cosim.experiments.gpc.runs import Assumed, Case, assume
+from cosim.experiments.gpc_readings.static_gain import StaticGain
 from cosim.study.experiment import Experiment, Search, Task
-from fmu_sources.models.corners import CORNERS
+from cosim.study.readings import Reading, read_as
 
 PRINTED = "as printed"
-FACTORS: dict[str, Reading] = {
+FACTORS: dict[str, Assumed] = {
     "identified from rest": (("from_rest", True),),
     "one track": (("one_track", True),),
     "road rate": (("disturbance", "rate"),),
     "last height held": (("hold", True),),
 }
 """The four assumptions that matter; all their combinations are tried. The first two are literal corrections."""
-COMBINATIONS: dict[str, Reading] = {
+COMBINATIONS: dict[str, Assumed] = {
     ", ".join(chosen): sum((FACTORS[name] for name in chosen), ())
     for count in range(2, len(FACTORS) + 1)
     for chosen in combinations(FACTORS, count)
 }
 """Two or more of the four at once, in words."""
 LITERAL, *_ = COMBINATIONS
-READINGS: dict[str, Reading] = {
+READINGS: dict[str, Assumed] = {
     PRINTED: (),
     **dict(list(FACTORS.items())[:2]),
     LITERAL: COMBINATIONS.pop(LITERAL),
@@ -58,51 +59,29 @@ READINGS: dict[str, Reading] = {
 SHORT_SEEDS, HELD_OUT = SEEDS[:2], tuple(range(len(SEEDS), 2 * len(SEEDS)))
 
 
-@dataclass(frozen=True)
-class StaticGain:
-    """How much force a control law gives in the end for a road that is higher under all wheels [N/m].
-
-    The root mean square over the actuators, by controller: for explicit the sum over its past heights, for preview
-    also over those ahead, which a controller that knows the road ahead needs to cancel it.
-    """
-
-    reading: Reading
-    seed: int
-    cost: float = 1.0
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return f"static-gain-{'-'.join(f'{n}-{v}' for n, v in self.reading) or 'printed'}-seed{self.seed}"
-
-    def __call__(self, runner: Any) -> dict[str, float]:
-        """Identify and add up the gains."""
-        found = {}
-        for controller in ("explicit", "preview"):
-            case = read_as(self.reading, "sine", SPEEDS_KMH[0], controller, seed=self.seed)
-            law = control_law(runner.fmus, case)
-            gain = law.gain_d_hold if law.hold else law.gain_d
-            if controller == "preview":
-                gain = np.hstack([gain, law.gain_preview])
-            force = gain @ np.ones(gain.shape[1])
-            found[controller] = float(np.sqrt(np.sum(force**2) / len(CORNERS)))
-        return found
-
-
-def readings(full: bool) -> dict[str, Reading]:
+def readings(full: bool) -> dict[str, Assumed]:
     """The readings of a study, in words."""
     return {**READINGS, **COMBINATIONS} if full else READINGS
 
 
-def seeds(full: bool, reading: Reading) -> tuple[int, ...]:
+def reading(assumed: Assumed) -> Reading:
+    """What these assumptions make of a case, or of a search, of the main study."""
+    return (lambda t: assume(assumed, t) if isinstance(t, Case) else replace(t, assumed=assumed),)
+
+
+def seeds(full: bool, assumed: Assumed) -> tuple[int, ...]:
     """Seeds of the identifications of a reading; only the four that matter, alone and combined, get all."""
-    return (*SEEDS, *HELD_OUT) if full and set(reading) <= {pair for (pair,) in FACTORS.values()} else SHORT_SEEDS
+    return (*SEEDS, *HELD_OUT) if full and set(assumed) <= {pair for (pair,) in FACTORS.values()} else SHORT_SEEDS
+
+
+def needs(seeds: Sequence[int]) -> list[Any]:
+    """The cases and searches of the main study on which its claims rest."""
+    return [*searches(seeds, SPEEDS_KMH), *cases(seeds, SPEEDS_KMH)]
 
 
 def comparisons(full: bool) -> int:
     """Number of comparisons of the controllers in a study, each of about ten runs."""
-    each = sum(len(on(road, SPEEDS_KMH)) for road in ROADS)
-    return each * sum(len(seeds(full, reading)) for reading in readings(full).values())
+    return sum(len(searches(seeds(full, assumed), SPEEDS_KMH)) for assumed in readings(full).values())
 
 
 @click.option(
@@ -113,13 +92,12 @@ def comparisons(full: bool) -> int:
 )
 def plan(full: bool = False) -> list[Task | Search]:
     """One assumption at a time with two seeds; or everything."""
-    found: list[Task | Search] = []
-    alone = []
-    for reading in readings(full).values():
-        found += searches(seeds(full, reading), SPEEDS_KMH, reading)
-        alone += cases(seeds(full, reading), SPEEDS_KMH, reading)
-        found += [StaticGain(reading, seed) for seed in seeds(full, reading)]
-    return [*found, *tasks(alone)]
+    found: list[Any] = []
+    for assumed in readings(full).values():
+        chosen = seeds(full, assumed)
+        found += [read_as(reading(assumed), t) for t in [*needs(chosen), *map(StaticGain, chosen)]]
+    runs = [t for t in found if isinstance(t, Case)]
+    return [*(t for t in found if not isinstance(t, Case)), *tasks(runs)]
 
 
 EXPERIMENT: Experiment = replace(

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
+from cosim.experiments import gpc
 from cosim.experiments.gpc.judge import CLAIMS, Judge
 from cosim.experiments.gpc.published import SEEDS
 from cosim.experiments.gpc.results import Study
-from cosim.experiments.gpc.runs import Reading
+from cosim.experiments.gpc.runs import Assumed
 from cosim.experiments.gpc_readings import (
     COMBINATIONS,
     EXPERIMENT,
     HELD_OUT,
     PRINTED,
     READINGS,
-    StaticGain,
+    needs,
+    reading,
     readings,
-    seeds,
 )
-from cosim.report import Claims, Figure, Layer, Map, Panel, Report, Result, Section, Series, Table
-from cosim.study import FmuSet, Results, RunFailed, make_lead, provenance, sections
+from cosim.experiments.gpc_readings.static_gain import StaticGain
+from cosim.report import Claims, Layer, Map, Result, Table
+from cosim.report.claims import OUTCOMES
+from cosim.report.model import Scalar
+from cosim.study import Content, Results, StudyReport
+from cosim.study.readings import seen
+from cosim.study.readings_report import LEGEND, SHORT, counts_figure, in_full
 
 CURB = ("curb-explicit-force", "curb-preview-200", "curb-preview-power")
 SMOOTH = ("sine-same-force", "implicit-power", "perryman-same", "perryman-implicit")
 """Two blocks of claims: what explicit costs on the curb, and that it costs no more than preview on smooth roads."""
-HOLDS = ("reproduced", "calibrated", "trend reproduced, magnitude differs")
+HOLDS = OUTCOMES[:3]
+_JUDGED = "Judged on the median identification by the criteria of the main study."
 
 
 # -------------------------------------------------------------------------------------------------------------- judging
@@ -39,21 +44,21 @@ class Judged:
 
     results: Results
     seeds: tuple[int, ...]
+    gains: dict[str, list[StaticGain]]
     claims: dict[str, Claims]
     held_out: dict[str, Claims]
 
     @classmethod
     def of(cls, results: Results) -> Judged:
         """Judge a study."""
-        found = {t.reading for t in results.tasks if isinstance(t, StaticGain)}
-        tried = {name: reading for name, reading in readings(True).items() if reading in found}
-        run = dict.fromkeys(t.seed for t in results.tasks if isinstance(t, StaticGain))
-        first, others = tuple(s for s in run if s in SEEDS), tuple(s for s in run if s in HELD_OUT)
+        found = [t for t in results.tasks if isinstance(t, StaticGain)]
+        run = {name: [t for t in found if t.assumed == assumed] for name, assumed in readings(True).items()}
+        first, others = ({name: [t for t in ts if t.seed in s] for name, ts in run.items()} for s in (SEEDS, HELD_OUT))
         return cls(
             results,
-            first,
-            {name: _claims(results, reading, first) for name, reading in tried.items()},
-            {n: _claims(results, r, others) for n, r in tried.items() if others and set(seeds(True, r)) >= set(others)},
+            tuple(dict.fromkeys(t.seed for t in found if t.seed in SEEDS)),
+            {name: ts for name, ts in first.items() if ts},
+            *({name: _claims(results, ts) for name, ts in chosen.items() if ts} for chosen in (first, others)),
         )
 
     def verdict(self, name: str, claim: str) -> str:
@@ -64,82 +69,59 @@ class Judged:
         """Claims of a block that hold in a reading, in the published size or not."""
         return [claim for claim in block if self.verdict(name, claim) in HOLDS]
 
-    def count(self, claims: Claims) -> int:
-        """Published claims that hold in full."""
-        return sum(c.passed for c in claims if not c.own)
 
-
-def _claims(results: Results, reading: Reading, seeds: Sequence[int]) -> Claims:
-    judge = Judge(Study.of(results, reading, seeds))
+def _claims(results: Results, gains: Sequence[StaticGain]) -> Claims:
+    """The claims in the reading of these tasks, on their seeds."""
+    tasks = gpc.EXPERIMENT.placed(needs([t.seed for t in gains]))
+    judge = Judge(Study.of(seen(results, reading(gains[0].assumed), tasks)))
     return CLAIMS.judge(judge, judge.singles(), "identifications")
 
 
 # --------------------------------------------------------------------------------------------------------------- report
 
-
-def report(results: Results, fmus: FmuSet) -> Report:
-    """Claims by reading, the blocks that exclude each other, and why."""
-    judged = Judged.of(results)
-    makers: list[Callable[[Judged], Section]] = [_counts, partial(_map, alone=True), _blocks, _gains, _never]
-    if len(judged.claims) > len(READINGS):
-        makers.insert(2, partial(_map, alone=False))
-    lead, figure = make_lead(judged, _main_result)
-    return Report(
-        experiment=EXPERIMENT.name,
-        title="Generalized predictive control under other readings of the paper",
-        lead=lead,
-        figure=figure,
-        claims=[],
-        results=[Result("readings", len(judged.claims)), Result("identification seeds", len(judged.seeds))],
-        sections=sections(judged, makers),
-        parameters=[],
-        provenance=provenance(EXPERIMENT, fmus),
-    )
+report = StudyReport(
+    EXPERIMENT,
+    "Generalized predictive control under other readings of the paper",
+    view=lambda results, _: Judged.of(results),
+    results=lambda judged, _: [
+        Result("readings", len(judged.claims)),
+        Result("identification seeds", len(judged.seeds)),
+    ],
+)
 
 
-def _main_result(judged: Judged) -> tuple[str, Figure]:
-    counts = {name: judged.count(claims) for name, claims in judged.claims.items()}
-    total, best = next(iter(judged.claims.values())).published, max(counts, key=lambda name: counts[name])
-    together = "some reading holds" if _hold_both(judged) else "no reading holds"
-    lead = (
-        f"With {len(judged.seeds)} identification seeds the control laws hold {counts[PRINTED]} of {total} claims in"
-        f" full as printed; of {len(counts)} readings the best one ({best}) holds {counts[best]}. The claims about the"
-        f" costs of explicit on the curb and those about smooth roads {together} together."
-    )
-    names = list(counts)
-    bars = Series("claims that hold in full", range(len(names)), list(counts.values()), mode="bar")
-    panel = Panel("", "reading [-]", "claims [-]", [bars], x_names=names)
-    return lead, Figure("main-result", "Claims that hold in full, by reading", _JUDGED, [panel])
+@report.lead
+def main_result(judged: Judged) -> Content:
+    """How many claims hold in full by reading, and whether a reading holds both blocks."""
+    counts = {name: in_full(claims) for name, claims in judged.claims.items()}
+    best = max(counts, key=counts.__getitem__)
+    yield f"""With {len(judged.seeds)} identification seeds {counts[PRINTED]} of {judged.claims[PRINTED].published}
+    claims hold in full as printed; of {len(counts)} readings the best one ({best}) holds {counts[best]}.
+    {"A reading holds" if _hold_both(judged) else "No reading holds"} both the claims about the costs of explicit on the
+    curb and those about smooth roads."""
+    yield counts_figure(counts, _JUDGED)
 
 
-_JUDGED = "Judged on the median identification by the criteria of the main study."
-
-
-def _counts(judged: Judged) -> Section:
-    """How many claims hold, and with single identifications."""
-    rows: list[list[Any]] = []
+@report.section("How many claims hold")
+def counts(judged: Judged) -> Content:
+    """With the median identification, and with single ones."""
+    rows: list[list[Scalar]] = []
     alone = judged.claims[PRINTED].by_sample
     for name, claims in judged.claims.items():
-        held = judged.count(judged.held_out[name]) if name in judged.held_out else None
-        rows.append([name, judged.count(claims), min(claims.by_sample), max(claims.by_sample), held])
-    return Section(
-        "How many claims hold",
-        [
-            "The paper had one identification, so the count with each seed alone stands beside that of the median. As"
-            f" printed it is {min(alone)} to {max(alone)} with one of {len(alone)} seeds: readings whose counts differ"
-            " by no more than that are not told apart. A reading counts as better than the printed one only if it is"
-            " so with seeds that were held out.",
-            f"The study has {len(judged.results.tasks)} tasks.",
-        ],
-        tables=[
-            Table(
-                "counts",
-                f"Claims that hold in full, of {next(iter(judged.claims.values())).published}",
-                ["reading", "median of the seeds", "least of one seed", "most of one seed", "held-out seeds"],
-                rows,
-                f"Seeds {_span(judged.seeds)}; held out: {_span(HELD_OUT) if judged.held_out else 'none'}.",
-            )
-        ],
+        held = in_full(judged.held_out[name]) if name in judged.held_out else None
+        rows.append([name, in_full(claims), min(claims.by_sample), max(claims.by_sample), held])
+    yield f"""The paper had one identification, so the count with each seed alone stands beside that of the median. As
+    printed it is {min(alone)} to {max(alone)} with one of {len(alone)} seeds: readings whose counts differ by no more
+    than that are not told apart. A reading counts as better than the printed one only if it is so with seeds that were
+    held out.
+
+    The study has {len(judged.results.tasks)} tasks."""
+    yield Table(
+        "counts",
+        f"Claims that hold in full, of {judged.claims[PRINTED].published}",
+        ["reading", "median of the seeds", "least of one seed", "most of one seed", "held-out seeds"],
+        rows,
+        f"Seeds {_span(judged.seeds)}; held out: {_span(HELD_OUT) if judged.held_out else 'none'}.",
     )
 
 
@@ -147,22 +129,32 @@ def _span(seeds: Sequence[int]) -> str:
     return f"{seeds[0]} to {seeds[-1]}"
 
 
-def _map(judged: Judged, *, alone: bool) -> Section:
+@report.section("One assumption at a time")
+def alone(judged: Judged) -> Content:
+    """Claims over readings."""
+    yield from _map(judged, READINGS, "One assumption at a time", "shares", "map")
+
+
+@report.section("Combinations")
+def combinations(judged: Judged) -> Content:
+    """Claims over readings with several assumptions."""
+    if COMBINATIONS.keys() & judged.claims.keys():
+        yield from _map(judged, COMBINATIONS, "Combinations", "shares-of-combinations", "combinations")
+
+
+def _map(judged: Judged, among: dict[str, Assumed], title: str, figure: str, table: str) -> Content:
     """Claims over readings: verdict, and with how many identifications alone each holds in full."""
-    names = [n for n in judged.claims if n in (READINGS if alone else COMBINATIONS)]
-    rows, shares = [], list[list[float]]()
-    for claim in (s.id for s in CLAIMS if not s.own):
-        cells: list[str] = []
-        shares.append([])
-        for name in names:
-            found = next(c for c in judged.claims[name] if c.id == claim)
-            passed = judged.claims[name].passed[list(judged.claims[name]).index(found)]
-            cells.append(f"{_SHORT[found.verdict]} {sum(passed)}/{len(passed)}")
-            shares[-1].append(sum(passed) / len(passed))
-        rows.append([claim, *cells])
-    title = "One assumption at a time" if alone else "Combinations"
-    shown = Map(
-        "shares" if alone else "shares-of-combinations",
+    names = [n for n in judged.claims if n in among]
+    rows, shares = list[list[Scalar]](), list[list[float]]()
+    for i, claim in enumerate(judged.claims[PRINTED]):
+        if claim.own:
+            continue
+        passed = [judged.claims[name].passed[i] for name in names]
+        cells = [f"{SHORT[judged.claims[n][i].verdict]} {sum(p)}/{len(p)}" for n, p in zip(names, passed, strict=True)]
+        rows.append([claim.id, *cells])
+        shares.append([sum(p) / len(p) for p in passed])
+    yield Map(
+        figure,
         f"Share of identifications with which a claim holds: {title.lower()}",
         "Each identification judged alone, claim in full. The table below has the verdict on their median.",
         "reading [-]",
@@ -173,31 +165,10 @@ def _map(judged: Judged, *, alone: bool) -> Section:
         [Layer("share of identifications", shares)],
         value_range=(0.0, 1.0),
         x_names=names,
-        y_names=[row[0] for row in rows],
+        y_names=[str(row[0]) for row in rows],
     )
-    return Section(
-        title,
-        figures=[shown],
-        tables=[
-            Table(
-                "map" if alone else "combinations",
-                f"Claims by reading: {title.lower()}",
-                ["claim", *names],
-                rows,
-                "yes: holds in full; trend: holds, in another size; open; no. Beside it with how many identifications"
-                " alone the claim holds in full.",
-            )
-        ],
-    )
-
-
-_SHORT = {
-    "reproduced": "yes",
-    "calibrated": "yes",
-    "trend reproduced, magnitude differs": "trend",
-    "open": "open",
-    "not reproduced": "no",
-}
+    legend = f"{LEGEND} Beside it with how many identifications alone the claim holds in full."
+    yield Table(table, f"Claims by reading: {title.lower()}", ["claim", *names], rows, legend)
 
 
 def _hold_both(judged: Judged) -> list[str]:
@@ -217,78 +188,57 @@ def _most(judged: Judged, block: Sequence[str], other: Sequence[str]) -> str:
     )
 
 
-def _blocks(judged: Judged) -> Section:
-    """Two blocks of claims that exclude each other."""
-    rows: list[list[Any]] = []
+@report.section(lambda judged: "Two blocks of claims" + " that exclude each other" * (not _hold_both(judged)))
+def blocks(judged: Judged) -> Content:
+    """Two blocks of claims."""
+    rows: list[list[Scalar]] = []
     for name in judged.claims:
         curb, smooth = (judged.holding(name, block) for block in (CURB, SMOOTH))
         rows.append([name, len(curb), len(smooth), ", ".join(smooth) or "none"])
     first, second = (_most(judged, *blocks) for blocks in ((CURB, SMOOTH), (SMOOTH, CURB)))
     both = _hold_both(judged)
-    told = f"Both hold as {', '.join(both)}." if both else "No reading holds both."
-    return Section(
-        "Two blocks of claims" + " that exclude each other" * (not both),
-        [
-            f"On the curb explicit is the dearest and preview the cheapest ({', '.join(CURB)}). On smooth roads"
-            f" explicit costs what preview does, and implicit more ({', '.join(SMOOTH)}). {first} {second}"
-            f" {told}"
-        ],
-        tables=[
-            Table(
-                "blocks",
-                "Claims of both blocks that hold",
-                ["reading", f"curb, of {len(CURB)}", f"smooth roads, of {len(SMOOTH)}", "smooth roads, which"],
-                rows,
-                "Whether what is claimed holds, in the published size or not. " + _JUDGED,
-            )
-        ],
+    yield f"""On the curb explicit is the dearest and preview the cheapest ({", ".join(CURB)}). On smooth roads
+    explicit costs what preview does, and implicit more ({", ".join(SMOOTH)}). {first} {second}
+    {f"Both hold as {', '.join(both)}." if both else "No reading holds both."}"""
+    yield Table(
+        "blocks",
+        "Claims of both blocks that hold",
+        ["reading", f"curb, of {len(CURB)}", f"smooth roads, of {len(SMOOTH)}", "smooth roads, which"],
+        rows,
+        "Whether what is claimed holds, in the published size or not. " + _JUDGED,
     )
 
 
-def _gains(judged: Judged) -> Section:
+@report.section("Why: the static gain")
+def gains(judged: Judged) -> Content:
     """Static gain of the control laws."""
-    rows: list[list[Any]] = []
-    found = {(t.reading, t.seed): judged.results.found(t) for t in judged.results.tasks if isinstance(t, StaticGain)}
-    for name, reading in readings(True).items():
-        if name not in judged.claims:
-            continue
-        each = [found[reading, seed] for seed in judged.seeds if (reading, seed) in found]
+    rows: list[list[Scalar]] = []
+    for name, tasks in judged.gains.items():
+        each = [judged.results.found(t) for t in tasks]
         spans = [(min(values), max(values)) for c in ("explicit", "preview") for values in [[e[c] for e in each]]]
         rows.append([name, *(float(f"{x / 1e3:.3g}") for span in spans for x in span)])
-    return Section(
-        "Why: the static gain",
+    yield """A control law that leaves the road ahead out of its prediction fights every height that it measures for as
+    long as it lasts. Its gain on a road that is higher under all wheels says how much; a controller that knows that the
+    road stays as high has almost none."""
+    yield Table(
+        "static-gain",
+        "Force of an actuator for a road that is higher under all wheels",
         [
-            "A control law that leaves the road ahead out of its prediction fights every height that it measures for as"
-            " long as it lasts. Its gain on a road that is higher under all wheels says how much; a"
-            " controller that knows that the road stays as high has almost none."
+            "reading",
+            "explicit, lowest [kN/m]",
+            "explicit, highest [kN/m]",
+            "preview, lowest [kN/m]",
+            "preview, highest [kN/m]",
         ],
-        tables=[
-            Table(
-                "static-gain",
-                "Force of an actuator for a road that is higher under all wheels",
-                [
-                    "reading",
-                    "explicit, lowest [kN/m]",
-                    "explicit, highest [kN/m]",
-                    "preview, lowest [kN/m]",
-                    "preview, highest [kN/m]",
-                ],
-                rows,
-                "Root mean square over the four actuators, over the seeds. Where the road's rate or slope is measured,"
-                " per unit of that.",
-            )
-        ],
+        rows,
+        "Root mean square over the four actuators, over the seeds. Where the road's rate or slope is measured, per unit"
+        " of that.",
     )
 
 
-def _never(judged: Judged) -> Section:
-    """Claims that no reading reaches."""
-    never = [
-        s.id for s in CLAIMS if not s.own and not any(judged.verdict(name, s.id) in HOLDS for name in judged.claims)
-    ]
-    if not judged.claims:
-        raise RunFailed("no reading was run")
-    return Section(
-        "Claims that no reading reaches",
-        [f"Under none of the {len(judged.claims)} readings do these hold, in any size: {', '.join(never) or 'none'}."],
-    )
+@report.section("Claims that no reading reaches")
+def never(judged: Judged) -> Content:
+    """In no size."""
+    claims = [c.id for c in judged.claims[PRINTED] if not c.own]
+    found = [claim for claim in claims if not any(judged.holding(name, [claim]) for name in judged.claims)]
+    yield f"Under none of the {len(judged.claims)} readings do these hold, in any size: {', '.join(found) or 'none'}."
