@@ -223,6 +223,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     size = component.size
     start = _start(component, functions.structs)
     tables = [_table("FmuVariable", "variables", map(_variable, refs)), start]
+    numbers = []
     fields: dict[str, object] = {
         "name": c_string(component.name),
         "token": c_string(token),
@@ -240,15 +241,16 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
         tables.append(_table("FmuHidden", "hidden", rows))
         fields |= {"hidden": "hidden", "n_hidden": len(hidden)}
     fields |= {f"n_{r}s": size(r) for r in ("parameter", "input", "state", "output")}  # type: ignore[arg-type]
-    fields |= {"n_work": functions.n_work, "start": "(const double *)&start" if start else None}
+    fields |= {"n_work": functions.n_work, "n_fixed": len(functions.known)}
+    fields |= {"start": "(const double *)&start" if start else None}
     fields |= {name: name for name in functions.names if name not in random_profiles.FUNCTIONS}
     if continuous and states:
         for name, values in (("nominals", [v.nominal or 1.0 for v in states]), ("bounds", [_bound(v) for v in states])):
             each = (_number(x) for v, x in zip(states, values, strict=True) for _ in range(v.size))
-            tables.append(_numbers("double", name, each))
+            numbers.append(_numbers("double", name, each))
             fields[name] = name
     if solver == "semi_implicit" and states:
-        tables.append(_numbers("int", "velocity_of", map(str, component.velocity_of)))
+        numbers.append(_numbers("int", "velocity_of", map(str, component.velocity_of)))
         fields["velocity_of"] = "velocity_of"
     if points:
         tables += [_table("FmuSetting", f"point_{i}", settings) for i, (_, settings) in enumerate(points) if settings]
@@ -274,6 +276,10 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
             "",
             functions.declarations,
             "",
+            *functions.in_lanes,
+            *numbers,
+            "#ifndef LANES /* copies side by side need nothing of what follows */",
+            "",
             *functions.sections,
             f"/* {'-' * 66} what the runtime has to know */",
             "",
@@ -281,6 +287,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
             "const FmuModel fmu_model = {",
             *given,
             "};",
+            "#endif",
             "",
         ]
     )

@@ -102,7 +102,7 @@ def code(of: RandomProfiles, n_parameters: int, place: int) -> str:
     They are stored at `place` of the work memory of the functions.
     """
     settings, spectra = FUNCTIONS
-    return f"""static const double *profiles(const FmuArguments *at) {{
+    return f"""static const real *profiles(const FmuArguments *at) {{
     static const FmuProfiles of = {{
         .least = {of.least}, .most = {of.most}, .step = {of.step!r}, .lowest = {of.lowest!r}, .highest = {of.highest!r},
         .n_parameters = {n_parameters}, .settings = {settings}, .spectra = {spectra},

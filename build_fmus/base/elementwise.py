@@ -1,4 +1,4 @@
-"""The functions of numbers that the C code of components calls: the words of what writes and of what reads it."""
+"""The functions of numbers that the C code of components calls."""
 
 FUNCTIONS = (
     "exp",

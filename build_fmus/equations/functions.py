@@ -12,8 +12,9 @@ from build_fmus.base import extras
 from build_fmus.base.escape import c_comment
 from build_fmus.component import Model, Role, Variable
 from build_fmus.equations.casadi_code import casadi_code
-from build_fmus.equations.graph import Graph, Result, UnknownOperationError
+from build_fmus.equations.graph import GATHER, Graph, Result, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct
+from build_fmus.equations.operators import CONDITIONS
 from build_fmus.equations.statements import Name, Statements, Tables, Target
 
 with extras.needed("build", extras.BUILDING):
@@ -26,12 +27,13 @@ _STRUCTS: dict[Role, tuple[str, str]] = {
     "output": ("y", "Outputs"),
 }
 # What functions are given, by the pointer to it, and the vector of which it is one.
-_ARGUMENTS = {"x": "x", "u": "u", "p": "p", "s": "s", "c": "c", "dx": "x", "du": "u", "dp": "p"}
+_ARGUMENTS = {"x": "x", "u": "u", "p": "p", "f": "f", "s": "s", "c": "c", "dx": "x", "du": "u", "dp": "p"}
 _INPUTS = {
     "start": ("x", "u", "p"),
     "fwd": ("t", "x", "u", "p", "dx", "du", "dp"),
     "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
 }
+_IN_LANES = ("fixed", *random_profiles.FUNCTIONS, "start", "out", "rhs", "tick")  # and no other functions
 _ARGUMENT_CODE = {"t": "&at->t", "c": "profiles(at)"}  # of others: at->NAME
 
 
@@ -58,7 +60,7 @@ class Functions:
 
     Attributes:
         declarations: structs, and constant arrays.
-        sections: one for each function, in the order of reading.
+        in_lanes, sections: one for each function, in the order of reading; those that copies in lanes have, and others.
         names: of the C functions there are, which are those of the runtime's fields.
         n_work: numbers that they work in.
     """
@@ -69,26 +71,38 @@ class Functions:
         self.structs = _structs(component)
         self.n_work = 0
         self.names: list[str] = []
+        self.in_lanes: list[str] = []
         self.sections: list[str] = []
+        self.known: dict[int, str] = {}
         parts = self._parts()
         read: dict[str, list[Result] | None] = {}
         for name in dict.fromkeys(("values", "out", "rhs", *(p.function for p in parts))):
             if name in component.functions:
                 read[name] = self._read(name)
         self._names, self._constants = self._named(read)
+        if fixed := self._fixed(read):
+            read["fixed"] = [Result(0, k, n) for k, n in enumerate(fixed)]
+            sources = {k: self._names[n].source for k, n in enumerate(fixed) if n in self._names}
+            target = Target("f", len(fixed), self.structs["f"], sources)
+            parts.insert(0, _Part("prepare", "values that depend on parameters only", "fixed", ((0, target),)))
         others = [component.functions[p.function] for p in parts if read[p.function] is None]
+        vectors = all(read[p.function] is not None for p in parts if p.function in _IN_LANES)
         code, entries = casadi_code(others) if others else ("", {})
         if code:
             self.sections.append(f"{_head('operations in the code of CasADi')}\n{code}\n")
         for part in parts:
             results = read[part.function]
-            self.sections.append(self._calls(part, entries) if results is None else self._section(part, results))
+            where = self.in_lanes if vectors and part.function in _IN_LANES else self.sections
+            where.append(self._calls(part, entries) if results is None else self._section(part, results))
             self.names.append(part.name)
         for pair in component.profiles:
             # After what they come from, before what reads them; their memory lies behind that of the others.
             body = random_profiles.code(pair, component.size("parameter"), self.n_work)
             head = _head("random profiles: computed again when a parameter has changed")
-            self.sections.insert(bool(code) + len(random_profiles.FUNCTIONS), f"{head}\n{body}")
+            after = bool(fixed) + len(random_profiles.FUNCTIONS)
+            (self.in_lanes if vectors else self.sections).insert(
+                after + (bool(code) and not vectors), f"{head}\n{body}"
+            )
             self.n_work += random_profiles.memory(pair, component.size("parameter"))
         self.uses_casadi = bool(others)
 
@@ -215,17 +229,49 @@ class Functions:
                 column = f"_{r.start // rows + 1}" if columns > 1 else ""
                 yield f"{name}_{r.start % rows + 1}{column}", source, r.node
 
+    def _fixed(self, read: Mapping[str, list[Result] | None]) -> list[int]:
+        """Nodes that depend on parameters only, with what depends on more: they are computed when parameters change.
+
+        Conditions are not among them: they are no numbers.
+        """
+        nodes = self._graph.nodes
+        fixed: list[bool] = []
+        for node in nodes:
+            given = node.operation != ca.OP_INPUT or node.data[0] == "p"
+            fixed.append(given and all(fixed[a] for a in node.arguments))
+        open_ = [r.node for name in _IN_LANES for r in read.get(name) or () if name not in random_profiles.FUNCTIONS]
+        seen: set[int] = set()
+        while open_:
+            n = open_.pop()
+            if n not in seen:
+                seen.add(n)
+                if not (fixed[n] and self._is_number(n)):
+                    open_ += nodes[n].arguments
+        found = sorted(n for n in seen if fixed[n] and self._is_number(n))
+        if found:
+            named = [(self._names[n].name if n in self._names else f"v{k + 1}", (), "") for k, n in enumerate(found)]
+            self.structs["f"] = Struct("Fixed", "Values that depend on parameters only", named)
+            self.known = dict(zip(found, (m.name for m in self.structs["f"].fields), strict=True))
+        return found
+
+    def _is_number(self, n: int) -> bool:
+        """Whether a node is one number that an operation gives."""
+        node = self._graph.nodes[n]
+        return node.size == 1 and bool(node.arguments) and node.operation not in (GATHER, *CONDITIONS)
+
     # ------------------------------------------------------------------ writing
 
     def _section(self, part: _Part, results: list[Result]) -> str:
         # Derivatives are asked for seldom, and are long: with branches compilers take half as long again.
+        own = part.function in ("fixed", *random_profiles.FUNCTIONS)
         statements = Statements(
             self._graph,
             self.structs_of_arguments,
-            self._names,
+            {n: name for n, name in self._names.items() if n not in self.known} if own else self._names,
             self._tables,
             self._constants,
             branches=part.function not in ("fwd", "fwd_start", "jac"),
+            known={} if own else self.known,
         )
         wanted = [
             (target, r.start, r.node)
@@ -255,12 +301,12 @@ class Functions:
     def _function(self, part: _Part, body: list[str], used: Mapping[str, None]) -> str:
         lines = []
         if "t" in used:
-            lines.append("const double t = at->t;")
+            lines.append("const real t = all(at->t);")
         for pointer, struct in self.structs_of_arguments.items():
-            if pointer in used:
+            if pointer in used and all(pointer != target.pointer for _, target in part.results):
                 lines.append(f"const {struct.name} *const {pointer} = (const {struct.name} *){_argument(pointer)};")
         if "w" in used:
-            lines.append("double *const w = at->w;")
+            lines.append("real *const w = at->w;")
         if not lines:
             lines.append("(void)at;")
         for parameter, (_, target) in zip(("result", "second"), part.results, strict=False):
@@ -297,8 +343,8 @@ def _argument(pointer: str) -> str:
 
 def _signature(part: _Part) -> str:
     once = "CALLED_ONCE\n" if part.function in ("start", "fwd_start") else ""
-    second = ", double *second" if len(part.results) > 1 else ""
-    return f"{once}static void {part.name}(const FmuArguments *at, double *result{second})"
+    second = ", real *second" if len(part.results) > 1 else ""
+    return f"{once}static void {part.name}(const FmuArguments *at, real *result{second})"
 
 
 def _head(title: str, source: str = "") -> str:

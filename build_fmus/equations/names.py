@@ -70,6 +70,7 @@ _OWN = frozenset(
         "x",
         "u",
         "p",
+        "f",
         "s",
         "w",
         "y",
@@ -169,4 +170,4 @@ class Struct:
 
 
 def _declaration(m: Field) -> str:
-    return f"double {m.name}{''.join(f'[{n}]' for n in m.shape)}"
+    return f"real {m.name}{''.join(f'[{n}]' for n in m.shape)}"

@@ -19,11 +19,16 @@ IF_ELSE = -1  # the sum of two IF_ELSE_ZERO with opposite conditions, which no o
 
 
 class Text(NamedTuple):
-    """C code of a value, how tightly it binds, and whether it is an int, 0 or 1, that arithmetic must not meet."""
+    """C code of a value, and how tightly it binds.
+
+    `logical`: it is a condition, which arithmetic must not meet. `uniform`: it is a number of C, not a `real`, which
+    may be a vector of numbers (copies in lanes).
+    """
 
     code: str
     level: int = ATOM
     logical: bool = False
+    uniform: bool = False
 
     def within(self, level: int) -> str:
         """The code as an operand that must bind at least as tightly."""
@@ -31,18 +36,29 @@ class Text(NamedTuple):
 
     @property
     def number(self) -> Text:
-        """As a number that one can calculate with: dividing ints is another operation."""
-        return Text(f"(double){self.within(SIGNED)}", SIGNED) if self.logical else self
+        """As a number that one can calculate with."""
+        return Text(f"number({self.code})") if self.logical else self
+
+    @property
+    def real(self) -> Text:
+        """As what can be stored."""
+        return Text(f"all({self.code})") if self.uniform else self.number
+
+    @property
+    def condition(self) -> Text:
+        """As a condition."""
+        return self if self.logical else Text(f"{self.within(SUM)} != 0.0", EQUAL, logical=True)
 
 
 def constant(value: float) -> Text:
     """A number, with as many digits as tell it from all others."""
     if math.isnan(value):
-        return Text("NAN")
+        return Text("NAN", uniform=True)
     size = abs(value)
     short = re.sub(r"e([+-])0*", r"e\1", f"{size:g}").replace("e+", "e")
     digits = "INFINITY" if math.isinf(size) else short if "e" in short and float(short) == size else repr(size)
-    return Text(f"-{digits}", SIGNED) if math.copysign(1.0, value) < 0 else Text(digits)
+    negative = math.copysign(1.0, value) < 0
+    return Text(f"-{digits}" if negative else digits, SIGNED if negative else ATOM, uniform=True)
 
 
 def _infix(operator: str, level: int, *, operands: int | None = None, logical: bool = False) -> _Writer:
@@ -56,10 +72,10 @@ def _infix(operator: str, level: int, *, operands: int | None = None, logical: b
 
 
 def _condition(operator: str, level: int) -> _Writer:
-    """`&&` and `||`, whose operands are conditions; without parentheses only what no reader mistakes."""
+    """Of conditions, by bits: vectors have no `&&` and `||`."""
 
     def write(a: Text, b: Text) -> Text:
-        code = [x.code if x.level in (level, EQUAL, COMPARED, SIGNED, ATOM) else f"({x.code})" for x in (a, b)]
+        code = [x.code if x.level in (level, ATOM) else f"({x.code})" for x in (a.condition, b.condition)]
         return Text(f" {operator} ".join(code), level, logical=True)
 
     return write
@@ -74,7 +90,7 @@ def _negative(a: Text) -> Text:
 
 
 def _not(a: Text) -> Text:
-    return Text(f"!{a.within(ATOM)}", SIGNED, logical=True)
+    return Text(f"{a.within(SUM)} == {'0' if a.logical else '0.0'}", EQUAL, logical=True)
 
 
 _Writer = Callable[..., Text]
@@ -93,15 +109,21 @@ _WRITERS: dict[int, _Writer] = {
     ca.OP_EQ: _infix("==", EQUAL, operands=SUM, logical=True),
     ca.OP_NE: _infix("!=", EQUAL, operands=SUM, logical=True),
     ca.OP_NOT: _not,
-    ca.OP_AND: _condition("&&", AND),
-    ca.OP_OR: _condition("||", OR),
+    ca.OP_AND: _condition("&", AND),
+    ca.OP_OR: _condition("|", OR),
     ca.OP_IF_ELSE_ZERO: _call("when"),
     IF_ELSE: _call("if_else"),
     ca.OP_SQ: _call("square"),
     ca.OP_CONSTPOW: _call("pow"),
 } | {getattr(ca, f"OP_{name.upper()}"): _call(name) for name in FUNCTIONS}
 ELEMENTWISE = frozenset(_WRITERS)
+CONDITIONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, *_CONDITIONS)
 HELPERS = (
+    "real",
+    "condition",
+    "all",
+    "any",
+    "number",
     "square",
     "sign",
     "when",
@@ -114,7 +136,7 @@ HELPERS = (
     "product",
     "add_product",
 )
-"""Functions of `runtime/equations.h`, which no value may be called like."""
+"""Functions of `runtime/equations.h`, and its types, which no value may be called like."""
 
 
 def write(operation: int, operands: Sequence[Text]) -> Text:
@@ -124,9 +146,11 @@ def write(operation: int, operands: Sequence[Text]) -> Text:
         KeyError: no elementwise operation.
     """
     writer = _WRITERS[operation]
+    if all(x.uniform for x in operands):
+        operands = [operands[0].real, *operands[1:]]
     if operation in _CONDITIONS:
         return writer(*operands)
     if operation in (ca.OP_IF_ELSE_ZERO, IF_ELSE):
         condition, *values = operands
-        return writer(condition, *(v.number for v in values))
+        return writer(condition.condition, *(v.number for v in values))
     return writer(*(x.number for x in operands))

@@ -21,7 +21,7 @@ from build_fmus.base.escape import c_comment
 from build_fmus.equations.branches import Block, Branch, Guard, arranged, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
-from build_fmus.equations.operators import ATOM, ELEMENTWISE, SUM, Text, constant, write
+from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -154,12 +154,15 @@ class Statements:
         constants: Mapping[int, str],
         *,
         branches: bool = True,
+        known: Mapping[int, str] | None = None,
     ) -> None:
         """Prepare the statements of functions over `graph`.
 
         `structs`: those of the vectors, by the pointer's name; `constants`: names of constant arrays; `branches`:
-        whether code that only one value of a choice needs stands under its condition.
+        whether code that only one value of a choice needs stands under its condition; `known`: fields of the struct
+        `f` that have the numbers of nodes.
         """
+        self._known = known or {}
         self._branches = branches
         self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
         self.pointers: dict[str, None] = {}  # vectors that are used
@@ -183,7 +186,7 @@ class Statements:
         self._guard(roots)
         zeros = {t.array: t.size for t, _, _ in results if t.zero_first}
         for array, size in zeros.items():
-            self._lines.append(_Line([f"for (int i = 0; i < {size}; i++) {array}[i] = 0.0;"]))
+            self._lines.append(_Line([f"for (int i = 0; i < {size}; i++) {array}[i] = all(0.0);"]))
         explained = ""
         for target, start, node in results:
             if target.zero_first and self.is_zero(node):
@@ -202,11 +205,11 @@ class Statements:
         """Find what stands under conditions."""
         if not self._branches:
             return
-        self._guards = guards(self.graph, roots, self._live)
+        self._guards = guards(self.graph, roots, self._live.difference(self._known))
         for guard in self._guards.values():
             self._own_lines.update(condition for condition, _ in guard)
         if self._guards:
-            for n in self._live:
+            for n in self._live.difference(self._known):
                 operands = self.graph.nodes[n].arguments
                 self._own_lines.update(a for a in operands if self._guards.get(a, ()) != self._guards.get(n, ()))
 
@@ -220,11 +223,14 @@ class Statements:
             if n in seen:
                 continue
             seen.add(n)
-            arguments = self.graph.nodes[n].arguments
+            arguments = self._operands(n)
             self._inner.update(arguments)
             self._uses.update(arguments)
             open_ += arguments
         self._live = seen
+
+    def _operands(self, n: int) -> tuple[int, ...]:
+        return () if n in self._known else self.graph.nodes[n].arguments
 
     def _prepare(self, root: int) -> None:
         """Values of a node and of what it needs, in the order of need."""
@@ -234,7 +240,7 @@ class Statements:
             if n in self._values:
                 open_.pop()
                 continue
-            missing = [a for a in self.graph.nodes[n].arguments if a not in self._values]
+            missing = [a for a in self._operands(n) if a not in self._values]
             if missing:
                 open_ += reversed(missing)
                 continue
@@ -250,6 +256,10 @@ class Statements:
 
     def _value(self, n: int) -> Value:
         node = self.graph.nodes[n]
+        if n in self._known:
+            self.pointers["f"] = None
+            text = Text(f"f->{self._known[n]}")
+            return Value(lambda _: text, len(text.code), f"&{text.code}", plain=True)
         if node.operation == ca.OP_INPUT:
             vector, first = node.data
             return self._input(vector, first, node.size)
@@ -276,9 +286,9 @@ class Statements:
             text = value.at(Index(""))
             name = self._name(n)
             guard = self._guards.get(n, ())
-            kind = "int" if text.logical else "double"
+            kind = "condition" if text.logical else "real"
             reads = value.reads.union(*(self._values[c].reads for c, _ in guard))
-            lines = [*self._explanation(n), f"{name} = {text.code};"]
+            lines = [*self._explanation(n), f"{name} = {(text if text.logical else text.real).code};"]
             self._lines.append(_Line(lines, writes=name, reads=reads, kind=kind, guard=guard))
             return Value(lambda _: Text(name, ATOM, text.logical), len(name), reads=frozenset((name,)), plain=True)
         storage = self._begin(n, node.size)
@@ -307,7 +317,7 @@ class Statements:
         """A work array for a node."""
         name = self._name(n)
         self._storage[n] = name
-        lines = [*self._explanation(n), f"double *const {name} = w + @;"]
+        lines = [*self._explanation(n), f"real *const {name} = w + @;"]
         self._lines.append(_Line(lines, writes=name, begins=size))
         return name
 
@@ -329,7 +339,7 @@ class Statements:
         if len(field.shape) == 1 and first + size <= field.slot + field.size:
             array, offset = f"{vector}->{field.name}", first - field.slot
         else:
-            array, offset = f"((const double *){vector})", first
+            array, offset = f"((const real *){vector})", first
 
         def at(index: Index) -> Text:
             return Text(f"{array}[{Index(index.variable, index.step, index.start + offset).code}]")
@@ -341,7 +351,7 @@ class Statements:
             text = constant(node.data)
             return Value(lambda _: text, len(text.code), plain=True)
         table = self.tables.numbers(node.data, self.constants.get(n, ""))
-        return Value(lambda index: Text(f"{table}[{index.code}]"), len(table) + 3, table, plain=True)
+        return Value(lambda index: Text(f"{table}[{index.code}]", uniform=True), len(table) + 3, table, plain=True)
 
     def _gather(self, node: Node) -> Value:
         source, places = self._values[node.arguments[0]], node.data
@@ -370,7 +380,7 @@ class Statements:
         index = self._simple(places, node.size)
         reads = self._values[array].reads | index.reads
         return Value(
-            lambda i: Text(f"look_up({pointer}, {size}, {index.at(i).code})"),
+            lambda i: Text(f"look_up({pointer}, {size}, {index.at(i).number.code})"),
             index.length + len(pointer) + 16,
             reads=reads,
         )
@@ -412,9 +422,9 @@ class Statements:
     ) -> None:
         """`target` = value, element by element; with `i` in the target."""
         if size == 1:
-            line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).code};"
+            line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).real.code};"
         else:
-            line = f"for (int i = 0; i < {size}; i++) {target} = {value.at(Index('i')).code};"
+            line = f"for (int i = 0; i < {size}; i++) {target} = {value.at(Index('i')).real.code};"
         self._lines.append(_Line([line], writes=writes, reads=value.reads | reads))
 
     # ------------------------------------------------------------------ what is no loop over independent elements
@@ -447,14 +457,14 @@ class Statements:
             storage = self._begin(n, node.size)
             if node.operation == ca.OP_TRANSPOSE:
                 element, outer, inner = f"{storage}[j + {columns} * i]", columns, rows
-                code = value.at(Index(f"i + {rows} * j")).code
+                code = value.at(Index(f"i + {rows} * j")).real.code
             else:
                 element, outer, inner = (
                     f"{storage}[i + {rows * columns} * j]",
                     node.size // (rows * columns),
                     rows * columns,
                 )
-                code = value.at(Index("i")).code
+                code = value.at(Index("i")).real.code
             line = f"for (int j = 0; j < {outer}; j++) for (int i = 0; i < {inner}; i++) {element} = {code};"
             self._lines.append(_Line([line], writes=storage, reads=value.reads))
         else:
@@ -470,9 +480,9 @@ class Statements:
         else:
             place = f"{self.tables.positions(places)}[i]"
         if len(places) == 1:
-            line = f"{storage}[{places[0]}] = {value.at(Index('')).code};"
+            line = f"{storage}[{places[0]}] = {value.at(Index('')).real.code};"
         else:
-            line = f"for (int i = 0; i < {len(places)}; i++) {storage}[{place}] = {value.at(Index('i')).code};"
+            line = f"for (int i = 0; i < {len(places)}; i++) {storage}[{place}] = {value.at(Index('i')).real.code};"
         self._lines.append(_Line([line], writes=storage, reads=value.reads))
 
     def _own(self, n: int, a: int) -> str:
@@ -493,7 +503,7 @@ class Statements:
             value, place = self._simple(new, size), self._simple(places, size)
             storage = self._own(n, base)
             i = Index("i" if size > 1 else "")
-            call = f"store({storage}, {node.size}, {place.at(i).code}, {value.at(i).code});"
+            call = f"store({storage}, {node.size}, {place.at(i).number.code}, {value.at(i).number.code});"
             line = f"for (int i = 0; i < {size}; i++) {call}" if size > 1 else call
             self._lines.append(_Line([line], writes=storage, reads=value.reads | place.reads))
         else:
@@ -529,9 +539,9 @@ class Statements:
                 count = min(size - done, field.slot + field.size - slot) if len(field.shape) < 2 else 1
             comment = f" /* {c_comment(target.comments[slot])} */" if slot in target.comments else ""
             if count == 1:
-                line = f"{element} = {value.at(Index('', 0, done)).code};{comment}"
+                line = f"{element} = {value.at(Index('', 0, done)).real.code};{comment}"
             else:
-                code = value.at(Index("i", 1, done)).code
+                code = value.at(Index("i", 1, done)).real.code
                 line = (
                     f"for (int i = 0; i < {count}; i++) {array[0]}[{Index('i', 1, array[1]).code}] = {code};{comment}"
                 )
@@ -591,19 +601,21 @@ class Statements:
                 text += _wrapped(line.lines if item in outside else self._declared(line), depth)
                 continue
             before = [self._lines[k] for k in sorted(item.lines()) if outside.get(k) == depth]
-            for kind, zero in (("double", "0.0"), ("int", "0")):
-                names = [f"{line.writes} = {zero}" for line in before if line.kind == kind]
+            for kind in ("real", "condition"):
+                names = [f"{line.writes} = {{0}}" for line in before if line.kind == kind]
                 text += _wrapped([f"{kind} {', '.join(names)};"] if names else [], depth)
             inner = self._block(item.items, outside, depth + 1)
-            text += [*_wrapped([f"if ({self._condition(item.branch)}) {{"], depth), *inner, *_wrapped(["}"], depth)]
+            text += [
+                *_wrapped([f"if (any({self._condition(item.branch)})) {{"], depth),
+                *inner,
+                *_wrapped(["}"], depth),
+            ]
         return text
 
     def _condition(self, branch: Branch) -> str:
         node, holds = branch
         text = self._values[node].at(Index(""))
-        if text.logical:
-            return text.code if holds else f"!{text.within(ATOM)}"
-        return f"{text.within(SUM)} {'!=' if holds else '=='} 0.0"
+        return (text.condition if holds else write(ca.OP_NOT, [text])).code
 
     def _place(self, free: list[tuple[int, int]], size: int) -> int:
         """The first gap that is large enough, or the end."""
@@ -643,4 +655,4 @@ def _wrapped(lines: Iterable[str], depth: int = 0) -> list[str]:
     ]
 
 
-_ZERO = Value(lambda _: Text("0.0"), 3)
+_ZERO = Value(lambda _: Text("0.0", uniform=True), 3)

@@ -24,10 +24,10 @@ static inline double square(double x) { return x * x; }
 static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }
 
 /* a where the condition holds, else 0 */
-static inline double when(double condition, double a) { return condition != 0.0 ? a : 0.0; }
+static inline double when(int holds, double a) { return holds ? a : 0.0; }
 
 /* a where the condition holds, else b; a -0 becomes 0, as in the sum of both values that it stands for */
-static inline double if_else(double condition, double a, double b) { return (condition != 0.0 ? a : b) + 0.0; }
+static inline double if_else(int holds, double a, double b) { return (holds ? a : b) + 0.0; }
 
 /* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C
  * leaves undefined. */
@@ -69,5 +69,13 @@ static inline void product(double *z, const double *x, const double *y, int rows
     for (int i = 0; i < rows * columns; i++) z[i] = 0.0;
     add_product(z, x, y, rows, inner, columns);
 }
+
+/* Types of equations, `real` (fmu_model.h) and `condition`, are vectors for copies side by side; for one copy: */
+#ifndef LANES
+typedef int condition;
+#define all(x) (x)    /* a number, for all copies */
+#define any(c) (c)    /* whether a condition holds in one of the copies */
+#define number(c) ((double)(c)) /* 1 where the condition holds, else 0 */
+#endif
 
 #endif

@@ -35,6 +35,8 @@ struct FmuInstance {
     Integrator integrator;
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
     double *w;                              /* what the component's functions work in */
+    double *f;                              /* what follows from the parameters alone, while it is `prepared` */
+    int prepared;
     double *qp_memory;                      /* into state->v */
     double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
     void *qp_scratch;
@@ -70,7 +72,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(nx * sizeof(double)),
         aligned((nx + nu + np) * sizeof(double)),
         aligned((nx + ny) * sizeof(double)),
-        aligned((size_t)M->n_work * sizeof(double)),
+        aligned(((size_t)M->n_work + (size_t)M->n_fixed) * sizeof(double)),
         M->is_continuous ? integrator_memory(M->solver, M->n_states) : 0,
         aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
         M->qp ? aligned(M->qp->scratch_size()) : 0,
@@ -103,6 +105,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->seed = part[4];
     self->sensitivity = part[5];
     self->w = part[6];
+    self->f = self->w + M->n_work;
     self->integrator = (Integrator){.method = M->solver,
         .n = M->n_states,
         .system = self,
@@ -153,7 +156,7 @@ static void touch(FmuInstance *self) {
 
 FmuStatus fmu_reset(FmuInstance *self) {
     memset(self->state, 0, state_size());
-    self->warned = 0;
+    self->warned = self->prepared = 0;
     self->state->mode = MODE_INSTANTIATED;
     const size_t n = (size_t)M->n_parameters + (size_t)M->n_inputs + (size_t)M->n_states;
     if (n) memcpy(self->p, M->start, n * sizeof(double));
@@ -201,8 +204,12 @@ static FmuStatus check_finite(FmuInstance *self, const double *values, int n, Fm
     return name ? fmu_fail(self, FMU_ERROR, "%s is not finite at time %.9g s", name, self->state->time) : FMU_OK;
 }
 
-static FmuArguments arguments(const FmuInstance *self, double t, const double *x) {
-    return (FmuArguments){.t = t, .x = x, .u = self->u, .p = self->p, .s = self->qp_solution, .w = self->w};
+static FmuArguments arguments(FmuInstance *self, double t, const double *x) {
+    const FmuArguments at = {
+        .t = t, .x = x, .u = self->u, .p = self->p, .f = self->f, .s = self->qp_solution, .w = self->w};
+    if (M->prepare && !self->prepared) M->prepare(&at, self->f);
+    self->prepared = 1;
+    return at;
 }
 
 static void rhs(void *instance, double t, const double *x, double *dx) {
@@ -216,7 +223,7 @@ static void jacobian(void *instance, double t, const double *x, double *J, doubl
 }
 
 /* Start states: `x` with what is calculated in it. */
-static void start_states(const FmuInstance *self, const double *x, const double *u, double *result) {
+static void start_states(FmuInstance *self, const double *x, const double *u, double *result) {
     FmuArguments at = arguments(self, 0.0, x);
     at.u = u;
     memcpy(result, x, (size_t)M->n_states * sizeof(double));
@@ -521,8 +528,10 @@ static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuTyp
             if (is_signal(v) && (!in_range(v, to[j]) || v->tolerance > 0.0)) warn_of_input(self, function, v, to[j]);
         }
     }
+    if (parameters) self->prepared = 0;
     if (running && memcmp(self->before, self->p, n_parameters) != 0 && check_solver_step(self) != FMU_OK) {
         memcpy(self->p, self->before, n_kept);
+        self->prepared = 0;
         return FMU_ERROR;
     }
     if (n_refs) touch(self);
@@ -892,7 +901,10 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
 
 FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot) {
     const FmuStatus status = check_snapshot(self, function, snapshot);
-    if (status == FMU_OK) memcpy(self->state, snapshot_state(snapshot), state_size());
+    if (status == FMU_OK) {
+        memcpy(self->state, snapshot_state(snapshot), state_size());
+        self->prepared = 0;
+    }
     return status;
 }
 

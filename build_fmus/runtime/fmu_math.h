@@ -25,6 +25,13 @@
 #define FMU_HIDDEN
 #endif
 
+/* Of its arguments alone: a call whose value nothing needs can go. */
+#ifdef __GNUC__
+#define FMU_FUNCTION FMU_HIDDEN __attribute__((const))
+#else
+#define FMU_FUNCTION FMU_HIDDEN
+#endif
+
 #ifdef __GNUC__
 #define copysign(x, y) __builtin_copysign(x, y)
 #define fabs(x) __builtin_fabs(x)
@@ -38,63 +45,64 @@
 #define FMU_IS_CONSTANT(x) 0
 #endif
 
-#define acos(x) fmu_acos(x)
-#define acosh(x) fmu_acosh(x)
-#define asin(x) fmu_asin(x)
-#define asinh(x) fmu_asinh(x)
-#define atan(x) fmu_atan(x)
-#define atan2(y, x) fmu_atan2(y, x)
-#define atanh(x) fmu_atanh(x)
-#define ceil(x) fmu_ceil(x)
-#define cos(x) fmu_cos(x)
-#define cosh(x) fmu_cosh(x)
-#define erf(x) fmu_erf(x)
-#define erfc(x) fmu_erfc(x)
-#define exp(x) fmu_exp(x)
-#define expm1(x) fmu_expm1(x)
-#define floor(x) fmu_floor(x)
-#define fmax(x, y) fmu_fmax(x, y)
-#define fmin(x, y) fmu_fmin(x, y)
-#define fmod(x, y) fmu_fmod(x, y)
-#define hypot(x, y) fmu_hypot(x, y)
-#define log(x) fmu_log(x)
-#define log1p(x) fmu_log1p(x)
-#define pow(x, y) fmu_pow(x, y)
-#define remainder(x, y) fmu_remainder(x, y)
-#define remquo(x, y, quotient) fmu_remquo(x, y, quotient)
-#define scalbn(x, n) fmu_scalbn(x, n)
-#define sin(x) fmu_sin(x)
-#define sinh(x) fmu_sinh(x)
-#define tan(x) fmu_tan(x)
-#define tanh(x) fmu_tanh(x)
+#define FMU_MATH(name) fmu_##name
+#define acos(x) FMU_MATH(acos)(x)
+#define acosh(x) FMU_MATH(acosh)(x)
+#define asin(x) FMU_MATH(asin)(x)
+#define asinh(x) FMU_MATH(asinh)(x)
+#define atan(x) FMU_MATH(atan)(x)
+#define atan2(y, x) FMU_MATH(atan2)(y, x)
+#define atanh(x) FMU_MATH(atanh)(x)
+#define ceil(x) FMU_MATH(ceil)(x)
+#define cos(x) FMU_MATH(cos)(x)
+#define cosh(x) FMU_MATH(cosh)(x)
+#define erf(x) FMU_MATH(erf)(x)
+#define erfc(x) FMU_MATH(erfc)(x)
+#define exp(x) FMU_MATH(exp)(x)
+#define expm1(x) FMU_MATH(expm1)(x)
+#define floor(x) FMU_MATH(floor)(x)
+#define fmax(x, y) FMU_MATH(fmax)(x, y)
+#define fmin(x, y) FMU_MATH(fmin)(x, y)
+#define fmod(x, y) FMU_MATH(fmod)(x, y)
+#define hypot(x, y) FMU_MATH(hypot)(x, y)
+#define log(x) FMU_MATH(log)(x)
+#define log1p(x) FMU_MATH(log1p)(x)
+#define pow(x, y) FMU_MATH(pow)(x, y)
+#define remainder(x, y) FMU_MATH(remainder)(x, y)
+#define remquo(x, y, quotient) FMU_MATH(remquo)(x, y, quotient)
+#define scalbn(x, n) FMU_MATH(scalbn)(x, n)
+#define sin(x) FMU_MATH(sin)(x)
+#define sinh(x) FMU_MATH(sinh)(x)
+#define tan(x) FMU_MATH(tan)(x)
+#define tanh(x) FMU_MATH(tanh)(x)
 
-FMU_HIDDEN double fmu_acos(double x);
-FMU_HIDDEN double fmu_acosh(double x);
-FMU_HIDDEN double fmu_asin(double x);
-FMU_HIDDEN double fmu_asinh(double x);
-FMU_HIDDEN double fmu_atan(double x);
-FMU_HIDDEN double fmu_atan2(double y, double x);
-FMU_HIDDEN double fmu_atanh(double x);
-FMU_HIDDEN double fmu_ceil(double x);
-FMU_HIDDEN double fmu_cos(double x);
-FMU_HIDDEN double fmu_cosh(double x);
-FMU_HIDDEN double fmu_erf(double x);
-FMU_HIDDEN double fmu_erfc(double x);
-FMU_HIDDEN double fmu_exp(double x);
-FMU_HIDDEN double fmu_expm1(double x);
-FMU_HIDDEN double fmu_floor(double x);
-FMU_HIDDEN double fmu_fmod(double x, double y);
-FMU_HIDDEN double fmu_hypot(double x, double y);
-FMU_HIDDEN double fmu_log(double x);
-FMU_HIDDEN double fmu_log1p(double x);
-FMU_HIDDEN double fmu_pow(double x, double y);
-FMU_HIDDEN double fmu_remainder(double x, double y);
+FMU_FUNCTION double fmu_acos(double x);
+FMU_FUNCTION double fmu_acosh(double x);
+FMU_FUNCTION double fmu_asin(double x);
+FMU_FUNCTION double fmu_asinh(double x);
+FMU_FUNCTION double fmu_atan(double x);
+FMU_FUNCTION double fmu_atan2(double y, double x);
+FMU_FUNCTION double fmu_atanh(double x);
+FMU_FUNCTION double fmu_ceil(double x);
+FMU_FUNCTION double fmu_cos(double x);
+FMU_FUNCTION double fmu_cosh(double x);
+FMU_FUNCTION double fmu_erf(double x);
+FMU_FUNCTION double fmu_erfc(double x);
+FMU_FUNCTION double fmu_exp(double x);
+FMU_FUNCTION double fmu_expm1(double x);
+FMU_FUNCTION double fmu_floor(double x);
+FMU_FUNCTION double fmu_fmod(double x, double y);
+FMU_FUNCTION double fmu_hypot(double x, double y);
+FMU_FUNCTION double fmu_log(double x);
+FMU_FUNCTION double fmu_log1p(double x);
+FMU_FUNCTION double fmu_pow(double x, double y);
+FMU_FUNCTION double fmu_remainder(double x, double y);
 FMU_HIDDEN double fmu_remquo(double x, double y, int *quotient);
-FMU_HIDDEN double fmu_scalbn(double x, int n);
-FMU_HIDDEN double fmu_sin(double x);
-FMU_HIDDEN double fmu_sinh(double x);
-FMU_HIDDEN double fmu_tan(double x);
-FMU_HIDDEN double fmu_tanh(double x);
+FMU_FUNCTION double fmu_scalbn(double x, int n);
+FMU_FUNCTION double fmu_sin(double x);
+FMU_FUNCTION double fmu_sinh(double x);
+FMU_FUNCTION double fmu_tan(double x);
+FMU_FUNCTION double fmu_tanh(double x);
 
 /* The larger one; +0 is larger than -0, and a NaN counts for nothing. Inlined: some components have thousands of calls.
  */

@@ -4,17 +4,22 @@
 
 #include <stddef.h>
 
+#ifndef LANES /* else a vector of numbers, one for each of the copies side by side */
+typedef double real;
+#endif
+
 /* What the functions of a component are evaluated at, and memory for their work. */
 typedef struct {
-    double t;                   /* [s] */
-    const double *x, *u, *p;    /* states, inputs, parameters */
-    const double *s;            /* solutions of the quadratic programs */
-    const double *dx, *du, *dp; /* direction of a derivative */
-    double *w;
+    double t;                 /* [s] */
+    const real *x, *u, *p;    /* states, inputs, parameters */
+    const real *f;            /* what follows from the parameters alone */
+    const real *s;            /* solutions of the quadratic programs */
+    const real *dx, *du, *dp; /* direction of a derivative */
+    real *w;
 } FmuArguments;
 
-typedef void (*FmuFunction)(const FmuArguments *at, double *result);
-typedef void (*FmuFunctions)(const FmuArguments *at, double *result, double *second);
+typedef void (*FmuFunction)(const FmuArguments *at, real *result);
+typedef void (*FmuFunctions)(const FmuArguments *at, real *result, real *second);
 
 typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
 typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
@@ -80,7 +85,9 @@ typedef struct {
     int n_hidden;
     int n_parameters, n_inputs, n_states, n_outputs;
     int n_work;                            /* numbers that the functions work in */
+    int n_fixed;                           /* numbers that follow from the parameters alone */
     const double *start;                   /* start values of parameters, inputs, states in this order */
+    FmuFunction prepare;                   /* p -> f, when parameters have changed */
     FmuFunction start_states;              /* x, u, p -> x; NULL where no start is calculated */
     FmuFunction derivatives;               /* continuous: t, x, u, p -> dx/dt */
     FmuFunction outputs;                   /* continuous: t, x, u, p -> y */

@@ -4,12 +4,10 @@
 - `initial_states`: how the copies are initialized, in lanes or one after the other;
 - `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
-- `statements`: its generated functions, read back;
-- `lanes`: these functions vectorized over several copies, in C;
 - `library`: the compiled library, for one kind of processor.
 
-In `runtime/` are the vectors (`lanes.h`), solvers and samples in lanes (`lane_component.h`), and the engine of
-groups (`batch.c`).
+In `runtime/` are the vectors (`lanes.h`), the generated functions over them (`lane_equations.h`), solvers and samples
+in lanes (`lane_component.h`), and the engine of groups (`batch.c`).
 """
 
 from cosim.batch.copies import Batch, BatchRecording, CopyFailedWarning

@@ -104,9 +104,11 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     mathematics = [n for n in source.files if n.startswith("musl/") and n.endswith(".c")]
     files = {n: d for n, d in source.files.items() if n in mathematics or n.endswith(".h")}
     sources = ["lanes.c", *mathematics]
+    files["model.c"] = source.files["model.c"]
     if "random_profiles.c" in source.files:  # each copy has its own, which the FMU's own code computes
-        files |= {n: source.files[n] for n in ("model.c", "random_profiles.c")} | {
-            "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode()
+        files |= {
+            "random_profiles.c": source.files["random_profiles.c"],
+            "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode(),
         }
         sources += ["profiles.c", "random_profiles.c"]
     return _compiled(files | {"lanes.c": code.encode()}, tuple(sources), f"lanes_{target.name}")

@@ -9,8 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 
 from build_fmus import compile as building
-from cosim.batch.lanes import FUNCTIONS, translated
-from cosim.batch.statements import NotRead, without_comments
 from cosim.fmu.file import FmuFile
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
@@ -26,11 +24,7 @@ _FIELD = re.compile(r"^ *\.(\w+) = (.+),$", re.MULTILINE)
 _ROW = re.compile(r"^ *\{(\.name = .*)\},$", re.MULTILINE)
 _IN_ROW = re.compile(r"\.(\w+) = (\"(?:[^\"\\]|\\.)*\"|[^,]+)")
 _NUMBERS = re.compile(r"static const (?:double|int) (bounds|velocity_of)\[\] = \{[^}]*\};\n")
-_SOLVERS = ("FMU_RK4", "FMU_AM2", "FMU_SEMI_IMPLICIT")
-_TWO = frozenset(("pow", "atan2", "fmod", "hypot", "remainder"))
-_IN_LANES = frozenset(
-    ("sqrt", "sin", "cos", "floor", "ceil", "fabs", "sign", "copysign", "fmin", "fmax", "square")
-)  # lanes.h
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 
 
 class NoLanes(Exception):  # noqa: N818
@@ -109,46 +103,34 @@ class LaneSource:
 
     def code(self, outputs: tuple[int, ...], lanes: int, target: int) -> str:
         """C code of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
-        try:
-            functions, names = translated(self.model, outputs)
-        except NotRead as error:
-            raise NoLanes(f"lanes cannot follow its sources: {error}") from None
-        if missing := [
-            n for n in ("start_states", "derivatives", "outputs", "sample") if n in self.fields and n not in names
-        ]:
-            raise NoLanes(f"lanes cannot follow its sources: there is no function {missing[0]}")
-        apart = sorted((FUNCTIONS - _IN_LANES) & set(re.findall(r"lanes_(\w+)\(", functions)))
-        wrapped = [f"IN_EACH_LANE{'_OF_TWO' if name in _TWO else ''}({name}, {name})" for name in apart]
+        there = self.model.partition("#ifndef LANES")[0]
+        for name in ("start_states", "derivatives", "outputs", "sample"):
+            if name in self.fields and f"static void {name}(" not in there:
+                raise NoLanes(f"lanes cannot follow its sources: there is no function {name}")
         constants = {
+            "LANES": lanes,
+            "LANES_TARGET": target,
             "N_PARAMETERS": self.size("parameters"),
             "N_INPUTS": self.size("inputs"),
             "N_STATES": self.size("states"),
             "N_OUTPUTS": self.size("outputs"),
-            "N_WORK": self.fields.get("n_work", "0"),
+            "N_WORK": self.size("work"),
+            "N_FIXED": self.size("fixed"),
             "N_SHOWN": len(outputs),
             "IS_CONTINUOUS": int(self.continuous),
-            "HAS_START": int("start_states" in names),
+            "HAS_START": int("start_states" in self.fields),
             "HAS_PROFILES": int("random_profiles.c" in self.files),
             "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
+            self.fields.get("solver", "FMU_RK4").removeprefix("FMU_"): 1,
+            "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
         }
-        solvers = {"FMU_RK4": 0, "FMU_AM2": 1, "FMU_SEMI_IMPLICIT": 3}
-        defines = [*(f"#define {k} {v}" for k, v in (constants | solvers).items())]
-        defines.append(f"#define SOLVER {self.fields.get('solver', 'FMU_RK4')}")
-        numbers = [m[0] for m in _NUMBERS.finditer(self.model)]
-        shown = f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};\n"
         return "\n".join(
             [
-                "/* An FMU in lanes. Generated from its sources. */",
-                f"#define LANES {lanes}",
-                f"#define LANES_TARGET {target}",
-                '#include "lanes.h"',
-                "",
-                *wrapped,
-                "",
-                functions,
-                *numbers,
-                shown,
-                *defines,
+                "/* An FMU in lanes: its own functions over vectors. */",
+                *(f"#define {k} {v}" for k, v in constants.items()),
+                f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};",
+                '#include "lane_equations.h"',
+                '#include "model.c"',
                 '#include "lane_component.h"',
                 "",
             ]
@@ -162,7 +144,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     files = _sources(fmu.path)
     if "model.c" not in files:
         raise NoLanes("it has no sources" if not files else "it is a system in one FMU")
-    model = without_comments(files["model.c"].decode())
+    model = _COMMENT.sub(" ", files["model.c"].decode())
     found = _MODEL.search(model)
     if found is None:
         raise NoLanes("its sources are those of another version of build-fmus")

@@ -42,10 +42,13 @@ void theirs(int which, const FmuArguments *at, double *result, double *second) {
 """
 
 
+_VECTORS = ("x", "u", "p", "f", "s", "dx", "du", "dp", "w")
+
+
 class _Arguments(ctypes.Structure):
     _fields_ = (
         ("t", ctypes.c_double),
-        *((n, ctypes.POINTER(ctypes.c_double)) for n in ("x", "u", "p", "s", "dx", "du", "dp", "w")),
+        *((n, ctypes.POINTER(ctypes.c_double)) for n in _VECTORS),
     )
 
 
@@ -59,6 +62,7 @@ def differences(component: Model, folder: Path, *, points: int = 40, seed: int =
     n_solutions = sum(q.n_solution for q in component.programs)
     starts = {k: component.vector(r) for k, r in (("x", "state"), ("u", "input"), ("p", "parameter"))}
     starts |= {"s": np.zeros(n_solutions), **{f"d{k}": np.zeros_like(v) for k, v in starts.items()}}
+    starts["f"] = np.zeros(max(1, len(generate.written_functions(component).known)))
     starts["w"] = np.zeros(max(1, generate.written_functions(component).n_work))
     fields = generate.written_functions(component).names
     assert {"sample"} <= set(fields) if component.kind == "discrete" else {"outputs", "derivatives"} <= set(fields)
@@ -69,7 +73,8 @@ def differences(component: Model, folder: Path, *, points: int = 40, seed: int =
             k: np.where(rng.random(len(v)) < 0.8, v + scale * rng.standard_normal(len(v)), v) for k, v in starts.items()
         }
         at["w"][:] = np.nan  # nobody reads what nobody wrote
-        arguments = _Arguments(rng.random(), *(_pointer(at[k]) for k in ("x", "u", "p", "s", "dx", "du", "dp", "w")))
+        arguments = _Arguments(rng.random(), *(_pointer(at[k]) for k in _VECTORS))
+        library.ours(-1, ctypes.byref(arguments), _pointer(at["f"]), None)
         for which, (field, (name, results)) in enumerate(PAIRS.items()):
             if field not in fields:
                 continue
@@ -95,7 +100,7 @@ def _built(component: Model, folder: Path) -> Path:
     text, entries = casadi_code(list(functions.values()))
     text, entries = text.replace("casadi_", "theirs_"), {n: e.replace("casadi_", "theirs_") for n, e in entries.items()}
     fields = generate.written_functions(component).names
-    ours, theirs = [], []
+    ours, theirs = ["        case -1: prepare(at, result); break;"] * ("prepare" in fields), []
     for which, (field, (name, results)) in enumerate(PAIRS.items()):
         if field not in fields:
             continue

@@ -76,13 +76,13 @@ def test_what_only_one_value_needs_is_computed_under_its_condition() -> None:
     c.output("y", ca.if_else(u < v, ca.sin(u) + ca.exp(v), ca.cos(v)), "1", "choice")
     text = body(c)
     assert (
-        text == "    const int v1 = u->u < u->v;\n"
-        "    double v2 = 0.0;\n"
-        "    if (v1) {\n"
+        text == "    const condition v1 = u->u < u->v;\n"
+        "    real v2 = {0};\n"
+        "    if (any(v1)) {\n"
         "        v2 = sin(u->u) + exp(u->v);\n"
         "    }\n"
-        "    double v3 = 0.0;\n"
-        "    if (!v1) {\n"
+        "    real v3 = {0};\n"
+        "    if (any(v1 == 0)) {\n"
         "        v3 = cos(u->v);\n"
         "    }\n"
         "    y->y = if_else(v1, v2, v3);"
@@ -94,8 +94,8 @@ def test_a_number_is_a_condition_where_it_is_not_0() -> None:
     on, u = c.parameter("on", True, None, "on", source="none"), c.input("u", "1", "u")
     c.output("y", ca.if_else(on, ca.sin(u), ca.cos(u)), "1", "choice")
     text = body(c)
-    assert "if (p->on != 0.0) {" in text
-    assert "if (p->on == 0.0) {" in text
+    assert "if (any(p->on != 0.0)) {" in text
+    assert "if (any(p->on == 0.0)) {" in text
 
 
 def test_what_both_values_need_or_a_result_shows_is_always_computed() -> None:
@@ -125,7 +125,7 @@ def test_choices_with_one_condition_share_a_block() -> None:
     text = body(c)
     assert text.count("if (") == 1
     assert text.count("sqrt(") == 1
-    assert "        const double v" in text  # what nothing outside reads is a constant of the block
+    assert "        const real v" in text  # what nothing outside reads is a constant of the block
 
 
 def test_conditions_in_another_order_guard_what_they_have_in_common() -> None:

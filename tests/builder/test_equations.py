@@ -251,14 +251,14 @@ def test_sections_of_a_continuous_component_and_their_sources() -> None:
     code = quarter_car()
     assert len(code.splitlines()) <= 360
     titles = re.findall(r"^/\* -+ (\w+)", code, re.MULTILINE)
-    assert titles == ["outputs", "derivatives", "directional", "Jacobian", "what"]
+    assert titles == ["values", "outputs", "derivatives", "directional", "Jacobian", "what"]
     for title in titles[:-1]:
         assert c.source in section(code, title).split("static void")[0]
     assert "p->suspension_stiffness * suspension_deflection" in section(code, "derivatives")
     assert "der->body_z = x->body_vz;" in section(code, "derivatives")
     assert "y->tire_deflection = x->wheel_z - u->road_height;" in section(code, "outputs")
     assert "result[14] = 1.0; /* der(wheel.z) by wheel.vz */" in section(code, "Jacobian")
-    assert "double suspension_stiffness;      /* [N/m] suspension stiffness */" in code
+    assert "real suspension_stiffness;      /* [N/m] suspension stiffness */" in code
     assert ".body_mass = 2800.0," in code
 
 
@@ -275,7 +275,7 @@ def test_what_is_not_there_is_not_written() -> None:
     c = discrete("Held")
     c.output("held", c.input("u", "1", "u"), "1", "u")
     assert re.findall(r"^static \w+.*", generate.generate_c(c.model(), arrays=False, token="t"), re.MULTILINE) == [
-        "static void sample(const FmuArguments *at, double *result, double *second) {",
+        "static void sample(const FmuArguments *at, real *result, real *second) {",
         "static const FmuVariable variables[] = {",
         "static const struct {",
     ]
@@ -291,10 +291,10 @@ def test_intermediate_values_have_their_names_and_sources() -> None:
     c.output("a", pull / 2, "m/s2", "acceleration")
     code = generate.generate_c(c.model(), arrays=False, token="t")
     assert (
-        "    /* a paper, equation (3) */\n    const double pull = u->f - 2.0 * x->x;\n"
+        "    /* a paper, equation (3) */\n    const real pull = u->f - 2.0 * x->x;\n"
         "    /* a paper, equation (4) */\n    der->v = pull / 2.0;\n" in section(code, "derivatives")
     )
-    assert "const double pull = u->f - 2.0 * x->x;\n    y->a = pull / 2.0;" in section(code, "outputs").replace(
+    assert "const real pull = u->f - 2.0 * x->x;\n    y->a = pull / 2.0;" in section(code, "outputs").replace(
         "    /* a paper, equation (3) */\n", ""
     )
 
@@ -327,7 +327,7 @@ def test_matrices_have_their_names() -> None:
             "/* 001 (1.4) */\n    der->spool_position = (spool_target - x->spool_position) /",
         ),
         ("ThreeAxleRide", "derivatives", "/* 003 (3.13) */\n    der->body_vz = "),
-        ("ForceTracking", "sample", "/* 001 (1.12) */\n    const double voltage = "),
+        ("ForceTracking", "sample", "/* 001 (1.12) */\n    const real voltage = "),
         (
             "MpcHmmwv",
             "sample",
@@ -336,7 +336,7 @@ def test_matrices_have_their_names() -> None:
                 " next->smoothing_filters[i]"
             ),
         ),
-        ("FullCarHmmwv", "derivatives", "der->body_vx = body_force_1 / total_mass;"),
+        ("FullCarHmmwv", "derivatives", "der->body_vx = body_force_1 / f->total_mass;"),
     ],
 )
 def test_equations_of_the_papers_are_found_by_their_numbers(name: str, title: str, lines: str) -> None:

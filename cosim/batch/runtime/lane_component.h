@@ -1,5 +1,4 @@
-/* One component in LANES copies: steps of its solver, or its samples, over the translated functions above. Included
- * last.
+/* One component in LANES copies: steps of its solver, or its samples, over the functions of its model.c. Included last.
  *
  * In the operations of fmu_core.c and integrators.c, for lanes that are at one time and have one solver step. A copy
  * that fails is reported by its lane; the others are not concerned. */
@@ -7,8 +6,11 @@
 enum { N_VALUES = N_PARAMETERS + N_INPUTS + 2 * N_STATES + N_OUTPUTS };
 enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane failed */
 
-#if HAS_PROFILES
+#if HAS_PROFILES /* the last numbers of the work memory are those of one copy */
 enum { N_NODES = sizeof(Profiles) / sizeof(lanes), PIECE = 256, PIECES = (N_NODES + PIECE - 1) / PIECE };
+enum { WORK = N_WORK - 1 - N_PARAMETERS - N_NODES };
+#else
+enum { WORK = N_WORK };
 #endif
 
 typedef struct {
@@ -16,8 +18,8 @@ typedef struct {
     lanes failure, which, when, value;       /* of lanes that have failed: why, slot, time, and the state */
     lanes v[N_VALUES + 1]; /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
     lanes k[5][N_STATES + 1];
-    lanes w[N_WORK + 1];
-    Fixed fixed;
+    lanes w[WORK + 1];
+    lanes fixed[N_FIXED + 1];
 #if HAS_PROFILES
     Profiles profiles;
     uint64_t touched[PIECES]; /* pieces of them that are not zeros */
@@ -35,13 +37,32 @@ typedef struct {
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-INLINE Arguments arguments(Component *m, double t, const lanes *x) {
+INLINE FmuArguments arguments(Component *m, double t, const lanes *x) {
 #if HAS_PROFILES
-    const lanes *const c = (const lanes *)&m->profiles;
+    const lanes *const s = (const lanes *)&m->profiles;
 #else
-    const lanes *const c = NULL;
+    const lanes *const s = NULL;
 #endif
-    return (Arguments){.t = t, .x = x, .u = U, .p = P, .c = c, .f = &m->fixed, .w = m->w};
+    return (FmuArguments){.t = t, .x = x, .u = U, .p = P, .f = m->fixed, .s = s, .w = m->w};
+}
+
+/* Outputs that somebody reads, and the next states of a discrete component. The compiler leaves out all that no other
+ * output depends on, as far as it has these functions at this place. */
+__attribute__((noinline, flatten)) static void evaluate(Component *m, double t, lanes *next) {
+    FmuArguments at = arguments(m, t, X);
+    lanes y[N_OUTPUTS + 1];
+    lanes w[WORK < 2048 ? WORK + 1 : 1];
+    if (WORK < 2048) at.w = w;
+#if IS_CONTINUOUS
+    (void)next;
+#if N_SHOWN
+    outputs(&at, y);
+#endif
+#else
+    sample(&at, y, next);
+#endif
+#define SHOW(i) Y[i] = y[i];
+    SHOWN(SHOW)
 }
 
 static void fail(Component *m, unsigned failed, int why, int which, double when, const lanes *value) {
@@ -70,7 +91,7 @@ static unsigned not_finite(
 #if IS_CONTINUOUS
 INLINE void rhs(Component *m, double t, const lanes *x, lanes *dx) {
 #if N_STATES
-    const Arguments at = arguments(m, t, x);
+    const FmuArguments at = arguments(m, t, x);
     derivatives(&at, dx);
 #endif
 }
@@ -81,7 +102,7 @@ static void step_solver(Component *m, double t, double h, int first) {
     const int n = N_STATES;
     (void)first;
     (void)k4;
-#if SOLVER == FMU_RK4
+#if RK4
     rhs(m, t, x, k1);
     for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k1[i];
     rhs(m, t + 0.5 * h, s, k2);
@@ -90,7 +111,7 @@ static void step_solver(Component *m, double t, double h, int first) {
     for (int i = 0; i < n; i++) s[i] = x[i] + h * k3[i];
     rhs(m, t + h, s, k4);
     for (int i = 0; i < n; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-#elif SOLVER == FMU_AM2
+#elif AM2
     rhs(m, t, x, k1);
     if (first) for (int i = 0; i < n; i++) s[i] = x[i] + h * k1[i];
     else for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * k1[i] - 0.5 * k2[i]);
@@ -99,7 +120,7 @@ static void step_solver(Component *m, double t, double h, int first) {
         x[i] += 0.5 * h * (k1[i] + k3[i]);
         k2[i] = k1[i];
     }
-#elif SOLVER == FMU_SEMI_IMPLICIT
+#elif SEMI_IMPLICIT
     for (int i = 0; i < n; i++)
         if (velocity_of[i] >= 0) x[i] += 0.5 * h * x[velocity_of[i]];
     rhs(m, t + 0.5 * h, x, k1);
@@ -115,7 +136,7 @@ static void step_solver(Component *m, double t, double h, int first) {
 
 /* One communication step of all lanes; returns which of those in `of` have failed. */
 static unsigned step(Component *m, double t, double h, unsigned of) {
-    const double count = ceil(h / ((const double *)&P[0])[0] * (1.0 - 1e-9));
+    const double count = fmu_ceil(h / ((const double *)&P[0])[0] * (1.0 - 1e-9));
     const int64_t n = count < 1.0 ? 1 : (int64_t)count;
     const double dt = h / (double)n;
     unsigned failed = 0;
@@ -136,8 +157,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
     const double reached = t + h;
     *(double *)&m->time = reached;
 #if N_SHOWN
-    const Arguments at = arguments(m, reached, X);
-    outputs(&at, Y);
+    evaluate(m, reached, NULL);
     mask finite = ~(mask){0};
     for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
     if (lanes_bits(~finite) & of & ~failed)
@@ -154,18 +174,16 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
         const double instant = start + *sample_number * Ts;
         if (!(instant < end)) break;
         const double time = *(const double *)&m->time;
-        const Arguments at = arguments(m, instant, X);
 #if HAS_START
         if (*started == 0.0) {
-            Arguments begin = at;
-            begin.t = 0.0;
+            const FmuArguments begin = arguments(m, 0.0, X);
             start_states(&begin, X);
             failed |= not_finite(m, of & ~failed, X, NULL, N_STATES, STATE_NOT_FINITE, time);
         }
 #endif
         *started = 1.0;
         lanes *const next = m->k[0];
-        sample(&at, Y, next);
+        evaluate(m, instant, next);
         mask finite = ~(mask){0};
         for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_fabs(next[i]) <= DBL_MAX);
         for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
@@ -210,7 +228,10 @@ static void take_profiles(Component *m) {
 
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = memory;
-    prepare((const Parameters *)P, &m->fixed);
+#if N_FIXED
+    const FmuArguments at = arguments(m, 0.0, X);
+    prepare(&at, m->fixed);
+#endif
 #if HAS_PROFILES
     take_profiles(m);
 #endif
@@ -220,25 +241,17 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
     Component *const m = memory;
     const double time = *(const double *)&m->time;
     lanes *const next = m->k[0];
-    const Arguments at = arguments(m, time, X);
     unsigned failed = 0;
     (void)t;
     (void)h;
-    (void)next;
-    (void)at;
 #if HAS_START
-    Arguments begin = at;
-    begin.t = 0.0;
+    const FmuArguments begin = arguments(m, 0.0, X);
     memcpy(next, X, N_STATES * sizeof(lanes));
     start_states(&begin, next);
     memcpy(X, next, N_STATES * sizeof(lanes));
     failed |= not_finite(m, of, X, NULL, N_STATES, STATE_NOT_FINITE, time);
 #endif
-#if !IS_CONTINUOUS
-    sample(&at, Y, next);
-#elif N_SHOWN
-    outputs(&at, Y);
-#endif
+    evaluate(m, time, next);
     return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }

@@ -1,5 +1,5 @@
-/* Vectors of LANES numbers, and what the translated functions of components (lanes.py) are written with: the functions
- * of equations.h and fmu_math.h in each lane, with bit-identical values. LANES and LANES_TARGET (0 for what every
+/* Vectors of LANES numbers, and what generated equations are written with (equations.h, fmu_math.h) in each lane, with
+ * bit-identical values. LANES and LANES_TARGET (0 for what every
  * processor has, 2 for AVX2, 512 for AVX-512) come from the file that includes this first. */
 #ifndef LANES_H
 #define LANES_H
@@ -28,9 +28,12 @@
 
 typedef double lanes __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
+typedef lanes real;
+typedef mask condition;
 
 #define INLINE static inline __attribute__((always_inline, unused))
 #define NOINLINE static __attribute__((noinline, unused))
+#define CONST __attribute__((const)) /* a call whose value is not needed can go */
 
 /* ------------------------------------------------------------------ conditions */
 
@@ -101,10 +104,6 @@ INLINE lanes lanes_more(lanes x, lanes y) {
 #endif
 }
 
-/* fmax and fmin of a number and of one that is known to be no NaN and not the zero that loses. */
-INLINE lanes lanes_fmax_of_known(lanes x, lanes known) { return lanes_more(x, known); }
-INLINE lanes lanes_fmin_of_known(lanes x, lanes known) { return lanes_less(x, known); }
-
 /* Both orders agree but for zeros, of which the signs are combined, and for a NaN, which counts for nothing. */
 INLINE lanes lanes_fmax(lanes x, lanes y) {
     const lanes r = (lanes)((mask)lanes_more(x, y) & (mask)lanes_more(y, x));
@@ -114,6 +113,17 @@ INLINE lanes lanes_fmax(lanes x, lanes y) {
 INLINE lanes lanes_fmin(lanes x, lanes y) {
     const lanes r = (lanes)((mask)lanes_less(x, y) | (mask)lanes_less(y, x));
     return lanes_choose((mask)(x != x), y, lanes_choose((mask)(y != y), x, r));
+}
+
+/* The same with one number for all lanes: one instruction if it is neither NaN nor the zero that would win. */
+INLINE lanes lanes_fmax_of_one(double x, lanes y) {
+    if (x == x && !(x == 0.0 && signbit(x))) return lanes_more(y, lanes_all(x));
+    return lanes_fmax(lanes_all(x), y);
+}
+
+INLINE lanes lanes_fmin_of_one(double x, lanes y) {
+    if (x == x && !(x == 0.0 && !signbit(x))) return lanes_less(y, lanes_all(x));
+    return lanes_fmin(lanes_all(x), y);
 }
 
 INLINE lanes lanes_sqrt(lanes x) {
@@ -206,18 +216,23 @@ PRODUCTS(lanes, lanes, table, double)
 
 /* ------------------------------------------------------------------ functions of the mathematical library */
 
-#define IN_EACH_LANE(name, function)                                 \
-    NOINLINE lanes lanes_##name(lanes x) {                              \
-        lanes r;                                                     \
-        for (int i = 0; i < LANES; i++) r[i] = function(x[i]);       \
-        return r;                                                    \
+#define IN_EACH_LANE(name)                                            \
+    NOINLINE CONST lanes lanes_##name(lanes x) {                      \
+        lanes r;                                                      \
+        for (int i = 0; i < LANES; i++) r[i] = fmu_##name(x[i]);      \
+        return r;                                                     \
     }
-#define IN_EACH_LANE_OF_TWO(name, function)                          \
-    NOINLINE lanes lanes_##name(lanes x, lanes y) {                     \
-        lanes r;                                                     \
-        for (int i = 0; i < LANES; i++) r[i] = function(x[i], y[i]); \
-        return r;                                                    \
+#define IN_EACH_LANE_OF_TWO(name)                                     \
+    NOINLINE CONST lanes lanes_##name(lanes x, lanes y) {             \
+        lanes r;                                                      \
+        for (int i = 0; i < LANES; i++) r[i] = fmu_##name(x[i], y[i]); \
+        return r;                                                     \
     }
+IN_EACH_LANE(acos) IN_EACH_LANE(acosh) IN_EACH_LANE(asin) IN_EACH_LANE(asinh) IN_EACH_LANE(atan) IN_EACH_LANE(atanh)
+IN_EACH_LANE(cosh) IN_EACH_LANE(erf) IN_EACH_LANE(erfc) IN_EACH_LANE(exp) IN_EACH_LANE(expm1) IN_EACH_LANE(log)
+IN_EACH_LANE(log1p) IN_EACH_LANE(sinh) IN_EACH_LANE(tan) IN_EACH_LANE(tanh)
+IN_EACH_LANE_OF_TWO(atan2) IN_EACH_LANE_OF_TWO(fmod) IN_EACH_LANE_OF_TWO(hypot) IN_EACH_LANE_OF_TWO(pow)
+IN_EACH_LANE_OF_TWO(remainder)
 
 /* Sine and cosine in the operations of musl's __sin.c, __cos.c and __rem_pio2.c, for lanes that all take the same way
  * there: |x| <= pi/4, or |x| from 9 pi/4 to a million with one round of reduction. */
@@ -273,7 +288,7 @@ INLINE int reduced(lanes x, mask *n, lanes *y0, lanes *y1) {
     return 1;
 }
 
-NOINLINE lanes sin_apart(lanes x) {
+NOINLINE CONST lanes sin_apart(lanes x) {
     mask n;
     lanes y0, y1, r;
     if (reduced(x, &n, &y0, &y1)) {
@@ -284,7 +299,7 @@ NOINLINE lanes sin_apart(lanes x) {
     return r;
 }
 
-NOINLINE lanes cos_apart(lanes x) {
+NOINLINE CONST lanes cos_apart(lanes x) {
     mask n;
     lanes y0, y1, r;
     if (reduced(x, &n, &y0, &y1)) {
