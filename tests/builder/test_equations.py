@@ -257,7 +257,7 @@ def test_sections_of_a_continuous_component_and_their_sources() -> None:
     assert "p->suspension_stiffness * suspension_deflection" in section(code, "derivatives")
     assert "der->body_z = x->body_vz;" in section(code, "derivatives")
     assert "y->tire_deflection = x->wheel_z - u->road_height;" in section(code, "outputs")
-    assert "result[14] = 1.0; /* der(wheel.z) by wheel.vz */" in section(code, "Jacobian")
+    assert "result[14] = all(1.0); /* der(wheel.z) by wheel.vz */" in section(code, "Jacobian")
     assert "real suspension_stiffness;      /* [N/m] suspension stiffness */" in code
     assert ".body_mass = 2800.0," in code
 
