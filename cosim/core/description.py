@@ -134,6 +134,7 @@ class Description:
     needs_tool: bool = False  # the FMU is a door to a tool that must be installed
     aliases: dict[str, str] = field(default_factory=dict)
     event_mode: bool = False  # FMI 3.0, Co-Simulation: it can be told when events happen
+    early_return: bool = False  # FMI 3.0, Co-Simulation: its steps may end early by themselves
     clocks: list[Clock] = field(default_factory=list)
     initial_unknowns: frozenset[str] = frozenset()  # declared names of what initialization computes
 

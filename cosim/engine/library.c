@@ -2,6 +2,7 @@
 #include "adaptive.h"
 #include "engine.h"
 #include "environment.h"
+#include "event_steps.h"
 #include "integrator.h"
 #include "table.h"
 
@@ -32,7 +33,7 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
 EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
     return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineAdaptive) + sizeof(Table)
-           + sizeof(Integrator);
+           + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
@@ -71,4 +72,15 @@ EXPORT uint32_t cosim_integrator_step2(void *integrator, double t, double h, int
 EXPORT uint32_t cosim_integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event,
     bool *terminate, bool *early, double *last) {
     return integrator_step3(integrator, t, h, no_set_prior, event, terminate, early, last);
+}
+
+EXPORT uint32_t cosim_event_steps_set(void *instance, const uint32_t *inputs, size_t n, void *data, size_t n_data) {
+    return event_steps_set(instance, inputs, n, data, n_data);
+}
+EXPORT uint32_t cosim_event_steps_begin(EventSteps *s, double t) { return event_steps_begin(s, t); }
+EXPORT uint32_t cosim_event_steps_enter(EventSteps *s, double t) { return event_steps_enter(s, t); }
+EXPORT uint32_t cosim_event_steps_leave(EventSteps *s, double t) { return event_steps_leave(s, t); }
+EXPORT uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
+    bool *early, double *last) {
+    return event_steps_step(steps, t, h, no_set_prior, event, terminate, early, last);
 }

@@ -16,12 +16,22 @@ HEADER = Path(__file__).with_name("engine.h")
 ADAPTIVE = Path(__file__).with_name("adaptive.h")
 TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
+EVENT_STEPS = Path(__file__).with_name("event_steps.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
 SOURCES = tuple(
     Path(__file__).with_name(f"{name}.c")
-    for name in ("engine", "algebraic_loop", "adaptive", "table", "integrator", "library")
+    for name in ("engine", "algebraic_loop", "adaptive", "table", "integrator", "event_steps", "library")
 )
-_STRUCTS = ("Engine", "EngineComponent", "EngineLoop", "EngineAdaptive", "Table", "Integrator")
+_STRUCTS = (
+    "Engine",
+    "EngineComponent",
+    "EngineLoop",
+    "EngineAdaptive",
+    "Table",
+    "Integrator",
+    "EventSteps",
+    "EventInputs",
+)
 
 _EXPORTED = """
 int cosim_engine_run(Engine *e, EngineAdaptive *a, int64_t end);
@@ -45,6 +55,12 @@ uint32_t cosim_integrator_begin(void *integrator, double t);
 uint32_t cosim_integrator_step2(void *integrator, double t, double h, int no_set_prior);
 uint32_t cosim_integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
+uint32_t cosim_event_steps_set(void *instance, const uint32_t *inputs, size_t n, void *data, size_t n_data);
+uint32_t cosim_event_steps_begin(EventSteps *s, double t);
+uint32_t cosim_event_steps_enter(EventSteps *s, double t);
+uint32_t cosim_event_steps_leave(EventSteps *s, double t);
+uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
+    bool *early, double *last);
 """
 
 
@@ -57,9 +73,10 @@ class NoEngine(CosimError):  # noqa: N818
 
 @lru_cache
 def interface() -> cffi.FFI:
-    """The types of `engine.h`, `adaptive.h`, `table.h` and `integrator.h`."""
+    """The types of the headers of the engine."""
     ffi = cffi.FFI()
-    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in (HEADER, ADAPTIVE, TABLE, INTEGRATOR)))
+    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS)
+    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in headers))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi
 

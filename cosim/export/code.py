@@ -20,6 +20,7 @@ from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
+from cosim.fmu.event_steps import steps_with_events
 from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.system.components import Group, SystemComponent
@@ -65,6 +66,11 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
             )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
+        if steps_with_events(m.description):
+            raise CosimError(
+                f"'{m.name}' reports events or returns early (hasEventMode, mightReturnEarlyFromDoStep), which {what}"
+                f" does not support: {remedy}use one without event mode"
+            )
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()

@@ -106,7 +106,7 @@ Status fmi3GetIntervalDecimal(Component, const VR*, size_t, double*, int*);
 Status fmi3GetIntervalFraction(Component, const VR*, size_t, uint64_t*, uint64_t*, int*);
 Status fmi3GetShiftDecimal(Component, const VR*, size_t, double*);
 Status fmi3GetShiftFraction(Component, const VR*, size_t, uint64_t*, uint64_t*);
-"""  # what FMUs with clocks have, in this process
+"""  # what FMUs with events have
 
 _EXCHANGE = """
 Status fmi{v}SetTime(Component, double);
@@ -221,7 +221,7 @@ def required(version: str, interface: str) -> list[str]:
 
 def declared(version: str, interface: str) -> list[str]:
     """Names of all C functions that may be called of an FMU."""
-    text = _FMI3 if version == "3" else _FMI2
+    text = _FMI3 + _EVENTS3[: _EVENTS3.index("Status fmi3GetClock")] if version == "3" else _FMI2
     if interface == "me":
         text += _EXCHANGE3 if version == "3" else _EXCHANGE2
     return re.findall(rf"\bfmi{version}\w+(?=\()", text)
@@ -337,8 +337,9 @@ def instantiate3(
     interface: str,
     logging: bool = True,
     event_mode: bool = False,
+    early_return: bool = False,
 ) -> Any:
-    """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without early return and intermediate updates.
+    """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without intermediate updates.
 
     `texts` = name, token, resource path.
     """
@@ -354,4 +355,6 @@ def instantiate3(
     arguments = (name.encode(), token.encode(), resources.encode(), False, logging)
     if interface == "me":
         return library.fmi3InstantiateModelExchange(*arguments, ffi.NULL, address)
-    return library.fmi3InstantiateCoSimulation(*arguments, event_mode, False, ffi.NULL, 0, ffi.NULL, address, ffi.NULL)
+    return library.fmi3InstantiateCoSimulation(
+        *arguments, event_mode, early_return, ffi.NULL, 0, ffi.NULL, address, ffi.NULL
+    )

@@ -32,6 +32,7 @@ from cosim.core.errors import (
 from cosim.core.time import seconds_text
 from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.event_mode import EventMode, refusal
+from cosim.fmu.event_steps import EventSteps, steps_with_events
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
@@ -93,6 +94,7 @@ class FmuComponent:
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._events: EventMode | None = None
         self.integration: Integration | None = None
+        self._event_steps: EventSteps | None = None
 
     @property
     def in_event_mode(self) -> bool:
@@ -109,9 +111,14 @@ class FmuComponent:
         )
 
     @property
-    def _integrator(self) -> Integration | None:
-        """The integrator if it is in this process."""
-        return self.integration if self.integration is not None and self.integration.here else None
+    def _driver(self) -> Integration | EventSteps | None:
+        """What steps it instead of itself, in this process: its integrator, or what divides its steps at events."""
+        return self.integration if self.integration is not None and self.integration.here else self._event_steps
+
+    @property
+    def _remembers(self) -> EventMode | Integration | EventSteps | None:
+        """What has a state beside that of the FMU."""
+        return self._events or self.integration or self._event_steps
 
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
@@ -137,6 +144,8 @@ class FmuComponent:
             )
         self._events = events
         if reusable and self._call("Reset") <= fmi.WARNING:
+            if self._event_steps is not None:
+                self._event_steps.end()
             return
         self.close()
         self._forget_messages()
@@ -149,7 +158,11 @@ class FmuComponent:
         resources = library.folder / "resources"
         log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
+        divided = steps_with_events(self.description)
         with_events = {"event_mode": True} if events is not None else {}
+        if divided:
+            about = self.description
+            with_events = {"event_mode": about.event_mode, "early_return": about.variable_step}
         instance = library.instantiate(texts, log, self._keep, **with_events)
         self._check_environment()
         if instance == self._ffi.NULL:
@@ -166,6 +179,7 @@ class FmuComponent:
         self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
+        self._event_steps = EventSteps(self) if divided else None
 
     def _open(self) -> Library | IsolatedLibrary:
         """The library for a new instance."""
@@ -193,8 +207,8 @@ class FmuComponent:
             self._events.exit_initialization()
         else:
             self._must("ExitInitializationMode")
-        if self.integration is not None:
-            self.integration.begin(self._begin)
+        if (own := self.integration or self._event_steps) is not None:
+            own.begin(self._begin)
             self._check_environment()
 
     def terminate(self) -> None:
@@ -298,6 +312,8 @@ class FmuComponent:
     def set(self, values: Mapping[Variable, Any]) -> None:
         if self._events is not None and self._reads_values and not self._events.initializing:
             self._events.set(values)
+        elif self._event_steps is not None and self._event_steps.stepping:
+            self._event_steps.change(lambda: self._set_values(values))
         else:
             self._set_values(values)
 
@@ -378,7 +394,7 @@ class FmuComponent:
             ports = self._events.ports(inputs, outputs, u, y)
             self._get_outputs = ports.get_outputs
             return self._with_guards(ports)
-        setters = [self._transfer("Set", how, u) for how in arrangements(int(self.fmu.major), inputs)]
+        setters = self._setters(inputs, u)
         getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
         self._get_outputs = get_outputs
@@ -386,6 +402,19 @@ class FmuComponent:
         calls = self._fmi_calls([s.transfer for s in setters], [g.transfer for g in getters])
         ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
         return self._with_guards(ports)
+
+    def _setters(self, inputs: Sequence[Variable], u: Array) -> list[_Bound]:
+        """Calls that set inputs; with event mode, discrete ones wait for it once initialization is over."""
+        major, steps = int(self.fmu.major), self._event_steps
+        if steps is None or not self.description.event_mode:
+            return [self._transfer("Set", how, u) for how in arrangements(major, inputs)]
+        groups = (
+            [self._transfer("Set", how, u) for how in arrangements(major, inputs, chosen)]
+            for chosen in (lambda v: v.variability != "discrete", lambda v: v.variability == "discrete")
+        )
+        continuous, discrete = groups
+        waiting = steps.bind([s.transfer for s in discrete])
+        return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
 
     def _advance(self, t: float, h: float) -> None:
         """One fmi3DoStep, for steps with events."""
@@ -420,7 +449,7 @@ class FmuComponent:
         return guarded
 
     def _fmi_calls(self, sets: Sequence[Transfer], gets: Sequence[Transfer]) -> FmiCalls:
-        address, own = self._address, self._integrator
+        address, own = self._address, self._driver
         return FmiCalls(
             version=int(self.fmu.major),
             instance=self.address,
@@ -500,7 +529,7 @@ class FmuComponent:
 
         `ended[0]` is true after a step that stopped early or requests the end of the simulation (FMI 3).
         """
-        own = self._integrator
+        own = self._driver
         function, first = (self._function("DoStep"), self._instance) if own is None else own.step
         call = partial(function, first)
         if not self._v3:
@@ -530,6 +559,8 @@ class FmuComponent:
             self._fail(failing_function, status)
         if self.integration is not None:
             self.integration.step_failed(status, t, h)
+        if self._event_steps is not None:
+            self._event_steps.step_failed(status, t, h)
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]
@@ -571,9 +602,8 @@ class FmuComponent:
     def save(self) -> FmuState:
         if self._own_pool is None:
             self._own_pool = StatePool({self.name: self}, self._ffi, self._save_pointer, self.free_pointer)
-        return FmuState(
-            self._own_pool.save(), events=own.saved() if (own := self._events or self.integration) else None
-        )
+        own = self._remembers
+        return FmuState(self._own_pool.save(), events=own.saved() if own else None)
 
     def restore(self, state: FmuState) -> None:
         if not state.belongs_to(self):
@@ -586,7 +616,7 @@ class FmuComponent:
             self._unpack(data)
             return
         self._must("SetFMUState", state.pointer)
-        if own := self._events or self.integration:
+        if own := self._remembers:
             own.restore(state.events)
         self._keep_values()
 
@@ -615,7 +645,7 @@ class FmuComponent:
 
     def _state_calls(self) -> dict[str, int] | None:
         """Addresses of the functions for states; None if more than these calls is necessary, or the FMU has none."""
-        if self._foreign or self._kept or self.integrated or not self.description.can_save:
+        if self._foreign or self._kept or self._remembers or not self.description.can_save:
             return None
         return {n: self._address(self._function(f"{n.title()}FMUState")) for n in ("get", "set", "free")}
 
@@ -663,9 +693,9 @@ class FmuComponent:
         self._unpack(data)
 
     def _unpack(self, data: bytes) -> None:
-        if self.integration is not None:  # its memory is at the end
-            size = max(0, len(data) - self.integration.saved_size)
-            self.integration.restore(data[size:])
+        if (own := self.integration or self._event_steps) is not None:  # its memory is at the end
+            size = max(0, len(data) - own.saved_size)
+            own.restore(data[size:])
             data = data[:size]
         self.deserialize(data)
 

@@ -49,15 +49,22 @@ class Library:
         self._kept = False
 
     def instantiate(
-        self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any], *, event_mode: bool = False
+        self,
+        texts: tuple[str, str, str],
+        log: fmi.Log,
+        keep: list[Any],
+        *,
+        event_mode: bool = False,
+        early_return: bool = False,
     ) -> Any:
         """Create an instance, or return NULL.
 
         `texts` = name, token, folder of resources in the form of its FMI version; objects that must outlive the
-        instance are put into `keep`. `event_mode` is for FMI 3.0.
+        instance are put into `keep`. `event_mode` and `early_return` (it is allowed) are for FMI 3.0.
         """
         if self._version == "3":
-            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, event_mode=event_mode)
+            events = {"event_mode": event_mode, "early_return": early_return}
+            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **events)
         return fmi.instantiate2(self.handle, fmi.c_library(), texts, log, keep, self._interface)
 
     def release(self) -> None:

@@ -163,6 +163,7 @@ class _Reader:
             needs_tool=_flag(simulation, "needsExecutionTool"),
             aliases=self.aliases,
             event_mode=_flag(simulation, "hasEventMode"),
+            early_return=_flag(simulation, "mightReturnEarlyFromDoStep"),
             clocks=self.clocks,
         )
         with suppress(TimeError):  # a hint, of which the schema has said what is wrong

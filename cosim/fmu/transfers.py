@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,13 +34,18 @@ class Arrangement:
         return self.total > len(self.place)
 
 
-def arrangements(version: int, variables: Sequence[Variable]) -> list[Arrangement]:
-    """The calls that move all variables, one for each type."""
-    return [_arranged(version, variables, fmi_type) for fmi_type in by_type(variables)]
+def arrangements(
+    version: int, variables: Sequence[Variable], chosen: Callable[[Variable], bool] = lambda _: True
+) -> list[Arrangement]:
+    """The calls that move all variables that are `chosen`, one for each type."""
+    types = by_type(v for v in variables if chosen(v))
+    return [_arranged(version, variables, fmi_type, chosen) for fmi_type in types]
 
 
-def _arranged(version: int, variables: Sequence[Variable], fmi_type: str) -> Arrangement:
-    places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type]
+def _arranged(
+    version: int, variables: Sequence[Variable], fmi_type: str, chosen: Callable[[Variable], bool]
+) -> Arrangement:
+    places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type and chosen(v)]
     arrays = by_reference([variables[i] for i in places])
     offsets, total = {}, 0
     for reference, elements in arrays.items():

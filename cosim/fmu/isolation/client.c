@@ -427,9 +427,9 @@ int link_load(Link *l, const char *library, const char *functions, int version) 
 
 const char *link_said(const Link *l) { return l->region.reply; }
 
-/* Whether there is an instance. `texts`: name, token, resources. */
-bool link_instantiate(
-    Link *l, const char *name, const char *token, const char *resources, bool exchange, LinkLogger log) {
+/* Whether there is an instance. `texts`: name, token, resources. `events`: 1 with event mode, 2 it may return early. */
+bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange, int events,
+    LinkLogger log) {
     const char *texts[3] = {name, token, resources};
     l->log = log;
     size_t used = 0;
@@ -440,7 +440,7 @@ bool link_instantiate(
         used += n;
     }
     l->waiting = used;
-    return with(l, LINK_INSTANTIATE, exchange, 0) <= LINK_WARNING;
+    return with(l, LINK_INSTANTIATE, exchange, (uint64_t)events) <= LINK_WARNING;
 }
 
 static uint32_t reset(Link *l) {
@@ -634,6 +634,17 @@ uint32_t fmi3DoStep(
 uint32_t fmi3GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, const uint32_t *by, size_t n_by,
     const double *seed, size_t n_seed, double *result, size_t n_result) {
     return derivative(l, of, n_of, by, n_by, seed, n_seed, result, n_result);
+}
+uint32_t fmi3EnterEventMode(Link *l) { return with(l, LINK_EVENTS, 0, 0); }
+uint32_t fmi3EnterStepMode(Link *l) { return with(l, LINK_EVENTS, 1, 0); }
+uint32_t fmi3UpdateDiscreteStates(
+    Link *l, bool *again, bool *terminate, bool *nominals, bool *states, bool *has_next, double *next) {
+    bool *flags[5] = {again, terminate, nominals, states, has_next};
+    const uint32_t status = with(l, LINK_EVENTS, 2, 0);
+    if (l->end) return status;
+    for (int i = 0; i < 5; i++) *flags[i] = (l->region.answer->value >> i & 1) != 0;
+    *next = l->region.answer->last;
+    return status;
 }
 
 /* ------------------------------------------------------------------ both */

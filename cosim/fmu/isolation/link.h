@@ -37,7 +37,8 @@ typedef enum {
     LINK_WRITE_BYTES,
     LINK_DERIVATIVE,
     LINK_INTEGRATE,
-    LINK_INTEGRATOR
+    LINK_INTEGRATOR,
+    LINK_EVENTS
 } LinkOp;
 
 /* How an isolated FMU was lost. */

@@ -55,7 +55,7 @@ uint32_t link_environment(const Link *l);
 uint32_t link_no_memory(const Link *l);
 int link_load(Link *l, const char *library, const char *functions, int version);
 const char *link_said(const Link *l);
-bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange,
+bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange, int events,
                       LinkLogger log);
 uint32_t link_integrate(Link *l, const char *setup, size_t size, double t);
 uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set);
@@ -231,7 +231,15 @@ class IsolatedLibrary:
     def _reply(self) -> str:
         return fmi.text(self._ffi, self._client.link_said(self._link))
 
-    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any]) -> Any:
+    def instantiate(
+        self,
+        texts: tuple[str, str, str],
+        log: fmi.Log,
+        keep: list[Any],
+        *,
+        event_mode: bool = False,
+        early_return: bool = False,
+    ) -> Any:
         """The instance, or NULL. `texts` = name, token, folder of resources as this version of FMI wants it."""
         ffi = self._ffi
 
@@ -240,7 +248,8 @@ class IsolatedLibrary:
             log(status, fmi.text(ffi, category), fmi.text(ffi, message))
 
         keep.append(logger)
-        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), self._exchange, logger)
+        how = self._exchange, event_mode | early_return << 1
+        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), *how, logger)
         types = fmi.ffi_of(self._version)
         return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
 

@@ -216,7 +216,8 @@ static uint32_t instantiate(void) {
     } else {
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
             size_t, void *, void *, void *))make)(
-            name, token, resources, false, true, false, false, NULL, 0, NULL, (void *)say3, NULL);
+            name, token, resources, false, true, (region.ask->b & 1) != 0, (region.ask->b & 2) != 0, NULL, 0, NULL,
+            (void *)say3, NULL);
     }
     return instance ? LINK_OK : LINK_ERROR;
 }
@@ -454,6 +455,21 @@ static uint32_t tell_status(void) {
 
 static uint32_t plain(const char *name) { CALL(name, (void *), (instance)); }
 
+/* Event mode: 0 enter, 1 leave, 2 update discrete states. */
+static uint32_t events(void) {
+    if (region.ask->a != 2) return plain(region.ask->a ? "EnterStepMode" : "EnterEventMode");
+    bool flags[5] = {false};
+    double next = 0.0;
+    void *f = function("UpdateDiscreteStates");
+    if (!f) return LINK_ERROR;
+    const uint32_t status = ((uint32_t (*)(void *, bool *, bool *, bool *, bool *, bool *, double *))f)(
+        instance, flags, flags + 1, flags + 2, flags + 3, flags + 4, &next);
+    region.answer->value = 0;
+    for (int i = 0; i < 5; i++) region.answer->value |= (uint64_t)flags[i] << i;
+    region.answer->last = next;
+    return status;
+}
+
 static uint32_t dispatch(const char *rest) {
     switch ((LinkOp)region.ask->op) {
         case LINK_LOAD: return load();
@@ -487,6 +503,7 @@ static uint32_t dispatch(const char *rest) {
         case LINK_DERIVATIVE: return derivative();
         case LINK_INTEGRATE: return integrate();
         case LINK_INTEGRATOR: return remember();
+        case LINK_EVENTS: return events();
     }
     return LINK_ERROR;
 }

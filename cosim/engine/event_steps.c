@@ -1,0 +1,130 @@
+/* Steps of FMUs that report events or return early: see event_steps.h. */
+#include "event_steps.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { OK, WARNING, DISCARD, ERROR }; /* statuses of FMI */
+enum { UPDATES = 1000, EVENTS = 10000 };
+
+static uint32_t failed(EventSteps *s, EventEnd end, uint32_t index, double t, uint32_t status) {
+    s->report = (EventReport){.end = end, .index = index, .status = status, .time = t};
+    return status > WARNING ? status : ERROR;
+}
+
+#define TRY(number, expression)                                                                  \
+    do {                                                                                         \
+        const uint32_t status_ = (expression);                                                   \
+        if (status_ > WARNING) return failed(s, EVENT_CALL_FAILED, number, t, status_);          \
+    } while (0)
+#define PASS(expression)                       \
+    do {                                       \
+        const uint32_t passed_ = (expression); \
+        if (passed_ > WARNING) return passed_; \
+    } while (0)
+
+static uint32_t plain(EventSteps *s, EventFunction number, double t) {
+    TRY(number, ((uint32_t(*)(void *))s->call[number])(s->instance));
+    return OK;
+}
+
+/* Times that differ by rounding only are the same. */
+static double resolution(double t, double h) {
+    const double a = 1e-9 * (1.0 + fabs(t)), b = 1e-3 * h;
+    return a < b ? a : b;
+}
+
+uint32_t event_steps_set(void *instance, const uint32_t *inputs, size_t n, void *data, size_t n_data) {
+    const EventInputs *const d = (const EventInputs *)(const void *)inputs;
+    (void)n;
+    return d->steps->stepping ? (uint32_t)OK : d->call(instance, d->references, d->n_references, data, n_data);
+}
+
+static bool inputs_changed(const EventSteps *s) {
+    for (int32_t i = 0; i < s->n_inputs; i++)
+        if (memcmp(s->inputs[i].data, s->inputs[i].before, s->inputs[i].size)) return true;
+    return false;
+}
+
+static uint32_t set_inputs(EventSteps *s, double t) {
+    for (const EventInputs *d = s->inputs; d < s->inputs + s->n_inputs; d++) {
+        TRY(EVENT_SET, d->call(s->instance, d->references, d->n_references, d->data, d->n_data));
+        memcpy(d->before, d->data, d->size);
+    }
+    return OK;
+}
+
+uint32_t event_steps_enter(EventSteps *s, double t) { return plain(s, EVENT_ENTER, t); }
+
+uint32_t event_steps_leave(EventSteps *s, double t) {
+    typedef uint32_t (*Update)(void *, bool *, bool *, bool *, bool *, bool *, double *);
+    bool again = true, terminate = false, nominals = false, states = false, has_next = false;
+    double next = INFINITY;
+    for (int k = 0; again; k++) {
+        if (k == UPDATES) return failed(s, EVENT_NOT_CONVERGED, EVENT_UPDATE, t, ERROR);
+        again = has_next = false;
+        TRY(EVENT_UPDATE, ((Update)s->call[EVENT_UPDATE])(
+            s->instance, &again, &terminate, &nominals, &states, &has_next, &next));
+        if (terminate) return failed(s, EVENT_TERMINATED, EVENT_UPDATE, t, ERROR);
+    }
+    s->memory.next_event = has_next ? next : INFINITY;
+    return plain(s, EVENT_LEAVE, t);
+}
+
+/* Event mode with the present discrete inputs. */
+static uint32_t process_event(EventSteps *s, double t) {
+    PASS(event_steps_enter(s, t));
+    PASS(set_inputs(s, t));
+    return event_steps_leave(s, t);
+}
+
+uint32_t event_steps_begin(EventSteps *s, double t) {
+    s->memory.next_event = INFINITY;
+    s->report.time = t;
+    if (s->event_mode) PASS(event_steps_leave(s, t));
+    for (const EventInputs *d = s->inputs; d < s->inputs + s->n_inputs; d++) memcpy(d->before, d->data, d->size);
+    s->stepping = true;
+    return OK;
+}
+
+/* Where to step from `now`: to the announced event, or to the end of the internal step that holds it. */
+static double target(const EventSteps *s, double now, double end, double near) {
+    double to = s->memory.next_event;
+    if (!s->event_mode || !s->variable_step || !(to > now + near)) return end;
+    if (!(to < end - near)) return end;
+    if (s->internal > 0.0) {
+        const double n = (to - now - near) / s->internal; /* internal steps until then, rounded up */
+        if (n < 1e15) to = now + ((double)(int64_t)n + 1.0) * s->internal;
+    }
+    return to < end - near ? to : end;
+}
+
+uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
+    double *last) {
+    EventSteps *const s = steps;
+    const double end = t + h, near = resolution(t, h);
+    double now = t;
+    *event = *terminate = *early = false;
+    s->report.end = EVENT_FINE;
+    if (s->event_mode && (s->memory.next_event <= t + near || inputs_changed(s)))
+        PASS(process_event(s, t));
+    for (int k = 0; k < EVENTS; k++) {
+        const double to = target(s, now, end, near);
+        bool needed = false;
+        *last = now;
+        TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
+            s->instance, now, to - now, no_set_prior, &needed, terminate, early, last));
+        const bool returned = *early;
+        if (returned && !s->variable_step) return OK; /* which it was not allowed to */
+        if (returned && !(*last >= now - near && *last <= to + near))
+            return failed(s, EVENT_BAD_TIME, EVENT_DO_STEP, *last, ERROR);
+        now = returned ? *last : to;
+        const bool complete = now >= end - near;
+        *early = !complete && *terminate;
+        if (*terminate) return OK;
+        if (s->event_mode && (needed || s->memory.next_event <= now + near)) PASS(process_event(s, now));
+        *last = s->report.time = now;
+        if (complete) return OK;
+    }
+    return failed(s, EVENT_TOO_MANY, EVENT_DO_STEP, now, ERROR);
+}

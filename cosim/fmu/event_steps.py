@@ -1,0 +1,173 @@
+"""FMI 3.0 Co-Simulation FMUs that report events or return early, and have no clocks (`engine/event_steps.c`).
+
+Such an FMU has the step function of one without events: its steps are completed, its events are processed in event
+mode, and its discrete inputs are set there when they have changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NoReturn, Protocol
+
+import numpy as np
+
+from cosim.core.component import Action, Transfer
+from cosim.core.description import Description
+from cosim.core.errors import CallFailed, CosimError
+from cosim.core.time import seconds_text
+from cosim.engine.library import interface, library
+from cosim.fmu.calls import WARNING
+
+_CALLS = ("DoStep", "EnterEventMode", "UpdateDiscreteStates", "EnterStepMode")  # in the order of `EventFunction`
+
+
+def steps_with_events(about: Description) -> bool:
+    """Whether steps of an FMU are divided: it has event mode without clocks, or may return early."""
+    divided = about.event_mode or (about.early_return and about.variable_step)
+    return divided and not about.clocks and about.interface == "cs"
+
+
+class Instance(Protocol):
+    """What is needed of an instance of an FMU."""
+
+    name: str
+    description: Description
+    _instance: Any
+
+    def _function(self, name: str) -> Callable[..., int]: ...
+
+    def _address(self, pointer: Any) -> int: ...
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None: ...
+
+    def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
+
+    def _recent_log(self) -> list[str]: ...
+
+
+class EventSteps:
+    """The steps of one instance."""
+
+    def __init__(self, component: Instance):
+        self._component, self._ffi, self._library = component, interface(), library()
+        about, ffi = component.description, self._ffi
+        self._steps = steps = ffi.new("EventSteps*")
+        steps.instance = self._pointer(component._address(component._instance))
+        steps.event_mode, steps.variable_step = about.event_mode, about.variable_step
+        steps.internal = float(about.internal_step or 0)
+        for i, name in enumerate(_CALLS if about.event_mode else _CALLS[:1]):
+            steps.call[i] = self._pointer(component._address(component._function(name)))
+        self._kept: list[Any] = []
+        self._before = np.zeros(0, dtype=np.uint8)
+
+    def _pointer(self, address: int) -> Any:
+        return self._ffi.cast("void*", address)
+
+    @property
+    def stepping(self) -> bool:
+        """Whether initialization is over."""
+        return bool(self._steps.stepping)
+
+    @property
+    def step(self) -> tuple[Any, Any]:
+        """The step function and its first argument, for Python."""
+        return self._library.cosim_event_steps_step, self._steps
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """The same as addresses."""
+        return self._address(self._function("step")), self._address(self._steps)
+
+    def _function(self, name: str) -> Any:
+        return self._ffi.addressof(self._library, f"cosim_event_steps_{name}")
+
+    def _address(self, pointer: Any) -> int:
+        return int(self._ffi.cast("uintptr_t", pointer))
+
+    def bind(self, discrete: Sequence[Transfer]) -> list[Transfer]:
+        """Transfers of discrete inputs that wait for event mode once initialization is over."""
+        ffi = self._ffi
+        self._steps.stepping = False
+        inputs = ffi.new("EventInputs[]", len(discrete))
+        self._before = np.zeros(sum(t.data.nbytes for t in discrete), dtype=np.uint8)
+        self._kept, bound, at = [inputs, *(t.data for t in discrete)], [], 0
+        for i, t in enumerate(discrete):
+            one, size = inputs[i], t.data.nbytes
+            one.steps, one.call = self._steps, ffi.cast("EngineValues3", t.call)
+            one.references, one.n_references = ffi.cast("uint32_t*", t.references), t.n_references
+            one.data, one.n_data, one.size = self._pointer(t.data.ctypes.data), len(t.data), size
+            one.before, at = self._pointer(self._before.ctypes.data + at), at + size
+            bound.append(replace(t, call=self._address(self._function("set")), references=self._address(inputs + i)))
+        self._steps.inputs, self._steps.n_inputs = inputs, len(discrete)
+        return bound
+
+    def begin(self, t: float) -> None:
+        """After initialization; the FMU is in step mode afterwards."""
+        self._pass(self._library.cosim_event_steps_begin(self._steps, t), "its first event iteration")
+
+    def end(self) -> None:
+        """The FMU is reset."""
+        self._steps.stepping = False
+
+    def change(self, action: Action) -> None:
+        """Set parameters or inputs between steps: in event mode, if the FMU has it."""
+        if not self._steps.event_mode:
+            return action()
+        where, t = "a change of values", self._steps.report.time
+        self._pass(self._library.cosim_event_steps_enter(self._steps, t), where)
+        action()
+        self._pass(self._library.cosim_event_steps_leave(self._steps, t), where)
+
+    # What a saved state has beside that of the FMU.
+
+    @property
+    def saved_size(self) -> int:
+        """Bytes of `saved`."""
+        return int(self._ffi.sizeof("EventMemory")) + self._before.nbytes
+
+    def saved(self) -> bytes:
+        """The announced event, and the discrete inputs that were set last."""
+        return bytes(self._ffi.buffer(self._ffi.addressof(self._steps, "memory"))) + self._before.tobytes()
+
+    def restore(self, saved: bytes) -> None:
+        """Continue from what `saved` returned. Raises CosimError for anything else."""
+        if len(saved) != self.saved_size:
+            raise CosimError(f"the state of '{self._component.name}' does not hold its events and discrete inputs")
+        size = int(self._ffi.sizeof("EventMemory"))
+        self._ffi.buffer(self._ffi.addressof(self._steps, "memory"))[:] = saved[:size]
+        self._before[:] = np.frombuffer(saved[size:], dtype=np.uint8)
+
+    # Failures.
+
+    def _pass(self, status: int, where: str) -> None:
+        if status > WARNING:
+            self.fail(status, where)
+
+    def step_failed(self, status: int, t: float, h: float) -> None:
+        """Raise the exception for a step that failed, unless `fmi3DoStep` itself did."""
+        report = self._steps.report
+        if report.end != self._library.EVENT_FINE and (report.end, report.index) != (
+            self._library.EVENT_CALL_FAILED,
+            self._library.EVENT_DO_STEP,
+        ):
+            self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", until=t + h * (1.0 - 1e-9))
+
+    def fail(self, status: int, where: str, *, until: float = math.inf) -> NoReturn:
+        """Raise the exception for what the report says; from `until` [s] on the step is complete."""
+        component, report = self._component, self._steps.report
+        why, at = self._ffi.typeof("EventEnd").elements[report.end].removeprefix("EVENT_"), float(report.time)
+        if why == "TERMINATED":
+            component._end_requested(f"in event mode at {at:.9g} s; {where}", at >= until)
+        if why == "CALL_FAILED":
+            function = _CALLS[report.index] if report.index < len(_CALLS) else "setting discrete inputs"
+            component._fail(function, status, where)
+        said = {
+            "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
+            " (fmi3UpdateDiscreteStates); correct the model's event equations",
+            "TOO_MANY": "more than 10000 events in one communication step: the model switches back and forth"
+            " (chattering), or returns early without progress; add hysteresis to its conditions",
+            "BAD_TIME": f"fmi3DoStep returned early at {at:.9g} s, which is outside of the {where}",
+        }[why]
+        raise CallFailed(component.name, "event mode", 3, f"{said} (at {at:.9g} s)", component._recent_log())

@@ -1,0 +1,156 @@
+"""Co-Simulation FMUs with event mode and without clocks: when events are processed, and what is set then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign import eventful
+
+from cosim import ComponentError, CosimError, PythonComponent, Recording, System
+from cosim.fmu.isolation import Isolation
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("eventful")
+
+
+@pytest.fixture(scope="module")
+def fmu(folder: Path) -> Path:
+    return eventful.build(folder)
+
+
+class Levels(PythonComponent):
+    """1, 1, 2, 2, 3, 3, ... at its samples."""
+
+    outputs = ("y",)
+    kind = "discrete"
+
+    def __init__(self) -> None:
+        super().__init__()
+        object.__setattr__(self.description.variables["y"], "type", "integer")
+
+    def begin(self) -> None:
+        self.n = 1
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        self.n += 1
+        y[0] = float(self.n // 2)
+
+
+def run(path: Path, kind: str, stop: float = 0.1, *, step: str = "20 ms", isolated: bool = False) -> Recording:
+    number = eventful.KINDS.index(kind)
+    with System() as system:
+        system.add("c", path, step=step, start={"u": 1.0, "k": 1}, parameters={"kind": number}, isolated=isolated)
+        return system.run(stop, record=["c.*"])
+
+
+def rounded(values: np.ndarray) -> list[float]:
+    return values.round(12).tolist()
+
+
+@pytest.mark.parametrize("kind", ["announced", "early"])
+def test_events_within_a_step_are_processed_where_they_are(fmu: Path, kind: str) -> None:
+    """Every 30 ms; a step is divided there, and the rest of it is completed."""
+    found = run(fmu, kind)
+    assert rounded(found["c.last"]) == [-1.0, -1.0, 0.03, 0.06, 0.06, 0.09]
+    assert found["c.count"].tolist() == [0, 0, 1, 2, 2, 3]
+    assert rounded(found["c.z"]) == rounded(np.arange(6) * 0.02)
+    assert found["c.steps"].tolist() == [0, 1, 3, 4, 5, 7]
+
+
+def test_an_event_is_processed_at_the_end_of_a_step_that_cannot_be_divided(folder: Path) -> None:
+    """Neither early return nor steps of other lengths: 0.04, 0.06 and 0.1 s."""
+    found = run(eventful.build(folder, variable_step=False), "announced")
+    assert rounded(found["c.last"]) == [-1.0, -1.0, 0.04, 0.06, 0.06, 0.1]
+    assert found["c.steps"].tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_steps_end_at_internal_steps(folder: Path) -> None:
+    """An event at 0.03 s is announced, and internal steps take 8 ms: it is processed at 0.032 s."""
+    path = eventful.build(folder, internal="0.008")
+    found = run(path, "announced", step="40 ms", stop=0.04)
+    assert rounded(found["c.last"]) == [-1.0, 0.032]
+
+
+def test_an_event_that_is_not_announced_is_processed_at_the_end_of_the_step(fmu: Path) -> None:
+    assert rounded(run(fmu, "at_end")["c.last"]) == [-1.0, -1.0, 0.04, 0.06, 0.06, 0.1]
+
+
+def test_early_returns_are_completed_without_event_mode(folder: Path) -> None:
+    found = run(eventful.build(folder, event_mode=False), "paused")
+    assert rounded(found["c.z"]) == rounded(np.arange(6) * 0.02)
+    assert found["c.steps"].tolist() == [0, 1, 3, 4, 5, 7]
+    assert found["c.count"].tolist() == [0] * 6
+
+
+def test_discrete_inputs_are_set_in_event_mode_when_they_change(fmu: Path) -> None:
+    """The FMU fails where k is set in step mode; dz/dt is the level that was set last."""
+    with System() as system:
+        system.add("levels", Levels(), step="10 ms")
+        system.add("c", fmu, step="10 ms", start={"u": 1.0}, parameters={"period": 10.0})
+        system.connect("levels.y", "c.k")
+        found = system.run(0.06, record=["c.level", "c.z", "levels.y"])
+    levels = found["levels.y"]
+    assert levels.tolist() == [1, 1, 2, 2, 3, 3, 4]
+    assert found["c.level"].tolist()[1:] == levels.tolist()[:-1]
+    assert rounded(found["c.z"]) == rounded(np.concatenate([[0.0], np.cumsum(levels[:-1]) * 0.01]))
+
+
+def test_free_inputs_are_set_in_event_mode(fmu: Path) -> None:
+    with System() as system:
+        system.add("c", fmu, step="10 ms", start={"u": 1.0, "k": 1})
+        with system.initialize(record=["c.level", "c.z"]) as simulation:
+            simulation.advance(0.02)
+            simulation.set("c.k", 5)
+            simulation.advance(0.04)
+            assert simulation.recording["c.level"].tolist() == [1, 1, 1, 5, 5], "shown after a step"
+            assert rounded(simulation.recording["c.z"]) == [0.0, 0.01, 0.02, 0.07, 0.12]
+
+
+@pytest.mark.parametrize("kind", ["announced", "early"])
+def test_isolated_fmus_give_the_same_bits(fmu: Path, kind: str) -> None:
+    here, there = run(fmu, kind), run(fmu, kind, isolated=True)
+    assert all(np.array_equal(here[n], there[n]) for n in here.names)
+    assert Isolation().shared_memory
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_saved_states_hold_announced_events_and_discrete_inputs(fmu: Path, isolated: bool) -> None:
+    with System() as system:
+        system.add("levels", Levels(), step="10 ms")
+        system.add("c", fmu, step="25 ms", start={"u": 1.0}, isolated=isolated)
+        system.connect("levels.y", "c.k")
+        with system.initialize(record=["c.*"]) as simulation:
+            simulation.advance(0.05)
+            state = simulation.save()
+            simulation.advance(0.3)
+            once = {n: simulation.recording[n].copy() for n in simulation.recording.names}
+            simulation.restore(state)
+            simulation.advance(0.3)
+            assert all(np.array_equal(once[n], simulation.recording[n]) for n in once)
+            packed = state.to_bytes()
+        with system.initialize(record=["c.*"], state=type(state).from_bytes(packed)) as simulation:
+            simulation.advance(0.3)
+            found = simulation.recording
+            assert all(np.array_equal(once[n][-len(found.time) :], found[n]) for n in once)
+
+
+def test_events_without_end_and_bad_times_are_refused_by_name(fmu: Path, refused) -> None:
+    kinds = ("endless", "backward", "stuck")
+    refused(ComponentError, *(lambda kind=kind: run(fmu, kind) for kind in kinds))
+
+
+def test_an_fmu_may_end_the_simulation_in_event_mode(fmu: Path) -> None:
+    found = run(fmu, "ending")
+    assert "'c' asked to end the simulation (in event mode at 0.06 s" in str(found.stopped_by)
+    assert round(found.time[-1], 9) == 0.06
+
+
+def test_systems_with_events_are_not_exported_as_fmu(fmu: Path, tmp_path: Path, raises) -> None:
+    with System() as system:
+        system.add("c", fmu, step="10 ms")
+        with raises(CosimError):
+            system.export_fmu(tmp_path / "Events.fmu")
