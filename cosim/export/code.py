@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
-from cosim.core.errors import CosimError, WiringError
+from cosim.core.errors import CosimError, FmuWarning, WiringError
 from cosim.engine.library import INTEGRATOR
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
@@ -67,9 +68,12 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
         if steps_with_events(m.description):
-            raise CosimError(
+            warnings.warn(
                 f"'{m.name}' reports events or returns early (hasEventMode, mightReturnEarlyFromDoStep), which {what}"
-                f" does not support: {remedy}use one without event mode"
+                " does not support: it processes its events by itself there, so its numbers may be others than in a run"
+                " of the system",
+                FmuWarning,
+                stacklevel=2,
             )
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [

@@ -25,6 +25,7 @@ from cosim.core.errors import (
     CallFailed,
     CosimError,
     FmuError,
+    FmuWarning,
     IsolationCrashed,
     IsolationCrashedWarning,
     WiringError,
@@ -165,6 +166,16 @@ class FmuComponent:
             with_events = {"event_mode": about.event_mode, "early_return": about.variable_step}
         instance = library.instantiate(texts, log, self._keep, **with_events)
         self._check_environment()
+        if instance == self._ffi.NULL and divided and self.description.event_mode and not library.lost():
+            self._forget_messages()
+            instance, divided = library.instantiate(texts, log, self._keep), False
+            if instance != self._ffi.NULL:
+                warnings.warn(
+                    f"component '{name}': its FMU declares event mode (hasEventMode) and cannot be instantiated with"
+                    " it; it runs without, and processes its events by itself",
+                    FmuWarning,
+                    stacklevel=2,
+                )
         if instance == self._ffi.NULL:
             lost = library.lost()
             library.release()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foreign import eventful
 
-from cosim import ComponentError, CosimError, PythonComponent, Recording, System
+from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System
 from cosim.fmu.isolation import Isolation
 
 
@@ -149,8 +149,20 @@ def test_an_fmu_may_end_the_simulation_in_event_mode(fmu: Path) -> None:
     assert round(found.time[-1], 9) == 0.06
 
 
-def test_systems_with_events_are_not_exported_as_fmu(fmu: Path, tmp_path: Path, raises) -> None:
-    with System() as system:
+@pytest.mark.parametrize("isolated", [False, True])
+def test_an_fmu_that_refuses_its_event_mode_runs_without(folder: Path, isolated: bool) -> None:
+    path = eventful.build(folder, token="refuses")
+    with pytest.warns(
+        FmuWarning, match=r"'c': its FMU declares event mode \(hasEventMode\) and cannot be instantiated"
+    ):
+        found = run(path, "at_end", isolated=isolated)
+    without = run(eventful.build(folder, event_mode=False, variable_step=False), "at_end")
+    assert all(np.array_equal(found[n], without[n]) for n in without.names)
+
+
+def test_systems_with_events_are_exported_without_event_mode_and_say_so(fmu: Path, tmp_path: Path) -> None:
+    with System(allow_unconnected=True) as system:
         system.add("c", fmu, step="10 ms")
-        with raises(CosimError):
-            system.export_fmu(tmp_path / "Events.fmu")
+        with pytest.warns(FmuWarning, match="'c' reports events or returns early"):
+            path = system.export_fmu(tmp_path / "Events.fmu")
+    assert path.is_file()

@@ -9,7 +9,7 @@ from foreign import making
 KINDS = ("announced", "early", "paused", "at_end", "endless", "ending", "backward", "stuck")
 
 
-def description(*, event_mode: bool, variable_step: bool, internal: str) -> str:
+def description(*, event_mode: bool, variable_step: bool, internal: str, token: str) -> str:
     """modelDescription.xml."""
     flags = {
         "canHandleVariableCommunicationStepSize": variable_step,
@@ -20,7 +20,7 @@ def description(*, event_mode: bool, variable_step: bool, internal: str) -> str:
     }
     able = " ".join(f'{name}="{str(value).lower()}"' for name, value in flags.items())
     return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="3.0" modelName="Eventful" instantiationToken="eventful">
+<fmiModelDescription fmiVersion="3.0" modelName="Eventful" instantiationToken="{token}">
   <CoSimulation modelIdentifier="eventful" {able}{f' fixedInternalStepSize="{internal}"' if internal else ""}/>
   <ModelVariables>
     <Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>
@@ -41,10 +41,17 @@ def description(*, event_mode: bool, variable_step: bool, internal: str) -> str:
 </fmiModelDescription>"""
 
 
-def build(folder: Path, *, event_mode: bool = True, variable_step: bool = True, internal: str = "") -> Path:
-    """The FMU for this machine, in a folder."""
+def build(
+    folder: Path,
+    *,
+    event_mode: bool = True,
+    variable_step: bool = True,
+    internal: str = "",
+    token: str = "eventful",
+) -> Path:
+    """The FMU for this machine, in a folder. With the token "refuses" it has no event mode, whatever it declares."""
     sources = [making.HERE / "eventful.c", making.others(folder, "eventful", 3)]
     library = making.compile_library(folder, "eventful", 3, sources)
-    text = description(event_mode=event_mode, variable_step=variable_step, internal=internal)
-    name = f"Eventful{int(event_mode)}{int(variable_step)}{internal}.fmu"
+    text = description(event_mode=event_mode, variable_step=variable_step, internal=internal, token=token)
+    name = f"Eventful{int(event_mode)}{int(variable_step)}{internal}{token}.fmu"
     return making.pack(folder / name, making.contents(3, "eventful", text, library))
