@@ -44,6 +44,7 @@ Component_status Component_set_parameter(Component *self, Component_parameter pa
     if (!(fabs(value) <= DBL_MAX)) return Component_NOT_FINITE;
     if (!is_legal(v, value)) return Component_OUT_OF_RANGE;
     ((double *)&self->parameters)[v->slot + element] = value;
+    self->prepared = 0;
     return Component_OK;
 }
 
@@ -74,7 +75,9 @@ Component_status Component_step(Component *self, const Component_inputs *inputs,
             if (!is_legal(v, u[v->slot + j])) return Component_OUT_OF_RANGE;
     }
     FmuArguments at = {.x = self->states, .u = u, .p = (const double *)&self->parameters, .s = self->program_solution,
-                       .w = self->work};
+                       .f = self->fixed, .w = self->work};
+    if (M->prepare && !self->prepared) M->prepare(&at, self->fixed);
+    self->prepared = 1;
     const Component_status status = self->started ? Component_OK : start_component(self, &at);
     if (status != Component_OK) return status;
 

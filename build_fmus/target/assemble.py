@@ -103,7 +103,8 @@ def _header(component: Model) -> str:
         if struct is None or not sizes[part]:
             parts.append(f"typedef struct {{\n    double none; /* there are no {part} */\n}} {name}_{part};\n")
             continue
-        parts.append(_renamed(struct, f"{name}_{part}", part.capitalize()).definition() + "\n")
+        definition = _renamed(struct, f"{name}_{part}", part.capitalize()).definition()
+        parts.append(re.sub(r"^    real ", "    double ", definition, flags=re.MULTILINE) + "\n")
     rows = [r for r in enumerate(generate.references(component, arrays=True)) if r[1].variable.role == "parameter"]
     taken: list[str] = []
     for i, r in rows:
@@ -117,6 +118,7 @@ def _header(component: Model) -> str:
         "states": component.size("state"),
         "next": component.size("state"),
         "checks": len(component.check_messages),
+        "fixed": len(generate.written_functions(component).known),
         "work": generate.written_functions(component).n_work,
         "program_data": sum(q.n_data for q in component.programs),
         "program_solution": sum(q.n_solution for q in component.programs),
@@ -133,7 +135,7 @@ def _header(component: Model) -> str:
                 f"    {name}_outputs results;",
                 *fields,
                 "    long long sample; /* number of samples taken */",
-                "    int started, failed;",
+                "    int started, failed, prepared;",
                 f"}} {name};\n",
             ]
         ),
