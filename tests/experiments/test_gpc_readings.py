@@ -10,7 +10,7 @@ import gpc_studies
 import made_up
 import numpy as np
 import pytest
-from kept_results import kept_verdicts
+from kept_results import kept_readings, kept_verdicts, readings_of
 
 from cosim.experiments import gpc, gpc_readings
 from cosim.experiments.gpc.assumed import MeasuredRoad
@@ -63,6 +63,12 @@ def test_the_whole_study_judges_the_printed_reading_as_the_main_study(fmus: FmuS
     assert set(judged.claims) == {*READINGS, *COMBINATIONS}
     assert set(judged.held_out) == {*list(READINGS)[:4], "road rate", "last height held", *COMBINATIONS}
     assert not [n for n in judged.claims if len(judged.holding(n, (*CURB, *SMOOTH))) == len(CURB) + len(SMOOTH)]
+
+
+@pytest.mark.full
+def test_the_short_study_gives_what_is_kept(fmus: FmuSet, tmp_path: Path) -> None:
+    results = run_study(gpc_readings.EXPERIMENT, fmus, tmp_path / "runs")
+    assert readings_of(gpc_readings.EXPERIMENT, results, fmus) == kept_readings(gpc_readings.EXPERIMENT.name)
 
 
 def test_literal_corrections_come_first_and_the_number_of_comparisons_is_stated() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,13 @@ import hmmwv_made_up
 import made_up
 import pytest
 from hmmwv_made_up import PARTS
-from kept_results import kept_claims, kept_readings
+from kept_results import kept_claims, kept_readings, readings_of
 
 from cosim.experiments import hmmwv, hmmwv_readings, three_axle, trench, trench_readings
 from cosim.experiments.hmmwv.runs import Case as Car
 from cosim.experiments.hmmwv.tracking.runs import Case as Corner
 from cosim.experiments.trench.runs import Case as Crossing
 from cosim.experiments.trench.web import live
-from cosim.report.write import summary
 from cosim.study import CaseError, FmuSet, Row, Runner, Task, run_study
 from cosim.study.experiment import resolved
 from cosim.study.readings import AS_READ, read_as
@@ -96,9 +94,7 @@ def test_the_main_study_gives_the_same_verdicts() -> None:
 @pytest.mark.parametrize("module", MODULES)
 def test_as_read_a_study_gives_what_is_told_of_the_main_one(module: Any, fmus: FmuSet, tmp_path: Path) -> None:
     results = run_study(module.EXPERIMENT, fmus, tmp_path / "runs")
-    page = summary(module.EXPERIMENT.study.report(results, fmus))
-    writer = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "write_results.py"))
-    assert writer["condense_readings"](page) == kept_readings(module.EXPERIMENT.name)
+    assert readings_of(module.EXPERIMENT, results, fmus) == kept_readings(module.EXPERIMENT.name)
     judged = judge(module.STUDY, results)[AS_READ]
     told = [c for e in MAIN[module] for c in kept_claims(e.name) if not c["own"]]
     assert [(c.id, c.verdict, c.result) for c in judged] == [(c["id"], c["verdict"], c["result"]) for c in told]
