@@ -6,34 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from masses import COUPLING, Mass, exact
 
-from cosim import CosimError, PythonComponent, Record, System
+from cosim import CosimError, Record, System
 from cosim.linear.exchange_error import ExchangeError
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
-K, COUPLING = 100.0, 50.0
-
-
-class Mass(PythonComponent):
-    """A mass of 1 kg on its own spring of K N/m; exact for a force that is held."""
-
-    inputs = ("force",)
-    outputs = ("x", "v")
-    parameters = {"x0": 1.0}  # noqa: RUF012
-    feedthrough = {"x": (), "v": ()}  # noqa: RUF012
-
-    def begin(self) -> None:
-        self.x, self.v = self.x0, 0.0
-
-    def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
-        y[:] = self.x, self.v
-
-    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
-        w, rest = np.sqrt(K), u[0] / K
-        c, s, x = np.cos(w * h), np.sin(w * h), self.x - rest
-        self.x, self.v = rest + x * c + self.v / w * s, -x * w * s + self.v * c
-        y[:] = self.x, self.v
 
 
 def oscillator(*, extrapolate: bool = False, back: float = COUPLING) -> System:
@@ -44,12 +22,6 @@ def oscillator(*, extrapolate: bool = False, back: float = COUPLING) -> System:
     system.connect("a.x", "b.force", linear=(COUPLING, 0.0), extrapolate=extrapolate)
     system.connect("b.x", "a.force", linear=(back, 0.0), extrapolate=extrapolate)
     return system
-
-
-def exact(times: np.ndarray, back: float = COUPLING) -> dict[str, np.ndarray]:
-    a = np.array([[0, 1, 0, 0], [-K, 0, back, 0], [0, 0, 0, 1], [COUPLING, 0, -K, 0.0]])
-    states = np.array([expm(a * t) @ [1, 0, 0, 0] for t in times])
-    return dict(zip(("a.x", "a.v", "b.x", "b.v"), states.T, strict=True))
 
 
 @pytest.mark.parametrize(("extrapolate", "order"), [(False, 1), (True, 2)])

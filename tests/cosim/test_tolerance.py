@@ -9,9 +9,9 @@ import awkward
 import numpy as np
 import pytest
 from foreign import exchanged
+from masses import COUPLING, NAMES, K, Mass, exact
 from probes import DiscreteProbe, Integrator
 from same import assert_same, outcome
-from scipy.linalg import expm
 
 from cosim import (
     ComponentError,
@@ -27,33 +27,6 @@ from cosim import (
 from cosim.study.driver import job_context
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
-K, COUPLING = 100.0, 50.0
-NAMES = ["a.x", "a.v", "b.x", "b.v"]
-
-
-class Mass(PythonComponent):
-    """A mass of 1 kg on its own spring of K N/m and damper of d Ns/m; exact for a force that is held."""
-
-    inputs = ("force",)
-    outputs = ("x", "v")
-    parameters = {"x0": 1.0, "d": 0.0}  # noqa: RUF012
-    feedthrough = {"x": (), "v": ()}  # noqa: RUF012
-
-    def begin(self) -> None:
-        self.x, self.v = self.x0, 0.0
-
-    def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
-        y[:] = self.x, self.v
-
-    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
-        rest, decay = u[0] / K, 0.5 * self.d
-        w = np.sqrt(K - decay * decay)
-        c, s, x = np.cos(w * h), np.sin(w * h), self.x - rest
-        p = (self.v + decay * x) / w
-        e = np.exp(-decay * h)
-        self.x = rest + e * (x * c + p * s)
-        self.v = e * ((p * w - decay * x) * c - (x * w + decay * p) * s)
-        y[:] = self.x, self.v
 
 
 class Spring(PythonComponent):
@@ -90,11 +63,8 @@ def oscillator(d: float = 0.0, *, spring: bool = False, step: str = "2 ms", extr
 
 def relative_errors(run: Recording, d: float = 0.0, *, spring: bool = False) -> dict[str, float]:
     """Of each variable: the largest error, relative to the largest value."""
-    k = K + COUPLING * spring
-    a = np.array([[0, 1, 0, 0], [-k, -d, COUPLING, 0], [0, 0, 0, 1], [COUPLING, 0, -k, -d]])
-    states = np.array([expm(a * t) @ [1, 0, 0, 0] for t in run.time])
-    errors = {n: np.abs(run[n] - states[:, i]).max() / np.abs(states[:, i]).max() for i, n in enumerate(NAMES)}
-    return {n: float(e) for n, e in errors.items()}
+    true = exact(run.time, k=K + COUPLING * spring, d=d)
+    return {n: float(np.abs(run[n] - x).max() / np.abs(x).max()) for n, x in true.items()}
 
 
 @pytest.mark.parametrize("spring", [False, True], ids=["pair", "spring"])
