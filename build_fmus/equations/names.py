@@ -154,20 +154,17 @@ class Struct:
             return f"{m.name}[{index}]"
         return f"{m.name}[{index // m.shape[1]}][{index % m.shape[1]}]"
 
-    def definition(self) -> str:
-        """The typedef, with a comment on each field."""
+    def definition(self, name: str = "", number: str = "real") -> str:
+        """The typedef, with a comment on each field; under another name, and of another type of numbers, if given."""
+        declared = {m: f"{number} {m.name}{''.join(f'[{n}]' for n in m.shape)}" for m in self.fields}
         lines = [f"/* {self.title} */", "typedef struct {"]
-        column = max(len(_declaration(m)) for m in self.fields) + 6
+        column = max(map(len, declared.values())) + 6
         for m in self.fields:
-            head = f"    {_declaration(m)};"
+            head = f"    {declared[m]};"
             if m.comment:
                 wrapped = textwrap.wrap(f"/* {c_comment(m.comment)} */", max(50, WIDTH + 8 - column))
                 head = f"{head:<{column}}{wrapped[0]}"
                 lines += [head, *(" " * (column + 3) + line for line in wrapped[1:])]
             else:
                 lines.append(head)
-        return "\n".join([*lines, f"}} {self.name};"])
-
-
-def _declaration(m: Field) -> str:
-    return f"real {m.name}{''.join(f'[{n}]' for n in m.shape)}"
+        return "\n".join([*lines, f"}} {name or self.name};"])

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from build_fmus import generate
 from build_fmus.component import Model
-from build_fmus.equations.names import Struct, identifier
+from build_fmus.equations.names import identifier
 from build_fmus.mathematics import copyright_notice
 from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.qp_sources import license_file
@@ -96,15 +96,12 @@ def _header(component: Model) -> str:
         f" * All values are double; a Boolean is 0 or 1. An instance must not be moved after {name}_init. */",
         f"#ifndef {guard}\n#define {guard}\n",
     ]
-    sizes = {}
     for part, pointer, role in _ROLES:
         struct = structs.get(pointer)
-        sizes[part] = component.size(role)  # type: ignore[arg-type]
-        if struct is None or not sizes[part]:
+        if struct is None or not component.size(role):  # type: ignore[arg-type]
             parts.append(f"typedef struct {{\n    double none; /* there are no {part} */\n}} {name}_{part};\n")
             continue
-        definition = _renamed(struct, f"{name}_{part}", part.capitalize()).definition()
-        parts.append(re.sub(r"^    real ", "    double ", definition, flags=re.MULTILINE) + "\n")
+        parts.append(struct.definition(f"{name}_{part}", "double") + "\n")
     rows = [r for r in enumerate(generate.references(component, arrays=True)) if r[1].variable.role == "parameter"]
     taken: list[str] = []
     for i, r in rows:
@@ -148,12 +145,6 @@ def _header(component: Model) -> str:
         "#endif\n",
     ]
     return "\n".join(parts)
-
-
-def _renamed(struct: Struct, name: str, title: str) -> Struct:
-    copy = Struct(name, title, [])
-    copy.fields, copy.size = struct.fields, struct.size
-    return copy
 
 
 def rename_externals(library: Library, names: Iterable[str]) -> str:

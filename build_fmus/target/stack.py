@@ -23,8 +23,8 @@ def worst_stack(
 ) -> int:
     """Bytes of stack that the deepest chain of calls below any of `entries` takes.
 
-    A call by a pointer may reach any function whose name stands in the code without being called, but none that is
-    running: a solver calls its fallback, which is another solver and has none.
+    A call through a pointer may reach any function whose address the code takes, unless that function is running
+    already: a solver calls its fallback, which is another solver and has no fallback.
 
     Args:
         graph: the compiler's call graph.

@@ -16,7 +16,7 @@ typedef enum {
 
 /* Where the steps stand [ticks], and what they have cost. */
 typedef struct {
-    int64_t begin, end;      /* of the present step; equal: there is none yet */
+    int64_t begin, end;      /* of the present step; they are equal before the first one */
     int64_t tried;           /* length of the step that is or was tried last */
     int64_t over;            /* what slopes were measured over: the step before, or minus the rejected one; 0: none */
     int64_t next;            /* length that the error allows for the next step */
@@ -39,7 +39,7 @@ typedef struct {
     const int32_t *numbers;      /* of n_fmus: which components they are */
     void **states;               /* of n_fmus; they were saved once before */
     int32_t n_fmus;
-    bool others;                 /* there are others; `back` with component -3 restores them */
+    bool others;                 /* `back` saves and restores other states, as components -2 and -3 */
     double *begin, *slope, *size; /* of n: value at the begin of the step, its slope, the largest magnitude so far */
     EngineSteps *steps;
     uint32_t worst;              /* the output with the largest error in the last trial */

@@ -7,9 +7,9 @@ mode, and its discrete inputs are set there when they have changed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from cosim.core.errors import CallFailed, CosimError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING
+from cosim.fmu.model_exchange import Instance
 
 _CALLS = ("DoStep", "EnterEventMode", "UpdateDiscreteStates", "EnterStepMode")  # in the order of `EventFunction`
 
@@ -27,24 +28,6 @@ def steps_with_events(about: Description) -> bool:
     """Whether steps of an FMU are divided: it has event mode without clocks, or may return early."""
     divided = about.event_mode or (about.early_return and about.variable_step)
     return divided and not about.clocks and about.interface == "cs"
-
-
-class Instance(Protocol):
-    """What is needed of an instance of an FMU."""
-
-    name: str
-    description: Description
-    _instance: Any
-
-    def _function(self, name: str) -> Callable[..., int]: ...
-
-    def _address(self, pointer: Any) -> int: ...
-
-    def _fail(self, function: str, status: int, detail: str = "") -> None: ...
-
-    def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
-
-    def _recent_log(self) -> list[str]: ...
 
 
 class EventSteps:

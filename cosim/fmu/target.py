@@ -170,8 +170,14 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return about
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+        names = [[n for n, *_ in about[k]] for k in ("inputs", "outputs", "parameters")]
+        if len(about["input_starts"]) == len(names[0]) and {"component", "board", "sample_time"} <= about.keys():
+            return dict(about)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        pass
+    raise CosimError(f"{path}: it is not what build-fmus --target writes; build the component again")
 
 
 def target(

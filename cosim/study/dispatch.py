@@ -52,7 +52,7 @@ class Dispatch:
         given: a task by its number, as it travels.
         cost: its rough relative time.
         width: how many workers an executor has.
-        beside: tasks alike in it go into one chunk if runs are made in lanes; "" is none.
+        beside: the group of a task, "" for none; a chunk holds tasks of one group, if runs are made in lanes.
     """
 
     def __init__(

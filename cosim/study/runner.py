@@ -168,7 +168,7 @@ class Runner:
         return found
 
     def stored(self, case: Any, *, signals: bool = False) -> Row | None:
-        """The stored entry of a case; None where there is none, or a failed one: whoever asks wants it run again."""
+        """The stored entry of a case; None if it is not stored or its run failed, which is then made again."""
         found: Row | None = None if self.store is None else self.store.find(entry_key(case, signals=signals))
         return None if found is None or "failed" in found else found
 
