@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 import shutil
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ from same_samples import declared, fmu_samples, inputs_of
 
 from build_fmus.generate import ticks
 from build_fmus.target.library import build_library
-from build_fmus.target.toolchain import CFLAGS, TARGETS, Tools
+from build_fmus.target.toolchain import CFLAGS, TARGETS, Tools, find_tools
 from cosim import CosimError, System
 from cosim.fmu.target import EmulatedTarget, target
 
@@ -130,3 +131,18 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
     for code in blocks(page, "python"):
         exec(compile(code, page.name, "exec"), {"__name__": "page"})
     assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("processor", ["cortex-m4f", "cortex-m7"])
+@pytest.mark.parametrize("name", ["Skyhook", "LqrHmmwv", "ForceTracking"])
+def test_rows_of_the_page(name: str, processor: str) -> None:
+    if "12.2" not in find_tools(TARGETS[processor]).version:
+        pytest.skip("the page has the numbers of arm-none-eabi-gcc 12.2, and this is another version")
+    writer = runpy.run_path(str(ROOT / "docs" / "write_targets.py"))
+    made = [cell.strip() for cell in writer["row"](name, processor).split("|")]
+    page = writer["PAGE"].read_text(encoding="utf-8").splitlines()
+    (told,) = (
+        [cell.strip() for cell in line.split("|")] for line in page if f"| {name} | {made[2]} | {processor} |" in line
+    )
+    assert told[:7] == made[:7]
+    assert abs(int(told[7].replace(",", "")) - int(made[7].replace(",", ""))) <= 40  # the timer counts in steps of 40
