@@ -17,10 +17,11 @@ from .targets import TARGETS, target
 def main() -> int:
     """The command; 1 when a case failed."""
     if sys.argv[1:2] == ["--work"]:  # in the process of a campaign
-        name, seed, first, end, progress = sys.argv[2:]
-        return work(name, int(seed), int(first), int(end), Path(progress))
+        name, seed, first, end, progress, longest = sys.argv[2:]
+        return work(name, int(seed), int(first), int(end), Path(progress), float(longest))
     if sys.argv[1:2] == ["--replay"]:
-        found = {file: bench.failure(target(sys.argv[2]), kept(Path(file))) for file in sys.argv[3:]}
+        name, longest, *files = sys.argv[2:]
+        found = {file: bench.failure(target(name), kept(Path(file)), float(longest)) for file in files}
         print("\n".join(f"{file}: {what}" for file, what in found.items() if what))
         return 1 if any(found.values()) else 0
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)

@@ -27,6 +27,8 @@ from sanitized import FLAGS, gcc, kept_object
 
 from cosim import Fmu
 
+from .bench import HANGS
+
 NAMES = (
     "QuarterCarHmmwv",
     "HydraulicActuator",
@@ -42,7 +44,6 @@ is tried.
 """
 
 ALLOWED = ()
-LONGEST = 20.0  # s of one case
 PLAYER = Path(__file__).with_name("player.c")
 OPTIONS = "detect_leaks=1:detect_stack_use_after_return=1:allocator_may_return_null=1"
 
@@ -70,7 +71,7 @@ def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
     player.stdin.flush()
     with selectors.DefaultSelector() as selector:
         selector.register(player.stdout, selectors.EVENT_READ)
-        answer = os.read(player.stdout.fileno(), 1) if selector.select(LONGEST) else None
+        answer = os.read(player.stdout.fileno(), 1) if selector.select(HANGS) else None
     if answer == b"+":
         return
     if answer is None:

@@ -24,7 +24,7 @@ from .targets import target
 ROOT = Path(__file__).parents[2]
 CORPUS = Path(__file__).parent / "corpus"
 MEMORY = Path("/dev/shm")  # where there is such a place: folders are made and removed by the thousand
-SILENCE = 60  # s without a new case, after which the process is ended
+SILENCE = 2 * bench.HANGS  # s without a new case, after which the process is ended
 _NUMBER = struct.Struct("<q")
 
 
@@ -43,13 +43,20 @@ class Failure:
 
 
 def campaign(
-    name: str, seed: int, first: int, count: int, *, corpus: Path = CORPUS, most: int = 20
+    name: str,
+    seed: int,
+    first: int,
+    count: int,
+    *,
+    corpus: Path = CORPUS,
+    most: int = 20,
+    longest: float = bench.LONGEST,
 ) -> tuple[list[Failure], int]:
     """Failures among the cases `first` to `first + count - 1`, at most `most`, and the number of cases tried."""
     failures: list[Failure] = []
     at, end = first, first + count
     while at < end and len(failures) < most:
-        reached, what = _worker(name, seed, at, end)
+        reached, what = _worker(name, seed, at, end, longest)
         if what is None:
             return failures, count
         failures.append(Failure(name, seed, reached, what, _keep(name, seed, reached, corpus)))
@@ -57,9 +64,9 @@ def campaign(
     return failures, at - first
 
 
-def replay(name: str, files: Sequence[Path]) -> str | None:
+def replay(name: str, files: Sequence[Path], longest: float = bench.LONGEST) -> str | None:
     """What is wrong with how the cases in some files end, in a process of its own, or None."""
-    command = _command("--replay", name, *map(str, files))
+    command = _command("--replay", name, str(longest), *map(str, files))
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return (
         None if done.returncode == 0 else f"{done.stdout}{done.stderr}" or f"the process ended with {done.returncode}"
@@ -84,13 +91,13 @@ def _command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "tests.fuzz", *arguments]
 
 
-def _worker(name: str, seed: int, first: int, end: int) -> tuple[int, str | None]:
+def _worker(name: str, seed: int, first: int, end: int, longest: float) -> tuple[int, str | None]:
     """Run cases from `first`; the number of the case that failed, and how; or None when none did."""
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=MEMORY if MEMORY.is_dir() else None) as folder:
         progress, out = Path(folder) / "progress", Path(folder) / "out"
         progress.write_bytes(_NUMBER.pack(first))
         temporary = {**os.environ, "TMPDIR": folder, "BUILD_FMUS_CACHE": os.environ.get("BUILD_FMUS_CACHE", folder)}
-        command = _command("--work", name, str(seed), str(first), str(end), str(progress))
+        command = _command("--work", name, str(seed), str(first), str(end), str(progress), str(longest))
         with out.open("w") as stream:
             process = subprocess.Popen(command, cwd=ROOT, stdout=stream, stderr=subprocess.STDOUT, env=temporary)
             code = _wait(process, progress)
@@ -114,19 +121,19 @@ def _wait(process: subprocess.Popen[bytes], progress: Path) -> int | str:
             elif time.monotonic() - since > SILENCE:
                 process.kill()
                 process.wait()
-                return f"a kill: no case ended for {SILENCE} s"
+                return f"a kill: no case ended for {SILENCE:g} s"
         except BaseException:
             process.kill()
             raise
 
 
-def work(name: str, seed: int, first: int, end: int, progress: Path) -> int:
+def work(name: str, seed: int, first: int, end: int, progress: Path, longest: float) -> int:
     """In the process: run the cases; 1 at the first that fails, which is told on the standard output."""
     module = target(name)
     with progress.open("r+b", buffering=0) as file:
         for number in range(first, end):
             os.pwrite(file.fileno(), _NUMBER.pack(number), 0)
-            if what := bench.failure(module, module.make(bench.seeded(name, seed, number))):
+            if what := bench.failure(module, module.make(bench.seeded(name, seed, number)), longest):
                 print(what)
                 return 1
     return 0
