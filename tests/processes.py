@@ -8,8 +8,8 @@ from pathlib import Path
 
 
 def gone(pid: int) -> bool:
-    """Whether a process ends; one that does not is waited for a minute."""
-    end = time.monotonic() + 60
+    """Whether a process ends; one that does not is waited for five minutes."""
+    end = time.monotonic() + 300
     while time.monotonic() < end:
         try:
             os.kill(pid, 0)

@@ -22,7 +22,7 @@ def run(folder: Path, locale: dict[str, str], *command: str | Path) -> tuple[int
         env={**os.environ, "COLUMNS": "200", **locale},
         capture_output=True,
         check=False,
-        timeout=120,
+        timeout=300,
     )
     text = (done.stdout + done.stderr).decode("utf-8", "surrogateescape")
     assert "Traceback" not in text

@@ -140,7 +140,7 @@ def piped(folder: Path, *command: str) -> list[str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
@@ -181,7 +181,7 @@ def test_a_full_disk_under_a_list(command: tuple[str, ...], tmp_path: Path) -> N
             stderr=subprocess.PIPE,
             text=True,
             check=False,
-            timeout=120,
+            timeout=300,
         )
     assert done.returncode == 1
     assert (

@@ -39,7 +39,7 @@ def interrupt(folder: Path, ready: Path, program: str, *arguments: str, delay: f
     time.sleep(delay)
     assert process.poll() is None, process.communicate()[0]
     os.killpg(process.pid, signal.SIGINT)
-    text, _ = process.communicate(timeout=60)
+    text, _ = process.communicate(timeout=300)
     assert process.returncode == 130, text
     assert "Traceback" not in text
     assert gone(process.pid, within=60.0)  # no worker is left; a compiler it had started may finish

@@ -40,7 +40,7 @@ def killed(tmp_path: Path) -> Path:
     code = ENDLESS.format(here=str(Path(__file__).parent), csv=str(csv))
     process = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.getcwd()})
     part = spool_of(csv)
-    end = time.monotonic() + 60
+    end = time.monotonic() + 300
     while not (part.is_file() and part.stat().st_size > 16 * 300) and time.monotonic() < end:
         assert process.poll() is None
         time.sleep(0.02)

@@ -43,7 +43,7 @@ def test_a_controller_over_udp_drives_the_corner(workplace: Path, examples: None
             capture_output=True,
             text=True,
             check=True,
-            timeout=100,
+            timeout=300,
         )
         said = plant.stdout.read()
     assert plant.returncode == 0

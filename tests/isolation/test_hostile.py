@@ -22,7 +22,7 @@ from processes import children, gone
 from cosim import ComponentError, CosimError, IsolationCrashedWarning, System
 
 VERSIONS = (2, 3)
-PATIENCE = 0.3  # s, of a call
+PATIENCE, NEVER = 1.5, 60.0  # s, of a call where a deed takes forever, and of one where none does
 FUNCTIONS = {
     "load": "loading its library",
     "instantiate": "fmi.Instantiate",
@@ -51,7 +51,9 @@ def wired(system: System, path: Path, **limits: object) -> System:
     """The FMU between two that do nothing wrong."""
     good = build(2, path.parent, "step", "nothing")
     system.add("before", good)
-    system.add("bad", path, isolated=True, **{"step_timeout": PATIENCE, "memory_limit": 100_000_000, **limits})  # type: ignore[arg-type]
+    takes_forever = ENDS.get(path.stem.rpartition("_")[2], "").startswith("step_timeout")
+    timeout = PATIENCE if takes_forever else NEVER
+    system.add("bad", path, isolated=True, **{"step_timeout": timeout, "memory_limit": 100_000_000, **limits})  # type: ignore[arg-type]
     system.add("after", good)
     system.connect("before.y", "bad.u")
     system.connect("bad.y", "after.u")

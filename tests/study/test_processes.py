@@ -50,7 +50,7 @@ def unpacked(temporary):
     return list(temporary.rglob("modelDescription.xml"))
 
 
-def wait_until(true, limit=30.0):
+def wait_until(true, limit=300.0):
     """What happens in other processes is waited for, not timed: the limit only ends a test that has failed."""
     end = time.monotonic() + limit
     while not true():
@@ -122,7 +122,7 @@ def test_a_script_whose_workers_run_it_again_is_told_so_and_loses_nothing(tmp_pa
             env=environment,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
         )
         assert done.returncode == code, done.stderr
         assert said in done.stderr.splitlines()[-1] if said else done.stdout == "0 36\n"
