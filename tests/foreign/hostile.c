@@ -87,7 +87,12 @@ static void commit(void) {
     if (IS(exit)) exit(3);
     if (strcmp(deed, "exit-0") == 0) exit(0);
     if (IS(quit)) _exit(0);
-    if (IS(hang)) for (volatile int i = 0;; i++) {}
+    if (IS(hang)) {
+        const char *proof = getenv("HOSTILE_PROOF");
+        FILE *file = proof ? fopen(proof, "w") : NULL;
+        if (file) fclose(file);
+        for (volatile int i = 0;; i++) {}
+    }
     if (IS(sleep)) for (;;) pause();
     if (IS(devour))
         for (;;) {
