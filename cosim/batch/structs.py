@@ -84,13 +84,10 @@ class Structs:
             pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
             self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
         self._components = self._new("BatchComponent[]", len(plan.components))
-        for number, (struct, component) in enumerate(zip(self._components, plan.components, strict=True)):
-            self._fill(struct, component, number)
+        for struct, component in zip(self._components, plan.components, strict=True):
+            self._fill(struct, component)
         self.batch = b = self._new("Batch*")
-        b.components, b.n_components, b.n_discrete = self._components, len(plan.components), plan.n_discrete
-        b.clocks = self._new("EngineClock[]", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
-        b.n_clocks = len(plan.clocks)
-        b.a, b.b, b.d = plan.time
+        b.components = self._components
         b.n_copies_of_system, b.n_groups = copies, len(values)
         b.values, b.n_values = self._address("char*", values), plan.size
         b.alive = self._address("uint8_t*", alive)
@@ -100,8 +97,6 @@ class Structs:
         b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
         b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
         b.record_converted = self._array("uint8_t", (scale != 1.0) | (offset != 0.0))
-        engine = exchange.engine.struct
-        b.stops, b.n_stops = engine.stops, engine.n_stops
         self.workers = [self._worker() for _ in range(threads)]
 
     def record_to(self, rows: npt.NDArray[np.float64], first: int) -> None:
@@ -118,33 +113,19 @@ class Structs:
         batch_library(self._target).cosim_batch_settle(self.batch, self.workers[0])
 
     def _worker(self) -> Any:
-        plan = self._plan
-        w = self._new("BatchWorker*")
-        w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
-        w.before = self._address("char*", aligned(1, plan.size, self._target.lanes))
-        w.list = self._new(f"int32_t[{len(plan.components)}]")
+        """With lists of its own; all else is the engine's."""
+        w, own = self._new("BatchWorker*"), self._exchange.engine.struct
+        w.engine = e = own[0]
+        w.engine.next, w.engine.due = self._new(f"int64_t[{e.n_clocks}]"), self._new(f"bool[{e.n_clocks}]")
+        w.engine.list = self._new(f"EngineComponent*[{e.n_components}]")
+        w.engine.computed = self._new(f"EnginePiece[{e.n_components}]")
+        w.engine.published = self._new(f"EngineCopy[{sum(len(m.published) for m in self._plan.components)}]")
+        w.before = self._address("char*", aligned(1, self._plan.size, self._target.lanes))
         return w
 
-    def _fill(self, m: Any, plan: ComponentPlan, number: int) -> None:
+    def _fill(self, m: Any, plan: ComponentPlan) -> None:
         ffi = interface()
-        m.clock, m.step, m.check_before, m.number = plan.clock, plan.step, plan.check_before, number
-        copies = [*plan.previous, *plan.published]
-        m.copies = (
-            self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies])
-            if copies
-            else ffi.NULL
-        )
-        m.n_copies_before, m.n_copies = len(plan.previous), len(copies)
-        m.timestamp_slot = -1 if plan.timestamp_slot is None else plan.timestamp_slot
         m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
-        if plan.scale is not None and plan.offset is not None:
-            m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
-        m.extrapolations = (
-            self._new("EngineExtrapolation[]", [list(line) for line in plan.extrapolations])
-            if plan.extrapolations
-            else ffi.NULL
-        )
-        m.n_extrapolations, m.first, m.n_outputs = len(plan.extrapolations), plan.first, plan.n_outputs
         if plan.component not in self._lanes:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)

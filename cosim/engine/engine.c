@@ -6,9 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-/* An instant is one function without calls but those of the components. What calls save on the stack are stores, and a
- * processor whose store buffer is full waits, instead of computing one component while it finishes another: a
- * third of the time of a chain of small FMUs. */
 #if defined(__GNUC__)
 #define RARELY(condition) __builtin_expect(condition, 0)
 #define INLINE static inline __attribute__((always_inline))
@@ -22,11 +19,6 @@
 #endif
 
 enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */
-
-double engine_time(const Engine *e, int64_t tick) {
-    return (double)(tick * e->a + e->b) /
-           (double)e->d; /* both exact below 2^53, so the quotient is the nearest double */
-}
 
 /* ------------------------------------------------------------------ values */
 
@@ -213,14 +205,6 @@ INLINE int check_computed_finite(Engine *e) {
     return ENGINE_AT_END;
 }
 
-/* A few values are copied by scalar stores: what was stored as doubles a moment ago and is loaded in larger pieces has
- * to wait until it has left the processor's store buffer. */
-INLINE void copy(double *values, const EngineCopy *c) {
-    if (c->n > 32) memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the two never overlap */
-    else
-        for (uint32_t i = 0; i < c->n; i++) values[c->to + i] = values[c->from + i];
-}
-
 /* Solve the loops that are due, or those of them that follow discrete components. */
 COLD int solve_due(Engine *e, bool after_discrete) {
     for (int32_t i = 0; i < e->n_loops; i++) {
@@ -229,18 +213,6 @@ COLD int solve_due(Engine *e, bool after_discrete) {
         if (result) return result;
     }
     return ENGINE_AT_END;
-}
-
-INLINE int arrive(Engine *e, double t) {
-    double *values = e->values;
-    if (e->saves_previous)
-        for (int32_t k = 0; k < e->n_due; k++) { /* what was visible until now */
-            const EngineComponent *m = e->list[k];
-            if (m->timestamp_slot >= 0) values[m->timestamp_slot] = t;
-            for (int32_t c = 0; c < m->n_copies_before; c++) copy(values, &m->copies[c]);
-        }
-    for (int32_t k = 0; k < e->n_published; k++) copy(values, &e->published[k]);
-    return RARELY(e->n_loops) ? solve_due(e, false) : ENGINE_AT_END;
 }
 
 INLINE bool holds(const EngineStop *s, const double *values) {
@@ -253,26 +225,14 @@ INLINE bool holds(const EngineStop *s, const double *values) {
     }
 }
 
-/* The step of component number `k` in the list has failed: continue behind it, if at all. */
-COLD int failed_at(Engine *e, int32_t k, int result) {
-    e->n_stepped = k + 1;
-    return result;
+/* Whether there is space for the sample of an instant. */
+INLINE int begun(const Engine *e, int64_t tick) {
+    (void)tick;
+    return e->due[e->n_clocks - 1] && e->count == e->room ? ENGINE_FULL : ENGINE_AT_END;
 }
 
-INLINE int sample(Engine *e, double t) {
-    if (RARELY(e->n_stepped)) {
-        const int result = check_outputs_finite(e, e->n_stepped - 1, e->n_stepped);
-        if (result) return result;
-    }
-    for (int32_t k = e->n_stepped; k < e->n_due_discrete; k++) {
-        int result = run_component(e, e->list[k], t);
-        if (!result) result = check_outputs_finite(e, k, k + 1);
-        if (RARELY(result)) return failed_at(e, k, result);
-    }
-    if (RARELY(e->n_loops) && e->n_due_discrete) {
-        const int result = solve_due(e, true);
-        if (result) return failed_at(e, e->n_due_discrete - 1, result);
-    }
+/* Record, and see whether the run ends. */
+INLINE int sampled(Engine *e, double t) {
     if (e->due[e->n_clocks - 1]) {
         double *row = e->rows + (size_t)e->count * e->n_recorded;
         e->times[e->count++] = t;
@@ -290,43 +250,25 @@ INLINE int sample(Engine *e, double t) {
     return ENGINE_AT_END;
 }
 
-INLINE int advance(Engine *e, double t) {
-    const int32_t n = e->n_due;
-    int32_t first = e->n_due_discrete;
-    const int32_t from = RARELY(e->n_stepped > first) ? e->n_stepped : first;
-    if (e->sequential) {
-        for (int32_t k = from; k < n; k++) {
-            int result = ENGINE_AT_END;
-            if (e->list[k]->check_before) {
-                result = check_outputs_finite(e, first, k);
-                first = k;
-            }
-            if (!result) result = run_component(e, e->list[k], t);
-            if (RARELY(result)) return failed_at(e, k, result);
-        }
-        return check_outputs_finite(e, first, n);
-    }
-    for (int32_t k = from; k < n; k++) {
-        const int result = run_component(e, e->list[k], t);
-        if (RARELY(result)) return failed_at(e, k, result);
-    }
-    return check_computed_finite(e);
+/* ------------------------------------------------------------------ instants */
+
+typedef double EngineValue;
+#define ENGINE_ALL(x) (x)
+#include "instants.h"
+
+int engine_run(Engine *e, int64_t end) {
+    e->environment = environment_bits();
+    return run_instants(e, end);
 }
 
+double engine_time(const Engine *e, int64_t tick) { return time_of(e, tick); }
+void engine_look_up(Engine *e, int64_t tick) { look_up_due(e, tick); }
+void engine_publish(Engine *e) { publish(e); }
 int engine_arrive(Engine *e, double t) { return arrive(e, t); }
 int engine_sample(Engine *e, double t) { return sample(e, t); }
 int engine_advance(Engine *e, double t) { return advance(e, t); }
 
 /* ------------------------------------------------------------------ initialization */
-
-void engine_publish(Engine *e) {
-    for (int pass = 0; pass < 2; pass++)
-        for (int32_t i = 0; i < e->n_components; i++) {
-            const EngineComponent *m = &e->components[i];
-            const int32_t end = pass ? m->n_copies_before : m->n_copies;
-            for (int32_t c = pass ? 0 : m->n_copies_before; c < end; c++) copy(e->values, &m->copies[c]);
-        }
-}
 
 void engine_publish_outputs(Engine *e, const EngineComponent *m) {
     for (int32_t c = m->n_copies_before; c < m->n_copies; c++) copy(e->values, &m->copies[c]);
@@ -372,91 +314,4 @@ int engine_settle(Engine *e, const bool *settles, double *before, size_t n_value
         if (!moved) return ENGINE_AT_END;
     }
     return ENGINE_UNSETTLED;
-}
-
-/* ------------------------------------------------------------------ instants */
-
-/* What a continuous component shows at its arrival, and where its outputs are, behind what others have. */
-static void append(Engine *e, const EngineComponent *m) {
-    for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
-        const EngineCopy new = m->copies[c];
-        EngineCopy *last = e->published + e->n_published - 1;
-        if (e->n_published && last->to + last->n == new.to && last->from + last->n == new.from) last->n += new.n;
-        else e->published[e->n_published++] = new;
-    }
-    EnginePiece *last = e->computed + e->n_computed - 1;
-    if (e->n_computed && last->from + last->n == m->first) last->n += m->n_outputs;
-    else e->computed[e->n_computed++] = (EnginePiece){m->first, m->n_outputs};
-}
-
-/* List the components that are due, and what that means. */
-static void list_due(Engine *e) {
-    e->n_due = e->n_due_discrete = e->n_published = e->n_computed = 0;
-    e->saves_previous = e->sequential = false;
-    for (int32_t i = 0; i < e->n_components; i++) {
-        const EngineComponent *m = &e->components[i];
-        if (!e->due[m->clock]) continue;
-        e->list[e->n_due++] = m;
-        if (m->timestamp_slot >= 0 || m->n_copies_before) e->saves_previous = true;
-        if (i < e->n_discrete) {
-            e->n_due_discrete++;
-            continue;
-        }
-        if (m->check_before) e->sequential = true;
-        append(e, m);
-    }
-}
-
-void engine_look_up(Engine *e, int64_t tick) {
-    for (int32_t i = 0; i < e->n_clocks; i++) {
-        const EngineClock *c = &e->clocks[i];
-        const int64_t since = tick - c->offset;
-        e->next[i] = since <= 0 ? c->offset : c->offset + (since + c->period - 1) / c->period * c->period;
-        e->due[i] = e->next[i] == tick;
-    }
-    e->n_stepped = 0;
-    list_due(e);
-}
-
-/* Begin the instant at a tick; returns the tick of the one after it. */
-INLINE int64_t begin_instant(Engine *e, int64_t tick) {
-    bool changed = false;
-    int64_t after = INT64_MAX;
-    for (int32_t i = 0; i < e->n_clocks; i++) {
-        int64_t next = e->next[i];
-        const bool due = next == tick;
-        if (due) e->next[i] = next += e->clocks[i].period;
-        if (next < after) after = next;
-        changed |= due != e->due[i];
-        e->due[i] = due;
-    }
-    e->n_stepped = 0;
-    if (changed) list_due(e);
-    return after;
-}
-
-int engine_run(Engine *e, int64_t end) {
-    const bool *const recorded = &e->due[e->n_clocks - 1];
-    e->environment = environment_bits();
-    engine_look_up(e, e->tick);
-    int64_t tick = INT64_MAX;
-    for (int32_t i = 0; i < e->n_clocks; i++)
-        if (e->next[i] < tick) tick = e->next[i];
-    while (tick < end) {
-        const int64_t after = begin_instant(e, tick);
-        int result = *recorded && e->count == e->room ? ENGINE_FULL : ENGINE_AT_END;
-        if (!result) {
-            const double t = engine_time(e, tick);
-            result = arrive(e, t);
-            if (!result) result = sample(e, t);
-            if (!result) result = advance(e, t);
-        }
-        if (result) {
-            e->tick = tick;
-            return result;
-        }
-        tick = after;
-    }
-    e->tick = end;
-    return ENGINE_AT_END;
 }

@@ -36,7 +36,7 @@ _RUNTIME = _HERE / "runtime"
 _ENGINE = _HERE.parent / "engine"
 _OWN = (
     *(_RUNTIME / n for n in ("container.c", "component.c", "component.h", "system.h")),
-    *(_ENGINE / n for n in ("engine.c", "engine.h", "algebraic_loop.c")),
+    *(_ENGINE / n for n in ("engine.c", "engine.h", "instants.h", "algebraic_loop.c")),
     ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )

@@ -7,19 +7,10 @@
 
 typedef unsigned (*BatchStep)(void *memory, double t, double h, unsigned of);
 
-/* A component; what is not said here is as in EngineComponent. */
+/* What EngineComponent does not say of a component. */
 typedef struct {
-    int32_t clock, check_before;
-    double step;
-    int32_t n_copies_before, n_copies;
-    const EngineCopy *copies;
-    int64_t timestamp_slot;
-    const uint32_t *index;
+    const uint32_t *index;   /* of all inputs; that of EngineComponent may be missing */
     size_t n_inputs;
-    const double *scale, *offset;
-    const EngineExtrapolation *extrapolations;
-    size_t n_extrapolations;
-    uint32_t first, n_outputs;
     BatchStep run;           /* of lanes; NULL: scalar code */
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
@@ -29,7 +20,6 @@ typedef struct {
     const double *least, *most; /* limits of inputs that are no signals */
     int32_t checked;         /* inputs may be not finite, or beyond limits */
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
-    int32_t number;          /* of the component in there */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
 } BatchComponent;
@@ -45,10 +35,6 @@ enum { BATCH_LANE_FAILED = 100, BATCH_INPUT_REFUSED = 101, BATCH_STOPPED = 102, 
 
 typedef struct {
     BatchComponent *components;
-    int32_t n_components, n_discrete;
-    const EngineClock *clocks; /* the last one is the recorder's */
-    int32_t n_clocks;
-    int64_t a, b, d;
     int64_t n_copies_of_system, n_groups;
     char *values;             /* of all groups: n_values of LANES numbers each */
     size_t n_values;
@@ -60,16 +46,12 @@ typedef struct {
     size_t n_recorded;
     double *rows;             /* copies x n_rows x n_recorded */
     int64_t first_row, n_rows; /* number of the sample in the first row */
-    const EngineStop *stops;  /* conditions that end a copy */
-    int32_t n_stops;
     int64_t next_group;       /* to be done */
 } Batch;
 
 /* What one thread needs. */
 typedef struct {
-    int64_t *next;            /* of n_clocks */
-    bool *due;
-    int32_t *list;            /* of n_components */
+    Engine engine;            /* the plan, with lists of its own; its values are those of the group at hand */
     char *before;             /* n_values of LANES numbers */
 } BatchWorker;
 
