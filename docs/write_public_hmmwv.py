@@ -7,7 +7,7 @@ The others are Project Chrono's model and rigid bodies.
 
     python docs/write_public_hmmwv.py --only modes          # one table: natural frequencies and damping, in seconds
 
-Without a folder the tables of courses and of absorbed power stay as they are.
+Without a folder the tables of courses, of absorbed power and of both halves of the cases stay as they are.
 """
 
 from __future__ import annotations
@@ -90,6 +90,7 @@ usual step, courses at half of it.
 JUDGED = [("half-round 4 in", 10), ("half-round 8 in", 20)]
 BLENDED = [("half-round 4 in", 20), ("half-round 8 in", 10), ("half-round 8 in", 20)]
 BLENDS = (2.0, 1.0, 0.5, 0.2, 0.1)  # mm
+COMPARED_BLENDS = (2.0,)  # mm
 STEPS = (5e-4, 1.25e-4)  # s: of the FMU, and a quarter of it
 AT_REST = 0.0158  # m, deflection of a front tire
 
@@ -191,6 +192,25 @@ def power_table(folder: Path) -> str:
     for (course, mph), beside in POWER.items():
         own = ours(course, mph, None if "half" in course else folder)[1]
         text += f"| {course} | {mph} | {beside:.2f} | {own:.2f} | {100 * (own / beside - 1):+.0f} % |\n"
+    return text
+
+
+QUANTITIES = ("CG az max", "CG az min", "seat az max", "seat az min", "CG az rms", "seat az rms", "power")
+
+
+def halves_table(folder: Path) -> str:
+    """Table of mean and largest deviation [%] from Project Chrono, by half of the cases and blend of the dampers."""
+    text = f"| cases | blend [mm] | {' | '.join(QUANTITIES)} |\n{'|---' * (2 + len(QUANTITIES))}|\n"
+    for half in (False, True):
+        for blend in COMPARED_BLENDS:
+            rows = []
+            for (course, mph), (_, _, beside) in CHRONO.items():
+                if is_test_case(mph) == half:
+                    changed = {"suspension.damper_range.blend": blend * 1e-3}
+                    own, power = ours(course, mph, None if "half" in course else folder, **changed)
+                    rows.append(100 * np.abs(np.array([*own, power]) / [*beside, POWER[course, mph]] - 1))
+            each = [f"{mean:.0f}, {most:.0f}" for mean, most in zip(np.mean(rows, 0), np.max(rows, 0), strict=True)]
+            text += f"| {'test' if half else 'guide'} | {blend:g} | {' | '.join(each)} |\n"
     return text
 
 
@@ -347,7 +367,7 @@ def main() -> None:
     parser.add_argument("--courses", type=Path, help="folder with detrended_rms_course_1in.crg and ..._2in.crg")
     parser.add_argument(
         "--only",
-        choices=("modes", "ring", "blend", "half-rounds", "courses", "power", "rigid bodies"),
+        choices=("modes", "ring", "blend", "half-rounds", "courses", "power", "halves", "rigid bodies"),
         help="one table",
     )
     given = parser.parse_args()
@@ -363,6 +383,7 @@ def main() -> None:
         makers |= {
             "courses": lambda: table([c for c in CHRONO if "RMS" in c[0]], folder),
             "power": lambda: power_table(folder),
+            "halves": lambda: halves_table(folder),
         }
     if given.only is not None and given.only not in makers:
         parser.error(f"--only {given.only}: give the folder of the measured courses, too (--courses FOLDER)")
