@@ -19,11 +19,16 @@ CORNERS = ("fl", "fr", "rl", "rr")
 INCH, MPH = 0.0254, 0.44704
 EDGE = 9.0  # m, where obstacles begin
 FORCE = 500.0  # N, of the actuators that lift or roll the car
+BLEND = 2e-3  # m: with the jump of the file the tests would compare the instants at which it happens
 
 
 @pytest.fixture(scope="module")
 def vehicle():
-    return load_wishbone_car("hmmwv_public")
+    """The public car with damper rates that change over `BLEND`."""
+    car = load_wishbone_car("hmmwv_public")
+    span = car.suspension.damper_range
+    span = span.model_copy(update={"blend": span.blend.model_copy(update={"value": BLEND})})
+    return car.model_copy(update={"suspension": car.suspension.model_copy(update={"damper_range": span})})
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +89,8 @@ def drive(built_fmus, road, *, speed, start, duration, force=(0.0,) * 4, paramet
             "target.y": 0.0,
             **{f"force.{k}": f for k, f in zip(CORNERS, force, strict=True)},
         }
-        system.add(
-            "car", built_fmus.path("FullCarHmmwvPublic", 3), step="1 ms", start=inputs, parameters={"start.x": start}
-        )
+        changed = {"start.x": start, "suspension.damper_range.blend": BLEND}
+        system.add("car", built_fmus.path("FullCarHmmwvPublic", 3), step="1 ms", start=inputs, parameters=changed)
         system.connect("car.x", "road.x")
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
