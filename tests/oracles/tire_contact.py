@@ -5,7 +5,8 @@ wishbones do; they differ in the direction of the force:
 
 - `road normal`: along the normal of the road below the wheel center, through the center. The rule of our car.
 - `point behind`: along the normal of the road at the point that is (radius - depth) times the normal below the center
-  away from it: behind a wheel that climbs. The rule of the public model, as far as its responses show it.
+  away from it: behind a wheel that climbs. The rule of the public model (Project Chrono, `ChTire.cpp`), which adds this
+  vector to the center where subtracting it would lead to the road.
 - `swept area`: along the gradient of the area by the position of the center, through the center.
 
 A ring over a half-round (`Ring`) has a direction of its own, without any of these rules.
