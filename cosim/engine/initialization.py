@@ -43,7 +43,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for m in components:
         if not _still_bound(exchange, m):
             port = exchange.layout.ports[m]
-            exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
+            wide = {"sizes": port.sizes} if port.sizes else {}
+            exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y, **wide)
             exchange.forget()
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
@@ -206,7 +207,7 @@ def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) 
     """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
     for m in components:
         port = exchange.layout.ports[m]
-        for variable, value in zip(port.inputs, port.u, strict=True):
-            if not variable.accepts(float(value)):
+        for variable, value in port.numbers(port.inputs, port.u):
+            if not variable.accepts(value):
                 connection = next(c for c in exchange.schedule.connections if (c.target, c.input) == (m, variable))
-                raise WiringError(f"{connection}: the input {variable.refusal(float(value))}")
+                raise WiringError(f"{connection}: the input {variable.refusal(value)}")

@@ -94,7 +94,10 @@ Status fmi3DoStep(Component, double, double, bool, bool*, bool*, bool*, double*)
     f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
     f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
     for name, c in _TYPES3.items()
-)
+) + """
+Status fmi3GetBinary(Component, const VR*, size_t, size_t*, const uint8_t**, size_t);
+Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t* const*, size_t);
+"""
 
 _EVENTS3 = """
 Status fmi3EnterEventMode(Component);
@@ -164,7 +167,7 @@ def close(ffi: cffi.FFI, library: Any) -> None:
 
 # FMI type -> C type of one value, for buffers.
 C_TYPES2 = {"Real": "double", "Integer": "int", "Enumeration": "int", "Boolean": "int", "String": "const char*"}
-C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t"}
+C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t", "Binary": "const uint8_t*"}
 
 
 def c_types(version: int) -> dict[str, str]:

@@ -31,6 +31,9 @@ NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
+OCTETS = "application/octet-stream"  # mimeType of a Binary that has none
+LARGEST_BINARY = 2**30  # bytes that maxSize may say
+
 _TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
 _TYPES3 = {
     "Float64": "real",
@@ -552,6 +555,8 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
         nominal=(abs(_number(attributes["nominal"], f"{what}: nominal")) or 1.0) if "nominal" in attributes else 1.0,
+        mime_type=attributes.get("mimeType", OCTETS) if fmi_type == "Binary" else "",
+        max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY) if "maxSize" in attributes else None,
         clocks=_references(element.get("clocks"), what),
     )
 

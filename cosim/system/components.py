@@ -71,7 +71,8 @@ class SystemComponent:
 class Connection:
     """source.output -> target.input, with target = scale * source + offset.
 
-    `flow`: the target takes the flow that the source gives, so no other component may take it.
+    `flow`: the target takes the flow that the source gives, so no other component may take it. `size`: bytes at most
+    that go with the number, of a String or Binary, or of a 64-bit integer that arrives exactly.
     """
 
     source: SystemComponent
@@ -83,6 +84,7 @@ class Connection:
     scale: float = 1.0
     offset: float = 0.0
     flow: bool = False
+    size: int = 0
 
     @property
     def source_name(self) -> str:
@@ -152,6 +154,10 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
         raise WiringError(f"{name} cannot be set: it is {article(variable.causality)}, {variable.variability}")
     if variable.type == "string":
         return str(value)
+    if variable.fmi_type == "Binary":
+        if not isinstance(value, bytes | bytearray):
+            raise WiringError(f"{name} is a Binary and needs bytes, not {value!r}")
+        return bytes(value)
     if variable.type == "boolean":
         if value not in (True, False, 0, 1):
             raise WiringError(f"{name} is a Boolean, not {value!r}")

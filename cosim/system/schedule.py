@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from cosim.core.description import RECORDABLE
 from cosim.core.errors import LoopError, WiringError
 from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.system.components import Connection, Group, SystemComponent
@@ -120,6 +121,18 @@ def make_schedule(
         loops=tuple(loops),
         possible_loops=tuple(loop for loop in find_loops(connections, declared) if loop not in loops),
     )
+
+
+def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
+    """The schedule for those who exchange doubles: 64-bit integers are rounded.
+
+    Raises WiringError for a text, which `what` does not exchange, with a `remedy`.
+    """
+    text = next((c for c in schedule.connections if c.output.type not in RECORDABLE), None)
+    if text is not None:
+        kind = text.output.fmi_type
+        raise WiringError(f"{text.source_name} -> {text.target_name} is a {kind}, which {what} does not exchange: {remedy}")
+    return replace(schedule, connections=tuple(replace(c, size=0) if c.size else c for c in schedule.connections))
 
 
 def unconnected(components: Iterable[SystemComponent], targets: Container[str]) -> list[str]:

@@ -14,7 +14,7 @@ from build_fmus.base.checks import did_you_mean, glob, number, unknown
 from build_fmus.base.escape import NO_XML
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim.core.component import Component, PythonComponent
-from cosim.core.description import RECORDABLE, Description, Variable
+from cosim.core.description import RECORDABLE, TEXTS, WIDE, Description, Variable
 from cosim.core.errors import FmuWarning, WiringError
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.fmu.component import FmuComponent
@@ -172,6 +172,7 @@ class Wiring:
         delay: bool = False,
         extrapolate: bool = False,
         linear: tuple[float, float] | None = None,
+        max_size: int | None = None,
     ) -> list[Connection]:
         """Connect an output to an input, or an array to an array by their names without index.
 
@@ -180,7 +181,8 @@ class Wiring:
         middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
         communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
-        source's, instead of the conversion of units. Raises WiringError naming what does not fit.
+        source's, instead of the conversion of units. `max_size`: bytes that a String or Binary may have; default what
+        the FMUs declare (`maxSize`), else 1024. Raises WiringError naming what does not fit.
         """
         from_component, output = self.components.split(source)
         to_component, input_ = self.components.split(target)
@@ -189,7 +191,12 @@ class Wiring:
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
         made = [
             self._connection(
-                (from_component, o), (to_component, i), delay=delay, extrapolate=extrapolate, linear=linear
+                (from_component, o),
+                (to_component, i),
+                delay=delay,
+                extrapolate=extrapolate,
+                linear=linear,
+                max_size=max_size,
             )
             for o, i in zip(outputs, inputs, strict=True)
         ]
@@ -337,8 +344,8 @@ class Wiring:
         self.groups[name] = Group(name, chosen, method)
         if extrapolate:
             for target, c in list(self.connections.items()):
-                if c.target in chosen and not c.source.discrete and not c.delay:
-                    self.connections[target] = replace(c, extrapolate=True)
+                if c.target in chosen and not c.source.discrete and not c.delay and c.input.type in RECORDABLE:
+                    self.connections[target] = replace(c, extrapolate=True, size=0)
         return self.groups[name]
 
     def _connection(
@@ -349,6 +356,7 @@ class Wiring:
         delay: bool,
         extrapolate: bool,
         linear: tuple[float, float] | None = None,
+        max_size: int | None = None,
     ) -> Connection:
         (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
@@ -366,17 +374,13 @@ class Wiring:
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
-        for component, variable in ((source, output), (target, input_)):
-            if variable.type not in RECORDABLE:
-                remedy = (
-                    f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})"
-                    if input_.type == "string"
-                    else ""
-                )
-                raise WiringError(
-                    f"{names}: {component.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and"
-                    f" Booleans are exchanged{remedy}"
-                )
+        if output.fmi_type == input_.fmi_type and output.fmi_type in TEXTS:
+            size = _text_size(names, origin, end, max_size)
+            if extrapolate or linear is not None:
+                raise WiringError(f"{names}: {article(output.fmi_type)} has no extrapolation, factor or offset")
+            return Connection(source, output, target, input_, delay, size=size)
+        if max_size is not None:
+            raise WiringError(f"{names}: max_size is for String and Binary, and this is {article(output.fmi_type)}")
         if (output.type, input_.type) not in allowed:
             raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
         if extrapolate and (source.discrete or target.discrete):
@@ -402,7 +406,9 @@ class Wiring:
             ) from None
         if output.constant is not None and not input_.accepts(value := scale * output.constant + offset):
             raise WiringError(f"{names}: the input {input_.refusal(value)}")
-        return Connection(source, output, target, input_, delay, extrapolate, scale, offset)
+        exact = {output.fmi_type, input_.fmi_type} <= {*WIDE} and (scale, offset, extrapolate) == (1.0, 0.0, False)
+        size = 8 if exact and all(isinstance(m.implementation, FmuComponent) for m in (source, target)) else 0
+        return Connection(source, output, target, input_, delay, extrapolate, scale, offset, size=size)
 
     # Looking at it.
 
@@ -439,6 +445,34 @@ class Wiring:
         """Raise what is wrong with the system; returns `unconnected()`."""
         self.schedule()
         return self.unconnected()
+
+
+LONGEST_TEXT = 1024
+"""Bytes that a String or Binary may have, where neither its FMUs nor the connection says so."""
+
+
+def _text_size(
+    names: str,
+    origin: tuple[SystemComponent, Variable],
+    end: tuple[SystemComponent, Variable],
+    max_size: int | None,
+) -> int:
+    """Bytes that a String or Binary may have on its way. Raises WiringError for two that do not fit."""
+    for component, variable in (origin, end):
+        if not isinstance(component.implementation, FmuComponent):
+            raise WiringError(
+                f"{names}: {component.name}.{variable.name} is {article(variable.fmi_type)}, which only FMUs exchange,"
+                f" and '{component.name}' is not an FMU: give the receiver a start value instead"
+            )
+    types = ["".join(v.mime_type.split()).lower() for _, v in (origin, end)]
+    if types[0] != types[1]:
+        raise WiringError(
+            f"{names}: MIME types differ, {origin[1].mime_type} to {end[1].mime_type}: choose FMUs of one type"
+        )
+    declared = [v.max_size for _, v in (origin, end) if v.max_size is not None]
+    size = max_size if max_size is not None else min(declared, default=LONGEST_TEXT)
+    number(f"{names}: max_size", size, "bytes", least=1, most=2**24, error=WiringError)
+    return int(size)
 
 
 def _check_unit_known(name: str, variable: Variable) -> None:
