@@ -21,7 +21,16 @@ EXACT_VALUES = Path(__file__).with_name("exact_values.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
 SOURCES = tuple(
     Path(__file__).with_name(f"{name}.c")
-    for name in ("engine", "algebraic_loop", "adaptive", "table", "integrator", "event_steps", "exact_values", "library")
+    for name in (
+        "engine",
+        "algebraic_loop",
+        "adaptive",
+        "table",
+        "integrator",
+        "event_steps",
+        "exact_values",
+        "library",
+    )
 )
 _STRUCTS = (
     "Engine",

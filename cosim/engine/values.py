@@ -186,7 +186,8 @@ def make_layout(
         count += 1
     layout.values = np.zeros(count)
     rounded = {(c.source, c.output) for c in schedule.connections if not c.size}
-    seen = {(c.source, c.output) if (c := by_input.get(key)) else key for key in (*record, *watch)}
+    driven = {key: (c.source, c.output) for key, c in by_input.items()}
+    seen = {driven.get(key, key) for key in (*record, *watch)}
     layout.wide = {
         f"{m.name}.{v.name}": i
         for places in (layout.visible, layout.constants)

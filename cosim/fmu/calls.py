@@ -71,7 +71,8 @@ _TYPES3 = {
     "String": "const char*",
 }
 
-_FMI3 = """
+_FMI3 = (
+    """
 typedef void* Component; typedef uint32_t VR; typedef unsigned int Status;
 Component fmi3InstantiateCoSimulation(const char*, const char*, const char*, bool, bool, bool, bool, const VR*, size_t,
                                       void*, void*, void*);
@@ -90,14 +91,17 @@ Status fmi3DeserializeFMUState(Component, const char*, size_t, void**);
 Status fmi3GetDirectionalDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, size_t, double*,
                                     size_t);
 Status fmi3DoStep(Component, double, double, bool, bool*, bool*, bool*, double*);
-""" + "".join(
-    f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
-    f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
-    for name, c in _TYPES3.items()
-) + """
+"""
+    + "".join(
+        f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
+        f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
+        for name, c in _TYPES3.items()
+    )
+    + """
 Status fmi3GetBinary(Component, const VR*, size_t, size_t*, const uint8_t**, size_t);
 Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t* const*, size_t);
 """
+)
 
 _EVENTS3 = """
 Status fmi3EnterEventMode(Component);

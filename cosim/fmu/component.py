@@ -568,7 +568,9 @@ class FmuComponent:
         if direction == "Set" and how.keeps:
             if how.fmi_type in TEXTS:
                 names = sorted({elements[0].declared for elements in how.arrays.values()})
-                raise CosimError(f"'{self.name}': {', '.join(names)}: connect all elements of an array of texts, or none")
+                raise CosimError(
+                    f"'{self.name}': {', '.join(names)}: connect all elements of an array of texts, or none"
+                )
 
             def keep() -> None:
                 call.values[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]

@@ -47,7 +47,9 @@ class ExactCall:
         x.kind, x.version, x.too_long = getattr(self._library, kind), version, -1
         x.references, x.n_references = ffi.cast("uint32_t*", self._references.ctypes.data), len(self._references)
         x.values, x.n_values = ffi.cast("void*", self.values.ctypes.data), how.total
-        x.sizes, x.texts = (ffi.cast(t, a.ctypes.data) for t, a in (("size_t*", self._sizes), ("unsigned char*", self._texts)))
+        x.sizes, x.texts = (
+            ffi.cast(t, a.ctypes.data) for t, a in (("size_t*", self._sizes), ("unsigned char*", self._texts))
+        )
         x.items, x.n_items = self._items, len(self._items)
 
     @staticmethod

@@ -556,7 +556,9 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         constant=_number(start, f"{what}: start") if constant else None,
         nominal=(abs(_number(attributes["nominal"], f"{what}: nominal")) or 1.0) if "nominal" in attributes else 1.0,
         mime_type=attributes.get("mimeType", OCTETS) if fmi_type == "Binary" else "",
-        max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY) if "maxSize" in attributes else None,
+        max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY)
+        if "maxSize" in attributes
+        else None,
         clocks=_references(element.get("clocks"), what),
     )
 

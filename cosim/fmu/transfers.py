@@ -59,7 +59,9 @@ def slots(size: int) -> int:
     return 1 + (size + 3) // 4
 
 
-def _arranged(version: int, fmi_type: str, places: Mapping[Variable, int], sizes: Mapping[Variable, int]) -> Arrangement:
+def _arranged(
+    version: int, fmi_type: str, places: Mapping[Variable, int], sizes: Mapping[Variable, int]
+) -> Arrangement:
     arrays = by_reference(places)
     offsets, total = {}, 0
     for reference, elements in arrays.items():

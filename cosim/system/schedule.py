@@ -131,7 +131,9 @@ def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
     text = next((c for c in schedule.connections if c.output.type not in RECORDABLE), None)
     if text is not None:
         kind = text.output.fmi_type
-        raise WiringError(f"{text.source_name} -> {text.target_name} is a {kind}, which {what} does not exchange: {remedy}")
+        raise WiringError(
+            f"{text.source_name} -> {text.target_name} is a {kind}, which {what} does not exchange: {remedy}"
+        )
     return replace(schedule, connections=tuple(replace(c, size=0) if c.size else c for c in schedule.connections))
 
 

@@ -149,7 +149,9 @@ def test_what_does_not_fit_is_refused(folder: Path, fmus: dict[int, Path], refus
         system.connect("a.text", "two.text_in")
 
 
-def test_who_exchanges_numbers_only_says_so(fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]) -> None:
+def test_who_exchanges_numbers_only_says_so(
+    fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]
+) -> None:
     with chain(fmus[3], 3) as system:
         refused(
             WiringError,

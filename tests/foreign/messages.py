@@ -17,7 +17,10 @@ def description(version: int, mime_type: str, max_size: int | None) -> str:
     able = f'modelIdentifier="messages" {save}="true" {serialize}="true"'
     if version == 2:
         variables = [
-            *((name, reference, f'causality="{c}" variability="discrete"', "String", c) for name, reference, c in _TEXTS),
+            *(
+                (name, reference, f'causality="{c}" variability="discrete"', "String", c)
+                for name, reference, c in _TEXTS
+            ),
             *((n, r, 'causality="parameter" variability="fixed"', "Integer", "start") for n, r in _PARAMETERS),
             ("hash", 11, 'causality="output" variability="discrete"', "Real", "output"),
         ]
@@ -45,7 +48,9 @@ def description(version: int, mime_type: str, max_size: int | None) -> str:
         <Int64 name="first" valueReference="10" causality="parameter" variability="fixed" start="0"/>
         <Float64 name="hash" valueReference="11" causality="output" variability="discrete"/>"""
         structure = "".join(
-            f'<{e} valueReference="{i}" dependencies=""/>' for e in ("Output", "InitialUnknown") for i in (1, 3, 5, 7, 11)
+            f'<{e} valueReference="{i}" dependencies=""/>'
+            for e in ("Output", "InitialUnknown")
+            for i in (1, 3, 5, 7, 11)
         )
         head = 'fmiVersion="3.0" instantiationToken="messages"'
     return (
