@@ -104,7 +104,8 @@ class Description:
 
     `dependencies` maps an output to the names of the variables it depends on directly; an output that is missing there
     depends on all inputs. `aliases` maps further names of variables and arrays (FMI 3.0) to their names; they are
-    accepted wherever names are. Clocks are neither among the inputs nor among the outputs: they cannot be connected.
+    accepted wherever names are. Clocks are neither among the inputs nor among the outputs; `triggered` are the input
+    clocks that tick when another FMU's clock does.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Description:
         values = [v for v in self.variables.values() if v.fmi_type != "Clock"]
         self.inputs = {v.name: v for v in values if v.causality == "input"}
         self.outputs = {v.name: v for v in values if v.causality == "output"}
+        self.triggered = [c.name for c in self.clocks if c.causality == "input" and c.kind == "triggered"]
         self.parameters = {
             v.name: v for v in self.variables.values() if v.causality in ("parameter", "structuralParameter")
         }

@@ -115,6 +115,11 @@ class FmuComponent:
         )
 
     @property
+    def events(self) -> EventMode | None:
+        """Its clocks, if the master activates them."""
+        return self._events
+
+    @property
     def _driver(self) -> Integration | EventSteps | None:
         """What steps it instead of itself, in this process: its integrator, or what divides its steps at events."""
         return self.integration if self.integration is not None and self.integration.here else self._event_steps

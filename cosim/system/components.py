@@ -87,6 +87,11 @@ class Connection:
     size: int = 0
 
     @property
+    def is_clock(self) -> bool:
+        """Whether it connects clocks."""
+        return self.output.fmi_type == "Clock"
+
+    @property
     def source_name(self) -> str:
         """Full name of the output, `component.variable`."""
         return f"{self.source.name}.{self.output.name}"

@@ -379,6 +379,11 @@ class Wiring:
             if extrapolate or linear is not None:
                 raise WiringError(f"{names}: {article(output.fmi_type)} has no extrapolation, factor or offset")
             return Connection(source, output, target, input_, delay, size=size)
+        if output.fmi_type == input_.fmi_type == "Clock":
+            if delay or extrapolate or linear is not None or max_size is not None:
+                raise WiringError(f"{names}: a clock has no delay, extrapolation, factor, offset or size")
+            _check_clocks(names, source, target, input_)
+            return Connection(source, output, target, input_)
         if max_size is not None:
             raise WiringError(f"{names}: max_size is for String and Binary, and this is {article(output.fmi_type)}")
         if (output.type, input_.type) not in allowed:
@@ -445,6 +450,18 @@ class Wiring:
         """Raise what is wrong with the system; returns `unconnected()`."""
         self.schedule()
         return self.unconnected()
+
+
+def _check_clocks(names: str, source: SystemComponent, target: SystemComponent, clock: Variable) -> None:
+    """Raise WiringError for clocks that cannot tick together."""
+    for m in (source, target):
+        isolated = getattr(m.implementation, "isolation", None) is not None
+        if isolated or not (isinstance(m.implementation, FmuComponent) and m.implementation.in_event_mode):
+            why = "is isolated: FMUs with connected clocks run in the process of the master"
+            no_events = "is executed without event mode, in which clocks tick: use another component"
+            raise WiringError(f"{names}: '{m.name}' {why if isolated else no_events}")
+    if clock.name not in target.description.triggered:
+        raise WiringError(f"{names}: {target.name}.{clock.name} ticks by itself: connect a clock of the kind triggered")
 
 
 LONGEST_TEXT = 1024
