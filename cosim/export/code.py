@@ -65,6 +65,11 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
                 f"'{m.name}' is written in Python, and {what} holds compiled components only: {remedy}write it as a"
                 " component that build-fmus compiles"
             )
+        if m.implementation.structure:
+            sizes = ", ".join(m.implementation.structure)
+            raise CosimError(
+                f"'{m.name}' was added with {sizes}, and {what} keeps the FMU's own array sizes: {remedy}set none"
+            )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
         if steps_with_events(m.description):

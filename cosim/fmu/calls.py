@@ -104,6 +104,8 @@ Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t*
 )
 
 _EVENTS3 = """
+Status fmi3EnterConfigurationMode(Component);
+Status fmi3ExitConfigurationMode(Component);
 Status fmi3EnterEventMode(Component);
 Status fmi3EnterStepMode(Component);
 Status fmi3UpdateDiscreteStates(Component, bool*, bool*, bool*, bool*, bool*, double*);
@@ -113,7 +115,7 @@ Status fmi3GetIntervalDecimal(Component, const VR*, size_t, double*, int*);
 Status fmi3GetIntervalFraction(Component, const VR*, size_t, uint64_t*, uint64_t*, int*);
 Status fmi3GetShiftDecimal(Component, const VR*, size_t, double*);
 Status fmi3GetShiftFraction(Component, const VR*, size_t, uint64_t*, uint64_t*);
-"""  # what FMUs with events have
+"""  # what only FMUs with structural parameters or events have
 
 _EXCHANGE = """
 Status fmi{v}SetTime(Component, double);

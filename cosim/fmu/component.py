@@ -70,6 +70,7 @@ class FmuComponent:
         self.isolation = isolation
         self.exchange = exchange or ModelExchange()
         self.description = fmu.description
+        self.structure: dict[str, Any] = {}  # values of structural parameters other than the FMU's own
         self.name = fmu.description.name
         self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
         self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
@@ -131,7 +132,27 @@ class FmuComponent:
 
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
-        return FmuComponent(self.fmu, self.isolation, self.exchange)
+        made = FmuComponent(self.fmu, self.isolation, self.exchange)
+        if self.structure:
+            made.restructure(self.structure)
+        return made
+
+    def restructure(self, structure: Mapping[str, Any]) -> None:
+        """Other values of structural parameters, by name, before it is instantiated: its arrays have other sizes.
+
+        Raises FmuError for sizes that are too large.
+        """
+        self.description, self.structure = self.fmu.structured(structure), dict(structure)
+
+    def _configure(self) -> None:
+        """Structural parameters of a fresh instance, in configuration mode."""
+        if not self.structure:
+            return
+        self._must("EnterConfigurationMode")
+        for name, value in self.structure.items():
+            variable = self.description.variables[name]
+            self._set_raw(variable.fmi_type, variable.reference, [value], name)
+        self._must("ExitConfigurationMode")
 
     # Life of the instance.
 
@@ -155,6 +176,7 @@ class FmuComponent:
         if reusable and self._call("Reset") <= fmi.WARNING:
             if self._event_steps is not None:
                 self._event_steps.end()
+            self._configure()
             return
         self.close()
         self._forget_messages()
@@ -199,6 +221,7 @@ class FmuComponent:
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
         self._event_steps = EventSteps(self) if divided else None
+        self._configure()
 
     def _open(self) -> Library | IsolatedLibrary:
         """The library for a new instance."""
@@ -750,6 +773,7 @@ class FmuComponent:
             "FMI version": about.fmi_version,
             "token": about.token,
             **({"interface": "Model Exchange"} if self.integrated else {}),
+            **({"structural parameters": str(self.structure)} if self.structure else {}),
             "content (SHA-256 of description and library)": self.fmu.digest,
         }
 

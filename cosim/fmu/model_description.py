@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -56,11 +56,17 @@ def parse(xml: bytes, where: str, limits: Limits | None = None) -> Description:
     return read(tree(xml, where, limits or Limits()), where, limits or Limits())
 
 
-def read(root: Any, where: str, limits: Limits, interface: str | None = None) -> Description:
+def read(
+    root: Any, where: str, limits: Limits, interface: str | None = None, structure: Mapping[str, Any] | None = None
+) -> Description:
     """Description from the root element of modelDescription.xml, as of an interface, "cs" or "me". Raises FmuError.
 
-    Without `interface` it is Co-Simulation where the FMU offers it.
+    Without `interface` it is Co-Simulation where the FMU offers it. `structure`: values of structural parameters, by
+    name, instead of their start values.
     """
+    for element in root.iterfind("ModelVariables/*") if structure else ():
+        if element.get("name") in (structure or {}):
+            element.set("start", str((structure or {})[element.get("name")]).lower())
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
         raise FmuError(f"{where}: FMI version '{one_line(version, 40) or 'unknown'}'; FMI 2.0 and 3.0 are supported")

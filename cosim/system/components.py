@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -133,6 +133,20 @@ def article(word: str) -> str:
     return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
 
 
+def structural(component: str, about: Description, values: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The values of structural parameters among these, by the parameters' own names.
+
+    Raises WiringError for values that do not fit.
+    """
+    found = {}
+    for given, value in (values or {}).items():
+        name = about.canonical(given)
+        variable = about.variables.get(name)
+        if variable is not None and variable.causality == "structuralParameter":
+            found[name] = _checked(component, replace(variable, causality="parameter"), value)
+    return found
+
+
 _WITH_UNIT = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\s\d.].*)")
 
 
@@ -154,7 +168,10 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
     name = f"{component}.{variable.name}"
     settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
     if variable.causality == "structuralParameter":
-        raise WiringError(f"{name}: structural parameters (array sizes) cannot be changed")
+        raise WiringError(
+            f"{name} is a structural parameter, which is set when the component is added: give it in the parameters of"
+            " add"
+        )
     if variable.variability == "constant" or not settable:
         raise WiringError(f"{name} cannot be set: it is {article(variable.causality)}, {variable.variability}")
     if variable.type == "string":

@@ -24,7 +24,7 @@ from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
 from cosim.fmu.model_exchange import ModelExchange
 from cosim.system import terminal_wires
-from cosim.system.components import Connection, Group, SystemComponent, article
+from cosim.system.components import Connection, Group, SystemComponent, article, structural
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -72,7 +72,8 @@ class Wiring:
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
-        FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
+        FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization;
+        structural parameters (FMI 3.0) among them give arrays their sizes, and cannot be changed afterwards. `strict`
         refuses an FMU that deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
         `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`. `interface` chooses between Co-Simulation
         ("cs", the default where an FMU offers it) and Model Exchange ("me", or `ModelExchange` with tolerance and
@@ -90,6 +91,13 @@ class Wiring:
             raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
         source = PythonSource.of(fmu)
         implementation = self._component(fmu if source is None else source.added, strict, interface)
+        if structure := structural(name, implementation.description, {**(parameters or {}), **(start or {})}):
+            assert isinstance(implementation, FmuComponent)  # nothing else has structural parameters
+            implementation.restructure(structure)
+            own = implementation.description.canonical
+            parameters, start = (
+                {n: v for n, v in (values or {}).items() if own(n) not in structure} for values in (parameters, start)
+            )
         about = implementation.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):

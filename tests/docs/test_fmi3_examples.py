@@ -12,6 +12,13 @@ from pages import ROOT
 
 EXAMPLES = ROOT / "docs" / "examples" / "fmi3"
 PRINTED = {
+    "binary": """\
+after 1 s: b'a' b'b'
+after 2 s: b'ab' b'ba'
+after 3 s: b'aab' b'bba'
+after 4 s: b'aabb' b'bbaa'
+after 5 s: b'aaabb' b'bbbaa'
+""",
     "can": """\
 brake received 160 from 0x10 at 1216 us
 brake received 480 from 0x30 at 1660 us
@@ -19,6 +26,24 @@ engine received 320 from 0x20 at 1438 us
 engine received 480 from 0x30 at 1660 us
 body received 160 from 0x10 at 1216 us
 body received 320 from 0x20 at 1438 us
+""",
+    "clocks": """\
+at 1 s: tick 2, taken at 0.8 s
+at 2 s: tick 4, taken at 1.6 s
+at 3 s: tick 7, taken at 2.8 s
+""",
+    "early_return": """\
+steps of 5 s: switches at 41.396 121.515 201.633 281.752 361.871 441.99 522.109 s
+steps of 20 s: switches at 41.396 121.515 201.633 281.752 361.871 441.99 522.109 s
+""",
+    "event_mode": """\
+day: 41.396 121.515 201.633 281.752 361.871 441.99 522.109
+night from 130 s, steps of 20 s: 41.396 121.515 403.517 466.733 576.126
+night from 130 s, steps of 5 s: 41.396 121.515 403.517 466.733 576.126
+""",
+    "structural_parameters": """\
+first 1 3 6 10 15
+second 1 4 10 20 35
 """,
 }
 

@@ -692,6 +692,8 @@ uint32_t fmi3GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, 
 }
 uint32_t fmi3EnterEventMode(Link *l) { return with(l, LINK_EVENTS, 0, 0); }
 uint32_t fmi3EnterStepMode(Link *l) { return with(l, LINK_EVENTS, 1, 0); }
+uint32_t fmi3EnterConfigurationMode(Link *l) { return with(l, LINK_EVENTS, 3, 0); }
+uint32_t fmi3ExitConfigurationMode(Link *l) { return with(l, LINK_EVENTS, 4, 0); }
 uint32_t fmi3UpdateDiscreteStates(
     Link *l, bool *again, bool *terminate, bool *nominals, bool *states, bool *has_next, double *next) {
     bool *flags[5] = {again, terminate, nominals, states, has_next};

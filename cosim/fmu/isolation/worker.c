@@ -495,9 +495,11 @@ static uint32_t tell_status(void) {
 
 static uint32_t plain(const char *name) { CALL(name, (void *), (instance)); }
 
-/* Event mode: 0 enter, 1 leave, 2 update discrete states. */
+/* Event mode: 0 enter, 1 leave, 2 update discrete states. Configuration mode: 3 enter, 4 leave. */
 static uint32_t events(void) {
-    if (region.ask->a != 2) return plain(region.ask->a ? "EnterStepMode" : "EnterEventMode");
+    static const char *names[] = {
+        "EnterEventMode", "EnterStepMode", "", "EnterConfigurationMode", "ExitConfigurationMode"};
+    if (region.ask->a != 2) return region.ask->a < 5 ? plain(names[region.ask->a]) : LINK_ERROR;
     bool flags[5] = {false};
     double next = 0.0;
     void *f = function("UpdateDiscreteStates");

@@ -74,7 +74,8 @@ def frames(recording: Recording, name: str) -> list[tuple[int, float, float]]:
 def main() -> None:
     """Print what each ECU receives in 5 ms."""
     with tempfile.TemporaryDirectory() as folder:
-        with network(Path(folder), {"brake": 0x20, "engine": 0x10, "body": 0x30}) as system:
+        system = network(Path(folder), {"brake": 0x20, "engine": 0x10, "body": 0x30})
+        with system:
             recording = system.run(0.005)
     for name in ("brake", "engine", "body"):
         for identifier, value, time in frames(recording, name):
