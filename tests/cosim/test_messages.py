@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from foreign import messages
+from pages import ROOT
 
 from cosim import ComponentError, System, SystemState, WiringError
+
+EXAMPLES = str(ROOT / "docs" / "examples" / "fmi3")
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.FmuWarning")
 
@@ -22,6 +26,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def fmus(folder: Path) -> dict[int, Path]:
     return {version: messages.build(folder, version) for version in (2, 3)}
+
+
+def mirror(folder: Path) -> Path:
+    """An FMU of the examples."""
+    sys.path.insert(0, EXAMPLES)
+    try:
+        from binary import MIRROR
+        from small_fmu import build
+    finally:
+        sys.path.remove(EXAMPLES)
+    return build("mirror", MIRROR, folder)
 
 
 VARIABLES = {2: ("text",), 3: ("text", "data", "whole", "unsigned")}
@@ -165,3 +180,25 @@ def test_texts_in_both_directions_are_no_algebraic_loop(fmus: dict[int, Path]) -
         system.connect("b.text", "a.text_in")
         assert not system.schedule().loops
         assert not system.schedule().possible_loops
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_bytes_are_set_in_event_mode_where_the_fmu_has_it(folder: Path, isolated: bool) -> None:
+    """Each puts its letter before what it was given, in reverse order."""
+    with System() as system:
+        for letter in "ab":
+            system.add(letter, mirror(folder), step=1, parameters={"letter": ord(letter)}, isolated=isolated)
+        system.connect("a.out", "b.in")
+        system.connect("b.out", "a.in")
+        with system.initialize(record=[]) as simulation:
+            found = []
+            for t in range(1, 6):
+                simulation.advance(t)
+                found.append((simulation.text("a.out"), simulation.text("b.out")))
+            state = simulation.save()
+            simulation.advance(7)
+            once = simulation.text("a.out")
+            simulation.restore(state)
+            simulation.advance(7)
+            assert simulation.text("a.out") == once
+    assert found == [(b"a", b"b"), (b"ab", b"ba"), (b"aab", b"bba"), (b"aabb", b"bbaa"), (b"aaabb", b"bbbaa")]

@@ -1,4 +1,4 @@
-/* A heated space: the heater switches on at the temperature `low` and off at `high`. Both fall by 4 at the time `night`.
+/* A heated space: its heater switches on at the temperature `low` and off at `high`. Both fall by 4 at `night`.
  *
  * It announces the night as its next event. Where it switches within a step, it returns early, if it may. */
 #include <stdbool.h>
