@@ -11,7 +11,8 @@ import pytest
 from foreign import messages
 from pages import ROOT
 
-from cosim import ComponentError, System, SystemState, WiringError
+from cosim import ComponentError, Execution, System, SystemState, WiringError
+from cosim.batch import Batch
 
 EXAMPLES = str(ROOT / "docs" / "examples" / "fmi3")
 
@@ -172,6 +173,8 @@ def test_who_exchanges_numbers_only_says_so(
             WiringError,
             lambda: system.export_fmu(tmp_path / "System.fmu"),
             lambda: system.export_ssp(tmp_path / "System.ssp"),
+            lambda: Batch(system, 2),
+            lambda: system.run(0.1, record=[], execution=Execution(tolerance=1e-3)),
         )
 
 

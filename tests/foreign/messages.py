@@ -14,7 +14,7 @@ def description(version: int, mime_type: str, max_size: int | None) -> str:
     """modelDescription.xml."""
     save = {2: "canGetAndSetFMUstate", 3: "canGetAndSetFMUState"}[version]
     serialize = {2: "canSerializeFMUstate", 3: "canSerializeFMUState"}[version]
-    able = f'modelIdentifier="messages" {save}="true" {serialize}="true"'
+    able = f'modelIdentifier="messages" canHandleVariableCommunicationStepSize="true" {save}="true" {serialize}="true"'
     if version == 2:
         variables = [
             *(
