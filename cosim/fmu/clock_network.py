@@ -69,7 +69,7 @@ class ClockedFmu(Protocol):
 
 @dataclass(frozen=True)
 class Tick:
-    """`clock` of `target` ticks when `origin` of `source` does."""
+    """`clock` of `target` ticks when `origin` of `source` does, an output clock or a time-based one."""
 
     source: ClockedFmu
     origin: int
@@ -185,7 +185,7 @@ class ClockNetwork:
         inside, waiting = dict.fromkeys(ticking), list(ticking)
         for _ in range(ITERATIONS):
             active = {m: set(ticking.get(m, ())) for m in waiting}
-            self._spread(waiting, active, inside)
+            self._spread(ticking, active, inside)
             waiting = [m for m, clocks in active.items() if m.update(frozenset(clocks), ticking.get(m, frozenset()))]
             ticking = {}
             if not waiting:
@@ -200,14 +200,21 @@ class ClockNetwork:
         )
 
     def _spread(
-        self, waiting: Sequence[ClockedFmu], active: dict[ClockedFmu, set[int]], inside: dict[ClockedFmu, None]
+        self,
+        ticking: dict[ClockedFmu, frozenset[int]],
+        active: dict[ClockedFmu, set[int]],
+        inside: dict[ClockedFmu, None],
     ) -> None:
-        """Ticks of output clocks reach what is connected to them; `active` and `inside` grow."""
-        queue, reached = list(waiting), dict[ClockedFmu, set[int]]()
+        """Ticks of output clocks, and of time-based ones, reach what is connected to them.
+
+        `active` and `inside` grow.
+        """
+        queue, reached, sent = list(active), dict[ClockedFmu, set[int]](), dict[ClockedFmu, set[int]]()
         while queue:  # in one round a clock ticks once, so this ends
             source = queue.pop(0)
-            new = source.told_now() - active[source]
+            new = (source.told_now() | ticking.get(source, frozenset())) - sent.setdefault(source, set())
             active[source] |= new
+            sent[source] |= new
             ticked: dict[ClockedFmu, set[int]] = {}
             for tick in self._ticks:
                 if tick.source is source and tick.origin in new:

@@ -369,8 +369,9 @@ class Wiring:
         (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
         swapped = output.causality == "input" and input_.causality in ("output", "local")
+        by_itself = output.fmi_type == "Clock" and output.name not in source.description.triggered
         for full, variable, taken in (
-            (f"{source.name}.{output.name}", output, ("output", "local")),
+            (f"{source.name}.{output.name}", output, ("output", "local", *(("input",) if by_itself else ()))),
             (f"{target.name}.{input_.name}", input_, ("input",)),
         ):
             if variable.causality not in taken:

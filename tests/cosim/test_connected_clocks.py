@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign import pulses
+from foreign import clocked, pulses
 
 from cosim import ComponentError, System, UnconnectedInputsWarning, WiringError
 
@@ -122,3 +122,16 @@ def test_what_does_not_fit_is_refused(fmu: Path, refused: Callable[..., None]) -
             system.disconnect(f"{name}.in")
         system.group("together", ["a", "b"])
         refused(WiringError, system.schedule)
+
+
+def test_time_based_clocks_tick_others_too(fmu: Path, tmp_path: Path) -> None:
+    """Every 1/300 s, from the start on: three times in each step of 10 ms."""
+    with System(allow_unconnected=True) as system:
+        system.add("timer", clocked.build("constant", tmp_path), step="10 ms")
+        system.add("b", fmu, step="10 ms")
+        system.connect("timer.clock", "b.in")
+        system.connect("timer.ticks", "b.x")
+        found = system.run(0.03, record=["b.*", "timer.ticks"])
+    assert found["b.count"].tolist() == [0, 3, 6, 9]
+    assert rounded(found["b.last"] * 300.0) == [-300.0, 2.0, 5.0, 8.0]
+    assert found["b.got"].tolist() == found["timer.ticks"].tolist()

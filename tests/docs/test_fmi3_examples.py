@@ -10,6 +10,8 @@ from types import ModuleType
 import pytest
 from pages import ROOT
 
+from cosim import WiringError
+
 EXAMPLES = ROOT / "docs" / "examples" / "fmi3"
 PRINTED = {
     "binary": """\
@@ -99,3 +101,15 @@ def test_a_slow_bus_sends_what_waits_later(can: ModuleType, tmp_path: Path) -> N
     expected = [0.001 + k * (duration + pause) + duration for k in range(5)]
     assert [t for *_, t in frames] == pytest.approx(expected, abs=1e-12)
     assert can.frames(found, "b") == []
+
+
+def test_terminals_of_nodes_need_their_four_variables(
+    can: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import small_fmu
+
+    whole = small_fmu.terminals
+    clock = '<TerminalMemberVariable variableKind="signal" variableName="Node2.Rx_Clock" memberName="Rx_Clock"/>'
+    monkeypatch.setattr(small_fmu, "terminals", lambda names: whole(names).replace(clock, ""))
+    with pytest.raises(WiringError, match=r"b\.CanChannel and bus\.Node2: bus\.Node2 lacks 'Rx_Clock'"):
+        can.network(tmp_path, {"a": 1, "b": 2})

@@ -52,15 +52,14 @@ BUS = [
 
 def network(folder: Path, identifiers: dict[str, int], step: str = "0.1 ms") -> System:
     """Up to three nodes, each sending 10 times its identifier every 10 ms, and their bus."""
-    node, bus = build("can_node", NODE, folder), build("can_bus", BUS, folder)
+    node = build("can_node", NODE, folder, ["CanChannel"])
+    bus = build("can_bus", BUS, folder, ["Node1", "Node2", "Node3"])
     system = System(allow_unconnected=True)
     system.add("bus", bus, step=step)
     for k, (name, identifier) in enumerate(identifiers.items(), start=1):
         start = {"value": 10.0 * identifier}
         system.add(name, node, step=step, start=start, parameters={"id": identifier, "period": 0.01})
-        for source, target in ((f"{name}.CanChannel", f"bus.Node{k}"), (f"bus.Node{k}", f"{name}.CanChannel")):
-            system.connect(f"{source}.Tx_Data", f"{target}.Rx_Data")
-            system.connect(f"{source}.Tx_Clock", f"{target}.Rx_Clock")
+        system.connect_terminals(f"{name}.CanChannel", f"bus.Node{k}")
     return system
 
 

@@ -30,8 +30,26 @@ def element(variable: Variable) -> str:
     return f"<{kind} {text}>{inside}</{kind}>"
 
 
-def build(name: str, variables: Sequence[Variable], folder: Path, **options: str) -> Path:
-    """The FMU NAME.fmu of NAME.c, for this machine, in `folder`; `options` are attributes of CoSimulation."""
+def terminals(names: Sequence[str]) -> str:
+    """terminalsAndIcons.xml with connections to a bus: NAME.Rx_Data, NAME.Tx_Data and their clocks."""
+    own = "".join(
+        f'<Terminal name="{n}" terminalKind="org.fmi-ls-bus.network-terminal"'
+        ' matchingRule="org.fmi-ls-bus.transceiver">'
+        + "".join(
+            f'<TerminalMemberVariable variableKind="signal" variableName="{n}.{m}" memberName="{m}"/>'
+            for m in ("Rx_Data", "Tx_Data", "Rx_Clock", "Tx_Clock")
+        )
+        + "</Terminal>"
+        for n in names
+    )
+    return f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{own}</Terminals></fmiTerminalsAndIcons>'
+
+
+def build(name: str, variables: Sequence[Variable], folder: Path, channels: Sequence[str] = (), **options: str) -> Path:
+    """The FMU NAME.fmu of NAME.c, for this machine, in `folder`.
+
+    `channels`: its connections to a bus; `options`: attributes of CoSimulation.
+    """
     where, suffix = platform_folder("3")
     library = folder / f"{name}{suffix}"
     flags = ["-O2", "-shared", "-fPIC", "-std=c99", f"-I{HERE}", f"-I{Path(fmpy.__file__).parent / 'c-code'}"]
@@ -62,6 +80,8 @@ def build(name: str, variables: Sequence[Variable], folder: Path, **options: str
     path = folder / f"{name}.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description)
+        if channels:
+            archive.writestr("terminalsAndIcons/terminalsAndIcons.xml", terminals(channels))
         archive.writestr(f"binaries/{where}/{library.name}", library.read_bytes())
     return path
 
