@@ -11,7 +11,7 @@ import pytest
 from foreign import messages
 from pages import ROOT
 
-from cosim import ComponentError, Execution, System, SystemState, WiringError
+from cosim import ComponentError, CosimError, Execution, System, SystemState, WiringError
 from cosim.batch import Batch
 
 EXAMPLES = str(ROOT / "docs" / "examples" / "fmi3")
@@ -46,7 +46,7 @@ START = {"text_in": "", "data_in": b"", "whole_in": 0, "unsigned_in": 0}
 
 def chain(path: Path, version: int, *, kind: str = "continuous", delay: bool = False, **options: Any) -> System:
     """A source `a`, which writes every 10 ms, and `b`, which passes on what it reads."""
-    system = System()
+    system = System(allow_unconnected=True)
     own = {"length": 5, **({"first": 2**53} if version == 3 else {})}
     unconnected = {f"{v}_in": START[f"{v}_in"] for v in VARIABLES[version]}
     system.add("a", path, step="10 ms", kind=kind, parameters={"source": 1, **own}, start=unconnected, **options)
@@ -205,3 +205,23 @@ def test_bytes_are_set_in_event_mode_where_the_fmu_has_it(folder: Path, isolated
             simulation.advance(7)
             assert simulation.text("a.out") == once
     assert found == [(b"a", b"b"), (b"ab", b"ba"), (b"aab", b"bba"), (b"aabb", b"bbaa"), (b"aaabb", b"bbbaa")]
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_arrays_of_texts_and_whole_numbers(fmus: dict[int, Path], isolated: bool, refused: Callable[..., None]) -> None:
+    numbers, words = [2**53 + 1, -5, 2**62 + 1], ["one", "", "three"]
+    with System(allow_unconnected=True) as system:
+        system.add("a", fmus[3], step="10 ms", start={"list_in": numbers, "words_in": words}, isolated=isolated)
+        for name in "bc":
+            system.add(name, fmus[3], step="10 ms", start={"list_in": [7, 8, 9]}, isolated=isolated)
+        system.connect("a.list", "b.list_in")
+        system.connect("a.words", "b.words_in")
+        system.connect("a.list[3]", "c.list_in[2]")
+        with system.initialize(record=[]) as simulation:
+            simulation.advance(0.03)
+            assert [simulation.text(f"b.words[{i}]") for i in (1, 2, 3)] == words
+            found = {m: system[m].implementation for m in "bc"}
+            shown = {m: c.get([c.description.variables[f"list[{i}]"] for i in (1, 2, 3)]) for m, c in found.items()}
+        assert shown == {"b": numbers, "c": [7, 2**62 + 1, 9]}
+        system.connect("a.words[1]", "c.words_in[2]")
+        refused(CosimError, lambda: system.run(0.01))

@@ -9,6 +9,7 @@
 #include <stdio.h>
 
 enum { TEXT_IN, TEXT, DATA_IN, DATA, WHOLE_IN, WHOLE, UNSIGNED_IN, UNSIGNED, LENGTH, SOURCE, FIRST, HASH, TIME };
+enum { LIST_IN = 20, LIST, WORDS_IN, WORDS, N = 3 }; /* arrays of N integers and of N short texts, passed on */
 enum { MOST = 4096 };
 
 typedef struct {
@@ -17,6 +18,8 @@ typedef struct {
     size_t n_in, n;
     int64_t whole_in, whole, first;
     uint64_t u_in, u;
+    int64_t list[N];
+    char words[N][16];
     int32_t length, source, k;
     double hash;
 } Model;
@@ -62,15 +65,35 @@ Status F(ExitInitializationMode)(Instance c) { return show(M), F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof *M), F(OK); }
 DO_STEP(step(M))
-ACCESS(String, Text, (show(M), *value = M->text); return n == 1 ? F(OK) : F(Error), return set_text(M, *value))
+static Status get_texts(Model *m, const Reference vr[], size_t n, Text value[]) {
+    show(m);
+    for (size_t i = 0; i < n; i++)
+        if (vr[i] < LIST_IN) *value++ = m->text;
+        else for (int k = 0; k < N; k++) *value++ = m->words[k];
+    return F(OK);
+}
+static Status set_texts(Model *m, const Reference vr[], size_t n, const Text value[]) {
+    for (size_t i = 0; i < n; i++)
+        if (vr[i] < LIST_IN) {
+            if (set_text(m, *value++) != F(OK)) return F(Error);
+        } else for (int k = 0; k < N; k++) strncpy(m->words[k], *value++, sizeof m->words[k] - 1);
+    return F(OK);
+}
+ACCESS(String, Text, return get_texts(M, vr, n, value), return set_texts(M, vr, n, value))
 ACCESS(REAL, double, *value = M->hash; return F(OK), return F(Error))
 ACCESS(INTEGER, Whole, EACH(value[i] = vr[i] == LENGTH ? M->length : M->source),
     EACH(*(vr[i] == LENGTH ? &M->length : &M->source) = value[i]))
 #define SAME(C) (C)
 COPIED_STATES(Model, SAME)
 #if FMI == 3
-ACCESS(Int64, int64_t, show(M); EACH(value[i] = vr[i] == WHOLE ? M->whole : vr[i] == FIRST ? M->first : M->whole_in),
-    EACH(*(vr[i] == FIRST ? &M->first : &M->whole_in) = value[i]))
+static int64_t *whole(Model *m, Reference r) {
+    return r >= LIST_IN ? m->list : r == WHOLE ? &m->whole : r == FIRST ? &m->first : &m->whole_in;
+}
+#define EACH_WHOLE(TO, FROM)                                                                       \
+    for (size_t i = 0; i < n; i++)                                                                 \
+        for (int j = 0; j < (vr[i] >= LIST_IN ? N : 1); j++, value++) TO = FROM;                   \
+    return F(OK)
+ACCESS(Int64, int64_t, show(M); EACH_WHOLE(*value, whole(M, vr[i])[j]), EACH_WHOLE(whole(M, vr[i])[j], *value))
 ACCESS(UInt64, uint64_t, show(M); EACH(value[i] = vr[i] == UNSIGNED ? M->u : M->u_in), EACH(M->u_in = value[i]))
 fmi3Status fmi3GetBinary(Instance c, const Reference vr[], size_t n, size_t sizes[], fmi3Binary values[], size_t k) {
     show(M);

@@ -46,11 +46,15 @@ def description(version: int, mime_type: str, max_size: int | None) -> str:
         <Int32 name="length" valueReference="8" causality="parameter" variability="fixed" start="0"/>
         <Int32 name="source" valueReference="9" causality="parameter" variability="fixed" start="0"/>
         <Int64 name="first" valueReference="10" causality="parameter" variability="fixed" start="0"/>
+        <Int64 name="list_in" valueReference="20" causality="input" start="0 0 0"><Dimension start="3"/></Int64>
+        <Int64 name="list" valueReference="21" causality="output"><Dimension start="3"/></Int64>
+        <String name="words_in" valueReference="22" causality="input"><Dimension start="3"/></String>
+        <String name="words" valueReference="23" causality="output"><Dimension start="3"/></String>
         <Float64 name="hash" valueReference="11" causality="output" variability="discrete"/>"""
         structure = "".join(
             f'<{e} valueReference="{i}" dependencies=""/>'
             for e in ("Output", "InitialUnknown")
-            for i in (1, 3, 5, 7, 11)
+            for i in (1, 3, 5, 7, 11, 21, 23)
         )
         head = 'fmiVersion="3.0" instantiationToken="messages"'
     return (
