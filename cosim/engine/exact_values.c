@@ -5,6 +5,9 @@
 
 enum { WARNING = 1, ERROR = 3 }; /* statuses of FMI */
 
+/* Four bytes of a slot; 0 for what a slot never holds, but a saved state of somebody else may. */
+static uint32_t word(double slot) { return slot >= 0.0 && slot < 4294967296.0 ? (uint32_t)slot : 0; }
+
 static double packed(const unsigned char *bytes, size_t n) {
     uint32_t word = 0;
     for (size_t i = 0; i < n; i++) word |= (uint32_t)bytes[i] << (8 * i);
@@ -19,7 +22,7 @@ static void to_slots(double *slots, const unsigned char *bytes, size_t n, size_t
 }
 
 static void from_slots(unsigned char *bytes, const double *slots, size_t n) {
-    for (size_t i = 0; i < n; i++) bytes[i] = (unsigned char)((uint32_t)slots[1 + i / 4] >> (8 * (i % 4)));
+    for (size_t i = 0; i < n; i++) bytes[i] = (unsigned char)(word(slots[1 + i / 4]) >> (8 * (i % 4)));
 }
 
 static uint32_t refuse(ExactValues *e, const ExactItem *item, uint64_t length) {
@@ -41,11 +44,11 @@ static uint32_t set(ExactValues *e, void *instance, const double *slots) {
     for (const ExactItem *item = e->items; item < e->items + e->n_items; item++) {
         const double *from = slots + item->at;
         if (e->kind == EXACT_INT64 || e->kind == EXACT_UINT64) {
-            ((uint64_t *)e->values)[item->element] = (uint64_t)from[1] | (uint64_t)from[2] << 32;
+            ((uint64_t *)e->values)[item->element] = word(from[1]) | (uint64_t)word(from[2]) << 32;
             continue;
         }
-        if (!(from[0] <= item->size)) return refuse(e, item, (uint64_t)from[0]);
-        const size_t n = (size_t)from[0];
+        const size_t n = word(from[0]);
+        if (n > item->size) return refuse(e, item, n);
         unsigned char *text = e->texts + item->text;
         from_slots(text, from, n);
         text[n] = 0;
