@@ -39,7 +39,7 @@ from cosim.linear.stability import Stability, coupled_spectral_radius, warn_if_u
 from cosim.recording.formats import format_of
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool, spool_of
-from cosim.system.schedule import Schedule
+from cosim.system.schedule import Schedule, only_numbers
 from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
@@ -409,7 +409,7 @@ class System(Wiring):
         """
         from cosim.ssp.write import export_ssp, files_of, open_inputs
 
-        schedule = self.schedule()
+        schedule = only_numbers(self.schedule(), "an SSP", "take this connection out")
         opened = open_inputs(schedule, [inputs] if isinstance(inputs, str) else inputs)
         files_of(schedule, version)  # before anything runs
         self.end_simulation()

@@ -32,6 +32,7 @@ from cosim.fmu.component import FmuComponent
 from cosim.recording.recording import Recording
 from cosim.session import System
 from cosim.system.components import SystemComponent
+from cosim.system.schedule import only_numbers
 
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
@@ -160,7 +161,8 @@ class Batch(Copies):
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
-        self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
+        schedule = system.schedule(*([] if self._interval is None else [self._interval]))
+        self._schedule = only_numbers(schedule, "a batch", "run the copies without a batch")
         self._refuse(self._schedule.loops)
         self._sources: dict[SystemComponent, LaneSource] = {}
         self.scalar: dict[str, str] = {}

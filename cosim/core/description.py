@@ -11,7 +11,9 @@ from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import DisplayUnit, Unit
 from cosim.core.errors import WiringError
 
-RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded
+RECORDABLE = ("real", "integer", "boolean")  # types of what is a number: it can be recorded
+TEXTS = ("String", "Binary")  # FMI types whose values are bytes
+WIDE = ("Int64", "UInt64")  # FMI types that doubles may not hold
 
 SIZED_INTEGERS = {
     f"{sign}Int{bits}": (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -57,6 +59,8 @@ class Variable:
     display: DisplayUnit | None = None  # the unit in which the FMU wants it displayed
     source: str | None = None  # where its value comes from, in words, if the FMU says so
     nominal: float = 1.0  # its typical size, positive
+    mime_type: str = ""  # of a Binary
+    max_size: int | None = None  # of a Binary: bytes, if the FMU says so
     clocks: tuple[int, ...] = ()  # value references of the clocks that it belongs to: it changes when one of them ticks
 
     @property
@@ -100,7 +104,8 @@ class Description:
 
     `dependencies` maps an output to the names of the variables it depends on directly; an output that is missing there
     depends on all inputs. `aliases` maps further names of variables and arrays (FMI 3.0) to their names; they are
-    accepted wherever names are. Clocks are neither among the inputs nor among the outputs: they cannot be connected.
+    accepted wherever names are. Clocks are neither among the inputs nor among the outputs; `triggered` are the input
+    clocks that tick when another FMU's clock does.
     """
 
     name: str
@@ -142,6 +147,7 @@ class Description:
         values = [v for v in self.variables.values() if v.fmi_type != "Clock"]
         self.inputs = {v.name: v for v in values if v.causality == "input"}
         self.outputs = {v.name: v for v in values if v.causality == "output"}
+        self.triggered = [c.name for c in self.clocks if c.causality == "input" and c.kind == "triggered"]
         self.parameters = {
             v.name: v for v in self.variables.values() if v.causality in ("parameter", "structuralParameter")
         }

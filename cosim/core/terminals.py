@@ -10,6 +10,7 @@ from cosim.core.description import Description, split_index
 
 BUS, PLUG, SEQUENCE = "bus", "plug", "sequence"
 RULES = (PLUG, BUS, SEQUENCE)
+TRANSCEIVER = "org.fmi-ls-bus.transceiver"  # FMI-LS-BUS: each side receives what the other one transmits
 FLOWS = ("inflow", "outflow")  # kinds of variables that add up to zero where terminals are connected
 KINDS = ("signal", *FLOWS)
 DEEPEST = 16  # terminals within each other

@@ -45,7 +45,7 @@ from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import StepEffort
 from cosim.system.components import Group, SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared
-from cosim.system.schedule import Schedule
+from cosim.system.schedule import Schedule, only_numbers
 
 PARTS = 4096
 """The smallest step is this part of the smallest step that a continuous component has without a tolerance."""
@@ -88,6 +88,7 @@ def for_tolerance(schedule: Schedule) -> Schedule:
             f"{delayed.source_name} -> {delayed.target_name} has a delay of one step, which has no length of its own in"
             " a run with a tolerance: leave the delay out, or run the system without a tolerance"
         )
+    schedule = only_numbers(schedule, "a run with a tolerance", "run the system without a tolerance")
     return replace(
         schedule,
         groups=tuple(Group("", (m,)) for m in schedule.continuous),

@@ -14,6 +14,8 @@ from cosim.engine.adaptive import AdaptiveSteps, require_no_loops
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
+from cosim.fmu.clock_network import ClockNetwork, Tick, Wire
+from cosim.fmu.event_mode import EventMode
 from cosim.system.components import SystemComponent
 from cosim.system.renewal import renewed
 
@@ -43,7 +45,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for m in components:
         if not _still_bound(exchange, m):
             port = exchange.layout.ports[m]
-            exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y)
+            wide = {"sizes": port.sizes} if port.sizes else {}
+            exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y, **wide)
             exchange.forget()
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
@@ -73,8 +76,12 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
         )
     _check_constants(exchange, fresh)
+    networks = _clock_networks(exchange)
     for m in fresh:
         m.implementation.exit_initialization()
+    for network in networks:
+        network.begin([e for m in fresh if (e := _events(m)) is not None and e.network is network])
+    for m in fresh:
         exchange.ports[m].get_outputs()
     exchange.engine.publish()
     exchange.repeated = repeated_steps(exchange.loops, exchange.ports)
@@ -91,6 +98,37 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             exchange.schedule, exchange.layout, exchange.base, exchange.ports, exchange.tolerance, last
         )
         exchange.forget()
+
+
+def _events(component: SystemComponent) -> EventMode | None:
+    return getattr(component.implementation, "events", None)
+
+
+def _clock_networks(exchange: Exchange) -> list[ClockNetwork]:
+    """Components whose clocks are connected take their steps together from now on."""
+    schedule = exchange.schedule
+    of: dict[SystemComponent, list[SystemComponent]] = {}
+    for c in schedule.ticks:
+        together = list(dict.fromkeys([*of.get(c.source, [c.source]), *of.get(c.target, [c.target])]))
+        of.update(dict.fromkeys(together, together))
+    found = []
+    for components in {id(together): together for together in of.values()}.values():
+        fmus = {m: e for m in schedule.components if m in components and (e := _events(m)) is not None}
+        ticks = [
+            Tick(fmus[c.source], c.output.reference, fmus[c.target], c.input.reference)
+            for c in schedule.ticks
+            if c.target in fmus
+        ]
+        wires = [
+            Wire(fmus[c.source], c.output, fmus[c.target], c.input, c.scale, c.offset)
+            for c in schedule.connections
+            if c.source in fmus and c.target in fmus and c.input.clocks and not c.delay
+        ]
+        network = ClockNetwork(list(fmus.values()), ticks, wires)
+        for fmu in fmus.values():
+            fmu.network = network
+        found.append(network)
+    return found
 
 
 def _still_bound(exchange: Exchange, component: SystemComponent) -> bool:
@@ -206,7 +244,7 @@ def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) 
     """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
     for m in components:
         port = exchange.layout.ports[m]
-        for variable, value in zip(port.inputs, port.u, strict=True):
-            if not variable.accepts(float(value)):
+        for variable, value in port.numbers(port.inputs, port.u):
+            if not variable.accepts(value):
                 connection = next(c for c in exchange.schedule.connections if (c.target, c.input) == (m, variable))
-                raise WiringError(f"{connection}: the input {variable.refusal(float(value))}")
+                raise WiringError(f"{connection}: the input {variable.refusal(value)}")

@@ -3,6 +3,7 @@
 #include "engine.h"
 #include "environment.h"
 #include "event_steps.h"
+#include "exact_values.h"
 #include "integrator.h"
 #include "table.h"
 
@@ -33,7 +34,8 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
 EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
     return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineAdaptive) + sizeof(Table)
-           + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs);
+           + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs) + sizeof(ExactValues)
+           + sizeof(ExactItem);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
@@ -83,4 +85,17 @@ EXPORT uint32_t cosim_event_steps_leave(EventSteps *s, double t) { return event_
 EXPORT uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last) {
     return event_steps_step(steps, t, h, no_set_prior, event, terminate, early, last);
+}
+
+EXPORT uint32_t cosim_exact_set2(void *instance, const uint32_t *exact, size_t n, void *slots) {
+    return exact_set2(instance, exact, n, slots);
+}
+EXPORT uint32_t cosim_exact_set3(void *instance, const uint32_t *exact, size_t n, void *slots, size_t n_slots) {
+    return exact_set3(instance, exact, n, slots, n_slots);
+}
+EXPORT uint32_t cosim_exact_get2(void *instance, const uint32_t *exact, size_t n, void *slots) {
+    return exact_get2(instance, exact, n, slots);
+}
+EXPORT uint32_t cosim_exact_get3(void *instance, const uint32_t *exact, size_t n, void *slots, size_t n_slots) {
+    return exact_get3(instance, exact, n, slots, n_slots);
 }

@@ -17,10 +17,20 @@ ADAPTIVE = Path(__file__).with_name("adaptive.h")
 TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
 EVENT_STEPS = Path(__file__).with_name("event_steps.h")
+EXACT_VALUES = Path(__file__).with_name("exact_values.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
 SOURCES = tuple(
     Path(__file__).with_name(f"{name}.c")
-    for name in ("engine", "algebraic_loop", "adaptive", "table", "integrator", "event_steps", "library")
+    for name in (
+        "engine",
+        "algebraic_loop",
+        "adaptive",
+        "table",
+        "integrator",
+        "event_steps",
+        "exact_values",
+        "library",
+    )
 )
 _STRUCTS = (
     "Engine",
@@ -31,6 +41,8 @@ _STRUCTS = (
     "Integrator",
     "EventSteps",
     "EventInputs",
+    "ExactValues",
+    "ExactItem",
 )
 
 _EXPORTED = """
@@ -61,6 +73,10 @@ uint32_t cosim_event_steps_enter(EventSteps *s, double t);
 uint32_t cosim_event_steps_leave(EventSteps *s, double t);
 uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
+uint32_t cosim_exact_set2(void *instance, const uint32_t *exact, size_t n, void *slots);
+uint32_t cosim_exact_set3(void *instance, const uint32_t *exact, size_t n, void *slots, size_t n_slots);
+uint32_t cosim_exact_get2(void *instance, const uint32_t *exact, size_t n, void *slots);
+uint32_t cosim_exact_get3(void *instance, const uint32_t *exact, size_t n, void *slots, size_t n_slots);
 """
 
 
@@ -75,7 +91,7 @@ class NoEngine(CosimError):  # noqa: N818
 def interface() -> cffi.FFI:
     """The types of the headers of the engine."""
     ffi = cffi.FFI()
-    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS)
+    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, EXACT_VALUES)
     declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in headers))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi

@@ -10,7 +10,7 @@ from cosim.core.component import EndRequested, Ports
 from cosim.core.dependencies import Dependencies, by_perturbation
 from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed, LoopError
 from cosim.system.components import SystemComponent
-from cosim.system.loops import AlgebraicLoop, declared, find_loops, require_solvable
+from cosim.system.loops import AlgebraicLoop, declared, find_loops, numeric, require_solvable
 from cosim.system.schedule import Schedule
 
 
@@ -67,8 +67,9 @@ def _measured(schedule: Schedule, component: SystemComponent) -> Dependencies:
     measure = getattr(component.implementation, "measure_dependencies", None)
     if measure is None:
         return {}
-    inputs = [c.input for c in schedule.connections if c.target is component]
-    outputs = dict.fromkeys(c.output for c in schedule.connections if c.source is component)
+    connections = numeric(schedule.connections)
+    inputs = [c.input for c in connections if c.target is component]
+    outputs = dict.fromkeys(c.output for c in connections if c.source is component)
     try:
         found: Dependencies = measure(inputs, [v for v in outputs if declared(component, v.name) is None])
     except CosimError as error:

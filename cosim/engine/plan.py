@@ -163,7 +163,7 @@ def _component(layout: Layout, component: SystemComponent, clock: int, seidel: b
         offset=port.offset,
         extrapolations=tuple(port.extrapolated()),
         first=port.first,
-        n_outputs=len(port.outputs),
+        n_outputs=len(port.y),
     )
 
 

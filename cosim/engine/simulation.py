@@ -20,7 +20,7 @@ import numpy as np
 from build_fmus.base import surface
 from build_fmus.base.checks import did_you_mean
 from cosim.core.component import Action, Array
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import (
     CallFailed,
     ComponentError,
@@ -45,7 +45,7 @@ from cosim.engine.values import EXACT
 from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool
-from cosim.system.components import Connection, SystemComponent
+from cosim.system.components import Connection, SystemComponent, article
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 
@@ -159,6 +159,19 @@ class Simulation:
             raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
         value = self._exchange.values.item(slot)
         return value if (scale, offset) == (1.0, 0.0) else scale * value + offset  # which would make 0.0 of -0.0
+
+    def text(self, name: str) -> str | bytes:
+        """Present value of a String or Binary, as its component has it, which may be ahead of what others see.
+
+        Raises WiringError for other variables.
+        """
+        component, variable = self._components.split(name)
+        found = component.description.find(variable, component.name)
+        if found.fmi_type not in TEXTS:
+            raise WiringError(f"{name} is {article(found.fmi_type)}, not a String or Binary: read simulation['{name}']")
+        value: list[str | bytes] = []
+        self.guarded(lambda: value.extend(component.implementation.get([found])))
+        return value[0]
 
     def set(self, name: str, value: Any) -> None:
         """Change a tunable parameter or an unconnected input, effective from the next step on."""

@@ -16,15 +16,15 @@ import numpy.typing as npt
 
 from build_fmus.base.units import DisplayUnit
 from cosim.core.component import Array
-from cosim.core.description import Variable
+from cosim.core.description import WIDE, Variable
 from cosim.core.errors import NotFinite
+from cosim.fmu.transfers import slots
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.schedule import Schedule
 
 Index = npt.NDArray[np.intp]
 Key = tuple[str, str, str]
 
-WIDE = ("Int64", "UInt64")
 EXACT = 2**53  # integers below it are doubles
 
 
@@ -50,6 +50,14 @@ class PortLayout:
     half: float = 0.0  # half of its own step [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
     first: int = 0  # slot of its first output
+    sizes: dict[Variable, int] = field(default_factory=dict)  # bytes at most, of those that have more than one slot
+
+    def numbers(self, variables: Sequence[Variable], values: Array) -> Iterable[tuple[Variable, float]]:
+        """Each of its inputs or outputs with its number in `values`, which is `u` or `y`."""
+        at, listed = 0, values.tolist()
+        for variable in variables:
+            yield variable, listed[at]
+            at += slots(self.sizes.get(variable, 0))
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
         """Each extrapolated input: number, slots of now, previous and time, period of its source, and time ahead [s].
@@ -73,7 +81,8 @@ class Layout:
         self.constants: dict[
             tuple[SystemComponent, Variable], int
         ] = {}  # unconnected inputs that are recorded or watched
-        self.wide: dict[str, int] = {}  # full name -> slot, of integers that doubles may not hold
+        self.sizes: dict[tuple[SystemComponent, Variable], int] = {}  # bytes of outputs with more than one slot
+        self.wide: dict[str, int] = {}  # full name -> slot, of integers that are rounded where doubles do not hold them
         self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
         self.record_names: list[str] = []
         self.aliases: dict[str, str] = {}  # further names of what is recorded
@@ -92,7 +101,7 @@ class Layout:
         """
         for m in components:
             port = self.ports[m]
-            for variable, value in zip(port.outputs, port.y.tolist(), strict=True):
+            for variable, value in port.numbers(port.outputs, port.y):
                 if not math.isfinite(value):
                     reached = t if t is None or m.discrete else t + (float(m.step) if h is None else h)
                     return NotFinite(m.name, variable.name, value, reached)
@@ -103,18 +112,27 @@ class Layout:
 
         Published values become previous values, and reached values become published ones.
         """
-        previous = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is component]
-        published = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is component]
-        return previous, published
+        previous = [(s, self.visible[key], key) for key, s in self.previous.items() if key[0] is component]
+        published = [(self.visible[key], s, key) for key, s in self.latest.items() if key[0] is component]
+        return self._all_slots(previous), self._all_slots(published)
+
+    def _all_slots(self, copies: Iterable[tuple[int, int, tuple[SystemComponent, Variable]]]) -> list[tuple[int, int]]:
+        return [(to + k, source + k) for to, source, key in copies for k in range(self.width(key))]
+
+    def width(self, key: tuple[SystemComponent, Variable]) -> int:
+        """Slots of a value."""
+        return slots(self.sizes.get(key, 0))
 
     @cached_property
     def keys(self) -> tuple[Key, ...]:
         """What each value is: which part, of which component, of which variable (of `sample_time` none)."""
         found: list[Key] = [("", "", "")] * len(self.values)
         parts = {"visible": self.visible, "latest": self.latest, "previous": self.previous, "constant": self.constants}
-        for part, slots in parts.items():
-            for (component, variable), slot in slots.items():
+        for part, places in parts.items():
+            for (component, variable), slot in places.items():
                 found[slot] = (part, component.name, variable.name)
+                for k in range(1, self.width((component, variable))):
+                    found[slot + k] = (part, component.name, f"{variable.name}#{k}")
         for component, slot in self.sample_times.items():
             found[slot] = ("sample_time", component.name, "")
         return tuple(found)
@@ -147,16 +165,19 @@ def make_layout(
         else:
             needed[component].add(variable)
     outputs = {m: sorted(vs, key=_storage_order) for m, vs in needed.items()}
+    for c in schedule.connections:
+        if c.size:
+            layout.sizes[c.source, c.output] = max(c.size, layout.sizes.get((c.source, c.output), 0))
     count = 0
-    for slots, components in ((layout.visible, schedule.components), (layout.latest, schedule.continuous)):
+    for places, components in ((layout.visible, schedule.components), (layout.latest, schedule.continuous)):
         for m in components:
             for v in outputs[m]:
-                slots[m, v] = count
-                count += 1
+                places[m, v] = count
+                count += layout.width((m, v))
     for c in schedule.connections:
         if (c.delay or c.extrapolate) and (c.source, c.output) not in layout.previous:
             layout.previous[c.source, c.output] = count
-            count += 1
+            count += layout.width((c.source, c.output))
         if c.extrapolate and c.source not in layout.sample_times:
             layout.sample_times[c.source] = count
             count += 1
@@ -164,11 +185,14 @@ def make_layout(
         layout.constants[key] = count
         count += 1
     layout.values = np.zeros(count)
+    rounded = {(c.source, c.output) for c in schedule.connections if not c.size}
+    driven = {key: (c.source, c.output) for key, c in by_input.items()}
+    seen = {driven.get(key, key) for key in (*record, *watch)}
     layout.wide = {
         f"{m.name}.{v.name}": i
-        for slots in (layout.visible, layout.constants)
-        for (m, v), i in slots.items()
-        if v.fmi_type in WIDE
+        for places in (layout.visible, layout.constants)
+        for (m, v), i in places.items()
+        if v.fmi_type in WIDE and ((m, v) in rounded | seen or (m, v) in layout.constants)
     }
     for m in schedule.components:
         layout.ports[m] = _port(layout, schedule, m, outputs[m])
@@ -184,12 +208,16 @@ def _storage_order(variable: Variable) -> tuple[str, int, int]:
 def _port(layout: Layout, schedule: Schedule, component: SystemComponent, outputs: list[Variable]) -> PortLayout:
     incoming = sorted((c for c in schedule.connections if c.target is component), key=lambda c: _storage_order(c.input))
     ahead = _ahead(schedule, component)
-    slots = layout.visible if component.discrete else layout.latest
-    first = slots[component, outputs[0]] if outputs else 0
+    places = layout.visible if component.discrete else layout.latest
+    first = places[component, outputs[0]] if outputs else 0
+    sizes = {v: size for v in outputs if (size := layout.sizes.get((component, v), 0))}
+    sizes |= {c.input: c.size for c in incoming if c.size}
+    n_outputs = sum(slots(sizes.get(v, 0)) for v in outputs)
     extrapolations: list[tuple[int, int, int, int]] = []
     periods: list[float] = []
     since: list[float] = []
-    for i, c in enumerate(incoming):
+    wide = [(c, k) for c in incoming for k in range(slots(c.size))]
+    for i, (c, _) in enumerate(wide):
         if c.extrapolate:
             # Of a source ahead of it in its group a component sees what that has just reached, one step of the source
             # after what is visible: the line through both is interpolated.
@@ -198,16 +226,16 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
             extrapolations.append((i, now[key], before[key], layout.sample_times[c.source]))
             periods.append(float(c.source.step))
             since.append(float(c.source.step) if early else 0.0)
-    scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
+    scale, offset = np.array([c.scale for c, _ in wide]), np.array([c.offset for c, _ in wide])
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
-    index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
+    index = np.array([_source_slot(layout, c, ahead) + k for c, k in wide], dtype=np.intp)
     begin = int(index[0]) if len(index) else 0
     in_place = not converts and not extrapolations and np.array_equal(index, begin + np.arange(len(index)))
     return PortLayout(
         inputs=[c.input for c in incoming],
         outputs=outputs,
         u=layout.values[begin : begin + len(index)] if in_place else np.zeros(len(index)),
-        y=layout.values[first : first + len(outputs)],
+        y=layout.values[first : first + n_outputs],
         index=index,
         scale=scale if converts else None,
         offset=offset if converts else None,
@@ -217,6 +245,7 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
         half=float(component.step) / 2,
         in_place=in_place,
         first=first,
+        sizes=sizes,
     )
 
 

@@ -25,7 +25,7 @@ from cosim.fmu.event_steps import steps_with_events
 from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.system.components import Group, SystemComponent
-from cosim.system.schedule import Schedule, make_schedule
+from cosim.system.schedule import Schedule, make_schedule, only_numbers
 from cosim.system.wiring import Wiring
 
 with extras.needed("build", extras.BUILDING):
@@ -65,6 +65,11 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
                 f"'{m.name}' is written in Python, and {what} holds compiled components only: {remedy}write it as a"
                 " component that build-fmus compiles"
             )
+        if m.implementation.structure:
+            sizes = ", ".join(m.implementation.structure)
+            raise CosimError(
+                f"'{m.name}' was added with {sizes}, and {what} keeps the FMU's own array sizes: {remedy}set none"
+            )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
         if steps_with_events(m.description):
@@ -79,7 +84,8 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
-    return make_schedule(components, connections, [g for g in groups if g.components])
+    schedule = make_schedule(components, connections, [g for g in groups if g.components])
+    return only_numbers(schedule, what, "leave one of the two components out" if not page else "use other components")
 
 
 @dataclass(frozen=True)

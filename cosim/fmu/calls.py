@@ -71,7 +71,8 @@ _TYPES3 = {
     "String": "const char*",
 }
 
-_FMI3 = """
+_FMI3 = (
+    """
 typedef void* Component; typedef uint32_t VR; typedef unsigned int Status;
 Component fmi3InstantiateCoSimulation(const char*, const char*, const char*, bool, bool, bool, bool, const VR*, size_t,
                                       void*, void*, void*);
@@ -90,13 +91,21 @@ Status fmi3DeserializeFMUState(Component, const char*, size_t, void**);
 Status fmi3GetDirectionalDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, size_t, double*,
                                     size_t);
 Status fmi3DoStep(Component, double, double, bool, bool*, bool*, bool*, double*);
-""" + "".join(
-    f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
-    f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
-    for name, c in _TYPES3.items()
+"""
+    + "".join(
+        f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
+        f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
+        for name, c in _TYPES3.items()
+    )
+    + """
+Status fmi3GetBinary(Component, const VR*, size_t, size_t*, const uint8_t**, size_t);
+Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t* const*, size_t);
+"""
 )
 
 _EVENTS3 = """
+Status fmi3EnterConfigurationMode(Component);
+Status fmi3ExitConfigurationMode(Component);
 Status fmi3EnterEventMode(Component);
 Status fmi3EnterStepMode(Component);
 Status fmi3UpdateDiscreteStates(Component, bool*, bool*, bool*, bool*, bool*, double*);
@@ -106,7 +115,7 @@ Status fmi3GetIntervalDecimal(Component, const VR*, size_t, double*, int*);
 Status fmi3GetIntervalFraction(Component, const VR*, size_t, uint64_t*, uint64_t*, int*);
 Status fmi3GetShiftDecimal(Component, const VR*, size_t, double*);
 Status fmi3GetShiftFraction(Component, const VR*, size_t, uint64_t*, uint64_t*);
-"""  # what FMUs with events have
+"""  # what only FMUs with structural parameters or events have
 
 _EXCHANGE = """
 Status fmi{v}SetTime(Component, double);
@@ -164,7 +173,7 @@ def close(ffi: cffi.FFI, library: Any) -> None:
 
 # FMI type -> C type of one value, for buffers.
 C_TYPES2 = {"Real": "double", "Integer": "int", "Enumeration": "int", "Boolean": "int", "String": "const char*"}
-C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t"}
+C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t", "Binary": "const uint8_t*"}
 
 
 def c_types(version: int) -> dict[str, str]:

@@ -19,7 +19,7 @@ import cosim.fmu.calls as fmi
 from build_fmus.base import surface
 from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import (
     STATUS_NAMES,
     CallFailed,
@@ -34,6 +34,7 @@ from cosim.core.time import seconds_text
 from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.event_steps import EventSteps, steps_with_events
+from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
@@ -69,6 +70,7 @@ class FmuComponent:
         self.isolation = isolation
         self.exchange = exchange or ModelExchange()
         self.description = fmu.description
+        self.structure: dict[str, Any] = {}  # values of structural parameters other than the FMU's own
         self.name = fmu.description.name
         self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
         self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
@@ -93,6 +95,8 @@ class FmuComponent:
         self._reads_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
+        self._exact: list[ExactCall] = []  # bound calls that move what doubles do not hold
+        self._sizes: Mapping[Variable, int] = {}
         self._events: EventMode | None = None
         self.integration: Integration | None = None
         self._event_steps: EventSteps | None = None
@@ -112,6 +116,11 @@ class FmuComponent:
         )
 
     @property
+    def events(self) -> EventMode | None:
+        """Its clocks, if the master activates them."""
+        return self._events
+
+    @property
     def _driver(self) -> Integration | EventSteps | None:
         """What steps it instead of itself, in this process: its integrator, or what divides its steps at events."""
         return self.integration if self.integration is not None and self.integration.here else self._event_steps
@@ -123,7 +132,27 @@ class FmuComponent:
 
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
-        return FmuComponent(self.fmu, self.isolation, self.exchange)
+        made = FmuComponent(self.fmu, self.isolation, self.exchange)
+        if self.structure:
+            made.restructure(self.structure)
+        return made
+
+    def restructure(self, structure: Mapping[str, Any]) -> None:
+        """Other values of structural parameters, by name, before it is instantiated: its arrays have other sizes.
+
+        Raises FmuError for sizes that are too large.
+        """
+        self.description, self.structure = self.fmu.structured(structure), dict(structure)
+
+    def _configure(self) -> None:
+        """Structural parameters of a fresh instance, in configuration mode."""
+        if not self.structure:
+            return
+        self._must("EnterConfigurationMode")
+        for name, value in self.structure.items():
+            variable = self.description.variables[name]
+            self._set_raw(variable.fmi_type, variable.reference, [value], name)
+        self._must("ExitConfigurationMode")
 
     # Life of the instance.
 
@@ -147,6 +176,7 @@ class FmuComponent:
         if reusable and self._call("Reset") <= fmi.WARNING:
             if self._event_steps is not None:
                 self._event_steps.end()
+            self._configure()
             return
         self.close()
         self._forget_messages()
@@ -191,6 +221,7 @@ class FmuComponent:
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
         self._event_steps = EventSteps(self) if divided else None
+        self._configure()
 
     def _open(self) -> Library | IsolatedLibrary:
         """The library for a new instance."""
@@ -285,6 +316,7 @@ class FmuComponent:
             self._fail(function, status, detail)
 
     def _fail(self, function: str, status: int, detail: str = "") -> None:
+        detail = next((said for call in self._exact if (said := call.complaint())), detail)
         lost = self._library.lost()
         function, detail = self._library.failing_function(function), self._library.failure_detail() or detail
         if status == fmi.FATAL or lost:
@@ -369,9 +401,14 @@ class FmuComponent:
 
     def _set_raw(self, fmi_type: str, reference: int, data: list[Any], name: str) -> None:
         c_type, ffi = self._c_types[fmi_type], self._ffi
+        before: tuple[Any, ...] = ()
         if fmi_type == "String":
             keep = [ffi.new("char[]", str(x).encode()) for x in data]
             buffer = ffi.new("const char*[]", keep)
+        elif fmi_type == "Binary":
+            keep = [ffi.from_buffer("uint8_t[]", bytes(x)) for x in data]
+            before = (ffi.new("size_t[]", [len(x) for x in data]),)
+            buffer = ffi.new("const uint8_t*[]", keep)
         elif fmi_type == "Boolean":
             buffer = ffi.new(f"{c_type}[]", [bool(x) for x in data])
         elif c_type in ("double", "float"):
@@ -381,7 +418,7 @@ class FmuComponent:
         detail = f"{name} = {data[0] if len(data) == 1 else data}"
         function = f"Set{self._functions.get(fmi_type, fmi_type)}"
         counts = (len(data),) if self._v3 else ()
-        self._must(function, ffi.new("VR[]", [reference]), 1, buffer, *counts, detail=detail[:200])
+        self._must(function, ffi.new("VR[]", [reference]), 1, *before, buffer, *counts, detail=detail[:200])
 
     def get(self, variables: Sequence[Variable]) -> list[Any]:
         return [self._get_raw(v.fmi_type, [v.reference], v.size)[v.index] for v in variables]
@@ -390,15 +427,29 @@ class FmuComponent:
         ffi = self._ffi
         buffer = ffi.new(f"{self._c_types[fmi_type]}[]", size)
         function = f"Get{self._functions.get(fmi_type, fmi_type)}"
-        self._must(function, ffi.new("VR[]", references), len(references), buffer, *((size,) if self._v3 else ()))
+        sizes = (ffi.new("size_t[]", size),) if fmi_type == "Binary" else ()
+        counts = (size,) if self._v3 else ()
+        self._must(function, ffi.new("VR[]", references), len(references), *sizes, buffer, *counts)
+        if sizes:
+            return [bytes(ffi.buffer(x, n)) if n else b"" for x, n in zip(buffer, sizes[0], strict=True)]
         if fmi_type == "String":
             return [fmi.text(ffi, x) for x in buffer]
         return [bool(x) for x in buffer] if fmi_type == "Boolean" else list(buffer)
 
     # Values, bound to the master's buffers.
 
-    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+    def bind(
+        self,
+        inputs: Sequence[Variable],
+        outputs: Sequence[Variable],
+        u: Array,
+        y: Array,
+        sizes: Mapping[Variable, int] | None = None,
+    ) -> Ports:
+        """`sizes`: bytes at most, of values that have more than one place in `u` and `y` (`exact_values.h`)."""
         self._kept.clear()
+        self._exact.clear()
+        self._sizes = sizes or {}
         del self._keep[self._kept_from_start :]  # buffers of the run before
         if self._events is not None:
             self._bound_step = self._do_step()
@@ -406,7 +457,9 @@ class FmuComponent:
             self._get_outputs = ports.get_outputs
             return self._with_guards(ports)
         setters = self._setters(inputs, u)
-        getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
+        getters = [
+            self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs, sizes=self._sizes)
+        ]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
         self._get_outputs = get_outputs
         do_step = self._do_step()
@@ -418,9 +471,9 @@ class FmuComponent:
         """Calls that set inputs; with event mode, discrete ones wait for it once initialization is over."""
         major, steps = int(self.fmu.major), self._event_steps
         if steps is None or not self.description.event_mode:
-            return [self._transfer("Set", how, u) for how in arrangements(major, inputs)]
+            return [self._transfer("Set", how, u) for how in arrangements(major, inputs, sizes=self._sizes)]
         groups = (
-            [self._transfer("Set", how, u) for how in arrangements(major, inputs, chosen)]
+            [self._transfer("Set", how, u) for how in arrangements(major, inputs, chosen, self._sizes)]
             for chosen in (lambda v: v.variability != "discrete", lambda v: v.variability == "discrete")
         )
         continuous, discrete = groups
@@ -492,6 +545,8 @@ class FmuComponent:
         Doubles that fill their arrays and lie side by side in the master's buffer are passed in place; anything else
         goes through a buffer of its own.
         """
+        if how.sizes:
+            return self._exact_transfer(direction, how, buffer)
         ffi, v3, total = self._ffi, self._v3, how.total
         element, place, c_type = how.element, how.place, self._c_types[how.fmi_type]
         first = int(place[0])
@@ -534,6 +589,33 @@ class FmuComponent:
             *(() if how.in_place else (element, place)),
         )
         return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, transfer)
+
+    def _exact_transfer(self, direction: str, how: Arrangement, buffer: Array) -> _Bound:
+        """The same of values that have more than one place in the master's buffer."""
+        call = ExactCall(how, buffer, direction, int(self.fmu.major))
+        if direction == "Set" and how.keeps:
+            if how.fmi_type in TEXTS:
+                names = sorted({elements[0].declared for elements in how.arrays.values()})
+                raise CosimError(
+                    f"'{self.name}': {', '.join(names)}: connect all elements of an array of texts, or none"
+                )
+
+            def keep() -> None:
+                call.values[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
+
+            keep()
+            self._kept.append(keep)
+        self._exact.append(call)
+        function = f"{direction}{how.fmi_type}"
+        move = call.bound(self._address(self._function(function)), self.address)
+        fail, warning = self._fail, fmi.WARNING
+
+        def checked() -> None:
+            status = move()
+            if status > warning:
+                fail(function, status)
+
+        return _Bound(checked, call.transfer(function))
 
     def _do_step(self) -> _DoStep:
         """The step function as (call, last arguments, ended): `call(t, h, *last arguments)`.
@@ -691,6 +773,7 @@ class FmuComponent:
             "FMI version": about.fmi_version,
             "token": about.token,
             **({"interface": "Model Exchange"} if self.integrated else {}),
+            **({"structural parameters": str(self.structure)} if self.structure else {}),
             "content (SHA-256 of description and library)": self.fmu.digest,
         }
 

@@ -13,8 +13,9 @@ set |
 | changing | what the FMU says at each tick: the time to the next |
 | countdown | what the FMU says in any event mode, if it knows it |
 
-FMUs whose clocks others must tick (triggered inputs) are refused: no clocks are connected here. Early return is not
-allowed to the FMU and no intermediate update is requested, which are rights of whoever imports it.
+Triggered input clocks tick when an output clock of another FMU does that is connected to them. Such FMUs take their
+steps together, see `clock_network.py`, which says when what is called. Early return is not allowed to the FMU and no
+intermediate update is requested, which are rights of whoever imports it.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ import numpy as np
 
 from cosim.core.component import Action, EndRequested, Ports
 from cosim.core.description import Clock, Description, Variable
-from cosim.core.errors import CallFailed, CosimError
+from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 from cosim.core.time import rational, seconds_text
-from cosim.fmu.transfers import Arrangement, arrangements
+from cosim.fmu.clock_network import ClockNetwork
+from cosim.fmu.transfers import Arrangement, arrangements, slots
 
-ITERATIONS = 1000  # of an event, and ticks at one instant; beyond does not converge
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier
 PERIODIC = ("constant", "fixed", "tunable")
 
@@ -42,11 +43,6 @@ PERIODIC = ("constant", "fixed", "tunable")
 def refusal(about: Description) -> str:
     """Why the clocks of an FMU cannot be driven; empty if they can, or if there are none."""
     for clock in about.clocks:
-        if clock.causality == "input" and clock.kind == "triggered":
-            return (
-                f"its clock '{clock.name}' is triggered by another FMU, and connections between clocks are not"
-                " supported"
-            )
         if clock.causality == "input" and not about.event_mode:
             return f"its clock '{clock.name}' needs event mode, which it does not offer (hasEventMode)"
     return ""
@@ -59,10 +55,13 @@ class Instance(Protocol):
     description: Description
     _ffi: Any
     _flags: Any
+    _sizes: Mapping[Variable, int]
 
     def _must(self, function: str, *arguments: Any) -> None: ...
 
     def _set_values(self, values: Mapping[Variable, Any]) -> None: ...
+
+    def _check_environment(self) -> None: ...
 
     def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> Any: ...
 
@@ -91,6 +90,7 @@ class _Group:
     clocks: frozenset[int]  # that they belong to; none: to no clock
     at_events: bool  # inputs that are discrete without belonging to a clock
     places: Any
+    parts: dict[Variable, slice]  # of places and buffer: one place for each variable, or several
     buffer: Array
     moves: tuple[Action, ...]
 
@@ -105,15 +105,18 @@ class EventMode:
     def __init__(self, component: Instance):
         self.component = component
         self.about = component.description
-        self.clocks = {c.reference: c for c in self.about.clocks if c.causality == "input"}
+        self.clocks = {c.reference: c for c in self.about.clocks if c.causality == "input" and c.kind != "triggered"}
+        self.network = ClockNetwork([self])
         self.told = [c.reference for c in self.about.clocks if c.causality == "output"]  # that the FMU itself ticks
         self.due: dict[int, Due] = {}
         self.now, self.next_event = 0.0, math.inf
         self.initializing = False
+        self._tuned = False  # a parameter was set, which intervals may depend on
         self._start = Fraction(0)
         self._later: dict[Variable, Any] = {}  # inputs of clocks that were set between their ticks
         self._inputs: list[_Group] = []
         self._outputs: list[_Group] = []
+        self._u, self._y, self._given = np.zeros(0), np.zeros(0), np.zeros(0)
 
     # Initialization.
 
@@ -125,14 +128,14 @@ class EventMode:
     def exit_initialization(self) -> None:
         """Read intervals, leave initialization mode, and leave the event mode after it for step mode.
 
-        No clock has ticked yet.
+        No time-based clock has ticked yet. FMUs with connected clocks leave that event mode together.
         """
         for clock in self.clocks.values():
             self.due[clock.reference] = self._first(clock)
         self.component._must("ExitInitializationMode")
         self.initializing = False
-        self._update(frozenset())
-        self.component._must("EnterStepMode")
+        if self.network.alone:
+            self.network.begin([self])
 
     def _first(self, clock: Clock) -> Due:
         if clock.kind not in PERIODIC:
@@ -179,7 +182,7 @@ class EventMode:
     def ports(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         """Ports that read `inputs` from `u` and write `outputs` to `y`, with events at the ticks of clocks."""
         self._inputs, self._outputs = self._grouped("Set", inputs), self._grouped("Get", outputs)
-        self._u, self._y = u, y
+        self._given, self._u, self._y = u, u.copy(), y
         first = (
             None if self.about.kind is not None else self.about.initial_unknowns
         )  # FMUs of this project compute them all
@@ -189,33 +192,60 @@ class EventMode:
 
         def set_inputs() -> None:
             if self.initializing:  # later they are set when they may be: in the step
-                self._set(lambda _: True)
+                self.read_inputs()
+                self.set_inputs(lambda _: True)
 
         def get_outputs() -> None:
-            self._get(lambda g: g in at_first if self.initializing else not g.clocks)
+            self.get_outputs(lambda g: g in at_first if self.initializing else not g.clocks)
 
-        return Ports.of(set_inputs, self.step, get_outputs)
+        return Ports.of(set_inputs, lambda t, h: self.network.step(self, t, h), get_outputs)
+
+    def read_inputs(self) -> None:
+        """Note the inputs as the exchange has them; within a step they do not change."""
+        self._u[:] = self._given
 
     def _grouped(self, direction: str, variables: Sequence[Variable]) -> list[_Group]:
         """Variables by their clocks; inputs that are discrete apart from those that are not."""
-        groups: dict[tuple[frozenset[int], bool], list[int]] = {}
-        for i, v in enumerate(variables):
+        sizes, at = self.component._sizes, 0
+        groups: dict[tuple[frozenset[int], bool], dict[Variable, range]] = {}
+        for v in variables:
             at_events = direction == "Set" and not v.clocks and v.variability == "discrete"
-            groups.setdefault((frozenset(v.clocks), at_events), []).append(i)
+            n = slots(sizes.get(v, 0))
+            groups.setdefault((frozenset(v.clocks), at_events), {})[v] = range(at, at + n)
+            at += n
         made = []
         for (clocks, at_events), places in groups.items():
-            buffer, own = np.zeros(len(places)), [variables[i] for i in places]
-            moves = [self.component._transfer(direction, how, buffer).move for how in arrangements(3, own)]
-            made.append(_Group(own, clocks, at_events, np.array(places, dtype=np.intp), buffer, tuple(moves)))
+            own, all_places = list(places), [i for r in places.values() for i in r]
+            begins = np.cumsum([0, *(len(r) for r in places.values())]).tolist()
+            buffer = np.zeros(len(all_places))
+            moves = [self.component._transfer(direction, how, buffer).move for how in arrangements(3, own, sizes=sizes)]
+            parts = {v: slice(b, b + len(r)) for (v, r), b in zip(places.items(), begins, strict=False)}
+            made.append(
+                _Group(own, clocks, at_events, np.array(all_places, dtype=np.intp), parts, buffer, tuple(moves))
+            )
         return made
 
-    def _set(self, which: Callable[[_Group], bool]) -> None:
+    def place(self, variable: Variable) -> tuple[Array, Any]:
+        """Where a variable is: in the noted inputs or in the outputs, and its places there."""
+        for array, groups in ((self._u, self._inputs), (self._y, self._outputs)):
+            for group in groups:
+                if variable in group.parts:
+                    return array, group.places[group.parts[variable]]
+        raise KeyError(variable.name)
+
+    @property
+    def sets_at_events(self) -> bool:
+        """Whether it has inputs that are discrete without belonging to a clock."""
+        return any(g.at_events for g in self._inputs)
+
+    def set_inputs(self, which: Callable[[_Group], bool]) -> None:
+        """Set these of the noted inputs."""
         for group in self._inputs:
             if which(group):
                 group.buffer[:] = self._u[group.places]
                 group.move()
 
-    def _get(self, which: Callable[[_Group], bool]) -> None:
+    def get_outputs(self, which: Callable[[_Group], bool]) -> None:
         """Read these outputs; those of clocks that do not tick keep what they showed."""
         for group in self._outputs:
             if which(group):
@@ -229,22 +259,14 @@ class EventMode:
         """
         self._later |= {v: x for v, x in values.items() if v.clocks}
         if now := {v: x for v, x in values.items() if not v.clocks}:
-            self.component._must("EnterEventMode")
-            self.component._set_values(now)
-            self._update(frozenset())
-            for clock in self.clocks.values():
-                if clock.kind == "tunable" and clock.interval is None:
-                    qualifier, interval = self._ask(clock)
-                    if qualifier == CHANGED:
-                        time = rational(self.now, "time")
-                        self.due[clock.reference] = Due(time + self._positive(clock, interval), 0, interval)
-            self.component._must("EnterStepMode")
+            self._tuned = True
+            self.network.change(self, lambda: self.component._set_values(now))
 
     # What a saved state has beside that of the FMU.
 
     def saved(self) -> Any:
         """State of the clocks, which is saved beside the FMU's own state."""
-        held = {v: float(x) for g in self._outputs if g.clocks for v, x in zip(g.variables, g.buffer, strict=True)}
+        held = {v: g.buffer[part].copy() for g in self._outputs if g.clocks for v, part in g.parts.items()}
         return dict(self.due), self.now, self.next_event, dict(self._later), held
 
     def restore(self, state: Any) -> None:
@@ -253,100 +275,95 @@ class EventMode:
         self.due, self._later = dict(due), dict(later)
         for group in self._outputs:
             if group.clocks:
-                group.buffer[:] = [held.get(v, x) for v, x in zip(group.variables, group.buffer, strict=True)]
+                for v, part in group.parts.items():
+                    if v in held and len(held[v]) == part.stop - part.start:
+                        group.buffer[part] = held[v]
 
-    # Time.
+    # What `ClockNetwork` calls, in event mode but for `advance`.
 
-    def step(self, t: float, h: float) -> None:
-        """A communication step with all ticks in [t, t + h)."""
-        end, near = t + h, min(1e-9 * (1.0 + abs(t)), 1e-3 * h)
-        self.now = t
-        self._set(lambda g: not g.clocks and not g.at_events)
-        self._events(near, first=any(g.at_events for g in self._inputs))
-        for _ in range(ITERATIONS):
-            following = min([self.next_event, *(due.next for due in self.due.values())])
-            to = following if following < end - near else end
-            if to < end and not self.about.variable_step:
-                self._stop(
-                    f"a clock ticks at {to:.9g} s, within a step from {t:.9g} s to {end:.9g} s, and the FMU takes no"
-                    " steps of other lengths (canHandleVariableCommunicationStepSize): give it a step so that every"
-                    " tick is at the beginning of a step"
-                )
-            self._advance(to, within=to < end)
-            if to == end:
-                return
-            self._events(near)
-        self._stop(f"its clocks tick more than {ITERATIONS} times from {t:.9g} s to {end:.9g} s")
+    @property
+    def next(self) -> float:
+        """When it must be in event mode next [s]."""
+        return min([self.next_event, *(due.next for due in self.due.values())])
 
-    def _advance(self, to: float, *, within: bool) -> None:
+    def ticking(self, near: float) -> frozenset[int]:
+        """Time-based clocks that tick now."""
+        return frozenset(r for r, due in self.due.items() if due.next <= self.now + near)
+
+    def wants_event(self, near: float) -> bool:
+        """Whether it has reported an event, or announced one for now."""
+        return bool(self.component._flags[0]) or self.next_event <= self.now + near
+
+    def advance(self, to: float, *, within: bool) -> None:
         """`fmi3DoStep` from where it stands."""
         try:
             self.component._advance(self.now, to - self.now)
         except EndRequested as request:
             raise EndRequested(request.component, str(request), complete=request.complete and not within) from None
+        finally:
+            self.component._check_environment()
         self.now = to
-        if self.component._flags[0] and not within:
-            self._event(frozenset())
 
-    def _events(self, near: float, *, first: bool = False) -> None:
-        """Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change."""
-        for _ in range(ITERATIONS):
-            ticking = frozenset(r for r, due in self.due.items() if due.next <= self.now + near)
-            wanted = bool(self.component._flags[0]) or self.next_event <= self.now + near
-            if not (ticking or first or wanted):
-                return
-            self._event(ticking, first=first)
-            first = False
-        self._stop("event iteration did not converge: clocks tick again after every update")
-
-    def _event(self, ticking: frozenset[int], *, first: bool = False) -> None:
-        """Event mode: clocks tick, what belongs to them is exchanged, discrete states are updated."""
-        must, new = self.component._must, self.component._ffi.new
-        must("EnterEventMode")
+    def enter(self) -> None:
+        """Enter event mode."""
+        self.component._must("EnterEventMode")
         self.component._flags[0] = False
-        if ticking:
-            references = sorted(ticking)
-            must("SetClock", new("VR[]", references), len(references), new("bool[]", [True] * len(references)))
-        self._set(lambda g: bool(g.clocks & ticking) or (first and g.at_events))
-        if later := {v: x for v, x in self._later.items() if ticking & set(v.clocks)}:
+
+    def leave(self) -> None:
+        """Enter step mode."""
+        self.component._must("EnterStepMode")
+
+    def tick(self, clocks: frozenset[int], *, first: bool = False) -> None:
+        """These clocks tick: their inputs are set; `first`: discrete inputs without a clock too."""
+        new = self.component._ffi.new
+        if clocks:
+            references = sorted(clocks)
+            self.component._must(
+                "SetClock", new("VR[]", references), len(references), new("bool[]", [True] * len(references))
+            )
+        self.set_inputs(lambda g: bool(g.clocks & clocks) or (first and g.at_events))
+        if later := {v: x for v, x in self._later.items() if clocks & set(v.clocks)}:
             self.component._set_values(later)
             self._later = {v: x for v, x in self._later.items() if v not in later}
-        for reference in ticking:
+        for reference in clocks & self.due.keys():
             self.due[reference] = replace(self.due[reference], count=self.due[reference].count + 1)
-        self._update(ticking)
-        must("EnterStepMode")
 
-    def _stop(self, why: str) -> NoReturn:
-        raise CallFailed(self.component.name, "event mode", 3, f"{why} (at {self.now:.9g} s)")
+    def update(self, active: frozenset[int], ticking: frozenset[int]) -> bool:
+        """Read outputs of active clocks and update discrete states; whether another update is required.
 
-    def _update(self, ticking: frozenset[int]) -> None:
-        """Read outputs of clocks, update discrete states until they stay, and read intervals that may have changed."""
+        `ticking`: those of the active clocks that are time-based.
+        """
         flags, when = self.component._ffi.new("bool[5]"), self.component._ffi.new("double*")
-        for _ in range(ITERATIONS):
-            active = ticking | self._told_now()
-            if active:
-                self._get(lambda g, active=active: bool(g.clocks & active))  # type: ignore[misc]
-            self._reschedule(ticking)
-            self.component._must("UpdateDiscreteStates", *(flags + k for k in range(5)), when)
-            ticking = frozenset()
-            if flags[1]:
-                text = (
-                    f"component '{self.component.name}' asked to end the simulation (in event mode at {self.now:.9g} s)"
-                )
-                raise EndRequested(self.component.name, text, complete=False)
-            if not flags[0]:
-                self._reschedule(ticking)
-                self.next_event = when[0] if flags[4] else math.inf
-                return
-        self._stop("event iteration did not converge: every update of discrete states requires another one")
+        if active:
+            self.get_outputs(lambda g: bool(g.clocks & active))
+        self._reschedule(ticking)
+        self.component._must("UpdateDiscreteStates", *(flags + k for k in range(5)), when)
+        if flags[1]:
+            text = f"component '{self.component.name}' asked to end the simulation (in event mode at {self.now:.9g} s)"
+            raise EndRequested(self.component.name, text, complete=False)
+        if not flags[0]:
+            self._reschedule(frozenset())
+            self._retune()
+            self.next_event = when[0] if flags[4] else math.inf
+        return bool(flags[0])
 
-    def _told_now(self) -> frozenset[int]:
+    def told_now(self) -> frozenset[int]:
         """Output clocks that tick."""
         if not self.told:
             return frozenset()
         values = self.component._ffi.new("bool[]", len(self.told))
         self.component._must("GetClock", self.component._ffi.new("VR[]", self.told), len(self.told), values)
         return frozenset(r for r, ticks in zip(self.told, values, strict=True) if ticks)
+
+    def _retune(self) -> None:
+        """Intervals of tunable clocks, after a parameter was set."""
+        for clock in self.clocks.values() if self._tuned else ():
+            if clock.kind == "tunable" and clock.interval is None:
+                qualifier, interval = self._ask(clock)
+                if qualifier == CHANGED:
+                    time = rational(self.now, "time")
+                    self.due[clock.reference] = Due(time + self._positive(clock, interval), 0, interval)
+        self._tuned = False
 
     def _reschedule(self, ticking: frozenset[int]) -> None:
         """Intervals that the FMU tells in event mode."""

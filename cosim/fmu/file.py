@@ -8,7 +8,7 @@ import sys
 import tempfile
 import warnings
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -147,6 +147,15 @@ class FmuFile:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.path)!r})"
+
+    def structured(self, structure: Mapping[str, Any]) -> Description:
+        """The description with other values of structural parameters, by name: arrays have other sizes.
+
+        Raises FmuError for sizes that are too large.
+        """
+        limits = self._archive.limits
+        root = tree(self._archive.description(), str(self.path), limits)
+        return read(root, str(self.path), limits, self.description.interface, structure)
 
     def require_standard(self) -> None:
         """Raises FmuError when the description deviates from the standard, other than by a known quirk of its tool."""

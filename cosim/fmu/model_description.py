@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -30,6 +30,9 @@ INTERFACES = {"cs": "CoSimulation", "me": "ModelExchange"}
 NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
+
+OCTETS = "application/octet-stream"  # mimeType of a Binary that has none
+LARGEST_BINARY = 2**30  # bytes that maxSize may say
 
 _TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
 _TYPES3 = {
@@ -53,11 +56,17 @@ def parse(xml: bytes, where: str, limits: Limits | None = None) -> Description:
     return read(tree(xml, where, limits or Limits()), where, limits or Limits())
 
 
-def read(root: Any, where: str, limits: Limits, interface: str | None = None) -> Description:
+def read(
+    root: Any, where: str, limits: Limits, interface: str | None = None, structure: Mapping[str, Any] | None = None
+) -> Description:
     """Description from the root element of modelDescription.xml, as of an interface, "cs" or "me". Raises FmuError.
 
-    Without `interface` it is Co-Simulation where the FMU offers it.
+    Without `interface` it is Co-Simulation where the FMU offers it. `structure`: values of structural parameters, by
+    name, instead of their start values.
     """
+    for element in root.iterfind("ModelVariables/*") if structure else ():
+        if element.get("name") in (structure or {}):
+            element.set("start", str((structure or {})[element.get("name")]).lower())
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
         raise FmuError(f"{where}: FMI version '{one_line(version, 40) or 'unknown'}'; FMI 2.0 and 3.0 are supported")
@@ -552,6 +561,10 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
         nominal=(abs(_number(attributes["nominal"], f"{what}: nominal")) or 1.0) if "nominal" in attributes else 1.0,
+        mime_type=attributes.get("mimeType", OCTETS) if fmi_type == "Binary" else "",
+        max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY)
+        if "maxSize" in attributes
+        else None,
         clocks=_references(element.get("clocks"), what),
     )
 

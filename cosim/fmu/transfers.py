@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ class Arrangement:
     element: Index
     place: Index
     in_place: bool  # all that is in the call lies side by side in the buffer, as doubles
+    sizes: tuple[int, ...] = ()  # bytes at most of each value that has more than one place (`engine/exact_values.h`)
 
     @property
     def keeps(self) -> bool:
@@ -35,28 +36,43 @@ class Arrangement:
 
 
 def arrangements(
-    version: int, variables: Sequence[Variable], chosen: Callable[[Variable], bool] = lambda _: True
+    version: int,
+    variables: Sequence[Variable],
+    chosen: Callable[[Variable], bool] = lambda _: True,
+    sizes: Mapping[Variable, int] | None = None,
 ) -> list[Arrangement]:
-    """The calls that move all variables that are `chosen`, one for each type."""
-    types = by_type(v for v in variables if chosen(v))
-    return [_arranged(version, variables, fmi_type, chosen) for fmi_type in types]
+    """The calls that move all variables that are `chosen`, one for each type.
+
+    `sizes`: bytes at most of those that have more than one place in the buffer.
+    """
+    sizes, at = sizes or {}, 0
+    groups: dict[tuple[str, bool], dict[Variable, int]] = {}  # places by type
+    for v in variables:
+        if chosen(v):
+            groups.setdefault((v.fmi_type, v in sizes), {})[v] = at
+        at += slots(sizes.get(v, 0))
+    return [_arranged(version, fmi_type, group, sizes) for (fmi_type, _), group in groups.items()]
+
+
+def slots(size: int) -> int:
+    """Places of a value in the master's buffers: one, and one for four of its `size` bytes, if it has any."""
+    return 1 + (size + 3) // 4
 
 
 def _arranged(
-    version: int, variables: Sequence[Variable], fmi_type: str, chosen: Callable[[Variable], bool]
+    version: int, fmi_type: str, places: Mapping[Variable, int], sizes: Mapping[Variable, int]
 ) -> Arrangement:
-    places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type and chosen(v)]
-    arrays = by_reference([variables[i] for i in places])
+    arrays = by_reference(places)
     offsets, total = {}, 0
     for reference, elements in arrays.items():
         offsets[reference] = total
         total += elements[0].size
-    element = np.array([offsets[variables[i].reference] + variables[i].index for i in places], dtype=np.intp)
-    place = np.array(places, dtype=np.intp)
+    element = np.array([offsets[v.reference] + v.index for v in places], dtype=np.intp)
+    place = np.array(list(places.values()), dtype=np.intp)
     contiguous = len(places) == total and np.array_equal(place, place[0] + np.arange(total))
     is_double = fmi.c_types(version)[fmi_type] == "double"
     in_place = is_double and contiguous and np.array_equal(element, np.arange(total))
-    return Arrangement(fmi_type, arrays, total, element, place, in_place)
+    return Arrangement(fmi_type, arrays, total, element, place, in_place, tuple(sizes[v] for v in places if v in sizes))
 
 
 def by_type(variables: Iterable[Variable]) -> dict[str, list[Variable]]:

@@ -30,6 +30,7 @@ from cosim.core.component import Array, PythonComponent
 from cosim.core.errors import CosimError
 from cosim.recording.recording import Recording
 from cosim.system.components import Connection, SystemComponent
+from cosim.system.loops import numeric
 
 if TYPE_CHECKING:
     from cosim.system.wiring import Wiring
@@ -188,7 +189,7 @@ def _is_real(wiring: Wiring, name: str) -> bool:
 
 
 def _couplings(wiring: Wiring) -> list[Connection]:
-    return [c for c in wiring.connections.values() if not (c.source.discrete or c.target.discrete)]
+    return [c for c in numeric(wiring.connections.values()) if not (c.source.discrete or c.target.discrete)]
 
 
 def _pairs(wiring: Wiring) -> dict[str, list[Connection]]:

@@ -31,6 +31,7 @@ from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
 from cosim.linear.linearized import LinearizedContinuous, Model, diagonal, model_of
 from cosim.system.components import Connection, Group, SystemComponent
+from cosim.system.loops import numeric
 from cosim.system.schedule import Schedule, make_schedule
 
 TOLERANCE = 1e-5
@@ -92,7 +93,7 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
     CosimError when none is left.
     """
     components = schedule.continuous
-    inner = [c for c in schedule.connections if c.source in components and c.target in components]
+    inner = [c for c in numeric(schedule.connections) if c.source in components and c.target in components]
     models: dict[SystemComponent, Model] = {}
     unchecked: dict[str, str] = {}
     ports: dict[SystemComponent, tuple[list[Variable], list[Variable]]] = {}

@@ -83,6 +83,11 @@ def files_of(schedule: Schedule, version: str) -> dict[SystemComponent, FmuFile]
                 f"'{m.name}' is isolated, which an SSP cannot express: add it without isolation, and isolate it when"
                 " you run the SSP"
             )
+        if m.implementation.structure:
+            raise SspError(
+                f"'{m.name}' was added with {', '.join(m.implementation.structure)}, and in an SSP it has the FMU's own"
+                " array sizes: add it without these"
+            )
         found[m] = _file_of(m, m.implementation.fmu, schedule, names.FMI_OF[version_of(version)])
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -71,7 +71,8 @@ class SystemComponent:
 class Connection:
     """source.output -> target.input, with target = scale * source + offset.
 
-    `flow`: the target takes the flow that the source gives, so no other component may take it.
+    `flow`: the target takes the flow that the source gives, so no other component may take it. `size`: bytes at most
+    that go with the number, of a String or Binary, or of a 64-bit integer that arrives exactly.
     """
 
     source: SystemComponent
@@ -83,6 +84,12 @@ class Connection:
     scale: float = 1.0
     offset: float = 0.0
     flow: bool = False
+    size: int = 0
+
+    @property
+    def is_clock(self) -> bool:
+        """Whether it connects clocks."""
+        return self.output.fmi_type == "Clock"
 
     @property
     def source_name(self) -> str:
@@ -126,6 +133,20 @@ def article(word: str) -> str:
     return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
 
 
+def structural(component: str, about: Description, values: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The values of structural parameters among these, by the parameters' own names.
+
+    Raises WiringError for values that do not fit.
+    """
+    found = {}
+    for given, value in (values or {}).items():
+        name = about.canonical(given)
+        variable = about.variables.get(name)
+        if variable is not None and variable.causality == "structuralParameter":
+            found[name] = _checked(component, replace(variable, causality="parameter"), value)
+    return found
+
+
 _WITH_UNIT = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\s\d.].*)")
 
 
@@ -147,11 +168,18 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
     name = f"{component}.{variable.name}"
     settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
     if variable.causality == "structuralParameter":
-        raise WiringError(f"{name}: structural parameters (array sizes) cannot be changed")
+        raise WiringError(
+            f"{name} is a structural parameter, which is set when the component is added: give it in the parameters of"
+            " add"
+        )
     if variable.variability == "constant" or not settable:
         raise WiringError(f"{name} cannot be set: it is {article(variable.causality)}, {variable.variability}")
     if variable.type == "string":
         return str(value)
+    if variable.fmi_type == "Binary":
+        if not isinstance(value, bytes | bytearray):
+            raise WiringError(f"{name} is a Binary and needs bytes, not {value!r}")
+        return bytes(value)
     if variable.type == "boolean":
         if value not in (True, False, 0, 1):
             raise WiringError(f"{name} is a Boolean, not {value!r}")

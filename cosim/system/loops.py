@@ -15,7 +15,7 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from cosim.core.description import Variable
+from cosim.core.description import RECORDABLE, Variable
 from cosim.core.errors import LoopError
 from cosim.core.time import seconds_text
 from cosim.system.components import Connection, SystemComponent
@@ -62,13 +62,18 @@ def certain(component: SystemComponent, output: str) -> frozenset[str]:
     return declared(component, output) or frozenset()
 
 
+def numeric(connections: Iterable[Connection]) -> list[Connection]:
+    """Connections of numbers: no equation is solved for texts, which take a step on each connection."""
+    return [c for c in connections if c.output.type in RECORDABLE]
+
+
 def find_loops(connections: Iterable[Connection], depends: Depends) -> list[AlgebraicLoop]:
     """Loops among continuous components, each after those whose values it needs.
 
     No two of them share an output.
     """
     undelayed = sorted(
-        (c for c in connections if not (c.delay or c.source.discrete or c.target.discrete)),
+        (c for c in numeric(connections) if not (c.delay or c.source.discrete or c.target.discrete)),
         key=lambda c: (c.source_name, c.target_name),
     )
     numbers: dict[_Output, int] = {}

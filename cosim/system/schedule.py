@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from cosim.core.description import RECORDABLE
 from cosim.core.errors import LoopError, WiringError
 from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.system.components import Connection, Group, SystemComponent
@@ -29,6 +30,7 @@ class Schedule:
     unconnected: tuple[str, ...]
     loops: tuple[AlgebraicLoop, ...] = ()  # in the order in which they are solved
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
+    ticks: tuple[Connection, ...] = ()  # connections of clocks
 
     @property
     def continuous(self) -> tuple[SystemComponent, ...]:
@@ -62,6 +64,9 @@ class Schedule:
                     )
                     lines += [f"     {_rate(m)}" for m in group.components]
         lines += ["", f"{len(self.connections)} connections:", *(f"     {c}" for c in self.connections)]
+        if self.ticks:
+            lines += ["", "Clocks that tick together, whose components take their steps together:"]
+            lines += [f"     {c}" for c in self.ticks]
         if self.lagging:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
             lines += [f"     {c}" for c in self.lagging]
@@ -105,7 +110,9 @@ def make_schedule(
     components = sorted(components, key=lambda m: m.name)
     if not components:
         raise WiringError("the system has no components")
-    connections = tuple(sorted(connections, key=lambda c: c.target_name))
+    every = sorted(connections, key=lambda c: c.target_name)
+    connections, ticks = (tuple(c for c in every if c.is_clock is clocks) for clocks in (False, True))
+    _check_ticks(ticks, groups)
     discrete, lagging = _order([m for m in components if m.discrete], connections)
     loops = find_loops(connections, certain)
     for loop in loops:
@@ -116,10 +123,40 @@ def make_schedule(
         groups=tuple(_groups(groups, [m for m in components if not m.discrete])),
         lagging=tuple(lagging),
         connections=connections,
-        unconnected=tuple(sorted(unconnected(components, {c.target_name for c in connections}))),
+        unconnected=tuple(sorted(unconnected(components, {c.target_name for c in every}))),
         loops=tuple(loops),
         possible_loops=tuple(loop for loop in find_loops(connections, declared) if loop not in loops),
+        ticks=ticks,
     )
+
+
+def _check_ticks(ticks: Sequence[Connection], groups: Iterable[Group]) -> None:
+    """Raise WiringError for components with connected clocks that cannot take their steps together."""
+    grouped = {m: g.name for g in groups for m in g.components}
+    for c in ticks:
+        pair, names = (c.source, c.target), f"{c.source_name} -> {c.target_name}"
+        for m in pair:
+            if m.discrete:
+                raise WiringError(f"{names}: '{m.name}' is discrete, and clocks connect continuous components")
+            if m in grouped:
+                raise WiringError(f"{names}: '{m.name}' is in the group '{grouped[m]}': leave it out of the group")
+        if (c.source.step, c.source.offset) != (c.target.step, c.target.offset):
+            steps = " and ".join(f"'{m.name}' every {seconds_text(m.step)}" for m in pair)
+            raise WiringError(f"{names}: components with connected clocks need one step and offset: {steps}")
+
+
+def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
+    """The schedule for those who exchange doubles: 64-bit integers are rounded.
+
+    Raises WiringError for a text, which `what` does not exchange, with a `remedy`.
+    """
+    text = next((c for c in (*schedule.connections, *schedule.ticks) if c.output.type not in RECORDABLE), None)
+    if text is not None:
+        kind = text.output.fmi_type
+        raise WiringError(
+            f"{text.source_name} -> {text.target_name} is a {kind}, which {what} does not exchange: {remedy}"
+        )
+    return replace(schedule, connections=tuple(replace(c, size=0) if c.size else c for c in schedule.connections))
 
 
 def unconnected(components: Iterable[SystemComponent], targets: Container[str]) -> list[str]:
@@ -127,7 +164,7 @@ def unconnected(components: Iterable[SystemComponent], targets: Container[str]) 
     return [
         f"{m.name}.{i}"
         for m in components
-        for i in m.description.inputs
+        for i in (*m.description.inputs, *m.description.triggered)
         if f"{m.name}.{i}" not in targets and i not in m.values
     ]
 

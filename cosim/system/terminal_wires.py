@@ -6,8 +6,9 @@
 | `bus` | name | those that both sides have |
 | `sequence` | their order | only if both sides have as many |
 
-A plug may be connected to a bus that has all its variables. The rule is about one level: terminals within terminals are
-connected by their own rules where both sides have one of that name.
+A plug may be connected to a bus that has all its variables. Two terminals by FMI-LS-BUS (`org.fmi-ls-bus.transceiver`)
+are connected crosswise: `Tx_Data` and `Tx_Clock` of each to `Rx_Data` and `Rx_Clock` of the other. The rule is about
+one level: terminals within terminals are connected by their own rules where both sides have one of that name.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from cosim.core.terminals import (
     PLUG,
     RULES,
     SEQUENCE,
+    TRANSCEIVER,
     Terminal,
     TerminalMember,
     by_names,
@@ -107,7 +109,10 @@ def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]
     a, b = first.terminal, second.terminal
     if a.kind and b.kind and a.kind != b.kind:
         raise WiringError(f"{at}: their kinds differ, {a.kind!r} and {b.kind!r}")
-    for one, other in _matches(a, b, at):
+    if a.rule == b.rule == TRANSCEIVER:
+        yield from _crosswise(first, second, at)
+        yield from _crosswise(second, first, at)
+    for one, other in _matches(a, b, at) if {a.rule, b.rule} != {TRANSCEIVER} else ():
         yield from _wire(first, second, one, other, at, strict=BUS not in (a.rule, b.rule))
     yield from _streams(first, second, at)
     there = {t.path.rsplit(".", 1)[-1]: t for t in b.nested}
@@ -132,7 +137,19 @@ def common(source: SystemComponent, target: SystemComponent) -> list[tuple[Place
 
 
 def _may_meet(a: Terminal, b: Terminal) -> bool:
-    return {a.rule, b.rule} <= set(RULES) and (not a.kind or not b.kind or a.kind == b.kind)
+    known = {a.rule, b.rule} <= set(RULES) or a.rule == b.rule == TRANSCEIVER
+    return known and (not a.kind or not b.kind or a.kind == b.kind)
+
+
+def _crosswise(first: Place, second: Place, at: str) -> Iterator[Wire]:
+    """What the first bus node transmits is what the second one receives."""
+    ours, theirs = ({m.name: m.variables[0] for m in p.terminal.members} for p in (first, second))
+    for what in ("Data", "Clock"):
+        for place, own, name in ((first, ours, f"Tx_{what}"), (second, theirs, f"Rx_{what}")):
+            if name not in own:
+                raise WiringError(f"{at}: {place} lacks {name!r}, which a terminal of a bus node has")
+        labels = (f"{first.terminal.path}.Tx_{what}", f"{second.terminal.path}.Rx_{what}")
+        yield Wire(first.component, ours[f"Tx_{what}"], second.component, theirs[f"Rx_{what}"], at, labels)
 
 
 def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, TerminalMember]]:

@@ -14,7 +14,7 @@ from build_fmus.base.checks import did_you_mean, glob, number, unknown
 from build_fmus.base.escape import NO_XML
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim.core.component import Component, PythonComponent
-from cosim.core.description import RECORDABLE, Description, Variable
+from cosim.core.description import RECORDABLE, TEXTS, WIDE, Description, Variable
 from cosim.core.errors import FmuWarning, WiringError
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.fmu.component import FmuComponent
@@ -24,7 +24,7 @@ from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
 from cosim.fmu.model_exchange import ModelExchange
 from cosim.system import terminal_wires
-from cosim.system.components import Connection, Group, SystemComponent, article
+from cosim.system.components import Connection, Group, SystemComponent, article, structural
 from cosim.system.names import SystemComponents, elements, fits_any
 from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -72,7 +72,8 @@ class Wiring:
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete third-party
-        FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
+        FMUs (they do not say it). `parameters` and `start` set variables by name before every initialization;
+        structural parameters (FMI 3.0) among them give arrays their sizes, and cannot be changed afterwards. `strict`
         refuses an FMU that deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
         `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`. `interface` chooses between Co-Simulation
         ("cs", the default where an FMU offers it) and Model Exchange ("me", or `ModelExchange` with tolerance and
@@ -90,6 +91,13 @@ class Wiring:
             raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
         source = PythonSource.of(fmu)
         implementation = self._component(fmu if source is None else source.added, strict, interface)
+        if structure := structural(name, implementation.description, {**(parameters or {}), **(start or {})}):
+            assert isinstance(implementation, FmuComponent)  # nothing else has structural parameters
+            implementation.restructure(structure)
+            own = implementation.description.canonical
+            parameters, start = (
+                {n: v for n, v in (values or {}).items() if own(n) not in structure} for values in (parameters, start)
+            )
         about = implementation.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
@@ -172,6 +180,7 @@ class Wiring:
         delay: bool = False,
         extrapolate: bool = False,
         linear: tuple[float, float] | None = None,
+        max_size: int | None = None,
     ) -> list[Connection]:
         """Connect an output to an input, or an array to an array by their names without index.
 
@@ -180,7 +189,8 @@ class Wiring:
         middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
         communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
-        source's, instead of the conversion of units. Raises WiringError naming what does not fit.
+        source's, instead of the conversion of units. `max_size`: bytes that a String or Binary may have; default what
+        the FMUs declare (`maxSize`), else 1024. Raises WiringError naming what does not fit.
         """
         from_component, output = self.components.split(source)
         to_component, input_ = self.components.split(target)
@@ -189,7 +199,12 @@ class Wiring:
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
         made = [
             self._connection(
-                (from_component, o), (to_component, i), delay=delay, extrapolate=extrapolate, linear=linear
+                (from_component, o),
+                (to_component, i),
+                delay=delay,
+                extrapolate=extrapolate,
+                linear=linear,
+                max_size=max_size,
             )
             for o, i in zip(outputs, inputs, strict=True)
         ]
@@ -337,8 +352,8 @@ class Wiring:
         self.groups[name] = Group(name, chosen, method)
         if extrapolate:
             for target, c in list(self.connections.items()):
-                if c.target in chosen and not c.source.discrete and not c.delay:
-                    self.connections[target] = replace(c, extrapolate=True)
+                if c.target in chosen and not c.source.discrete and not c.delay and c.input.type in RECORDABLE:
+                    self.connections[target] = replace(c, extrapolate=True, size=0)
         return self.groups[name]
 
     def _connection(
@@ -349,12 +364,14 @@ class Wiring:
         delay: bool,
         extrapolate: bool,
         linear: tuple[float, float] | None = None,
+        max_size: int | None = None,
     ) -> Connection:
         (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
         swapped = output.causality == "input" and input_.causality in ("output", "local")
+        by_itself = output.fmi_type == "Clock" and output.name not in source.description.triggered
         for full, variable, taken in (
-            (f"{source.name}.{output.name}", output, ("output", "local")),
+            (f"{source.name}.{output.name}", output, ("output", "local", *(("input",) if by_itself else ()))),
             (f"{target.name}.{input_.name}", input_, ("input",)),
         ):
             if variable.causality not in taken:
@@ -366,17 +383,18 @@ class Wiring:
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
-        for component, variable in ((source, output), (target, input_)):
-            if variable.type not in RECORDABLE:
-                remedy = (
-                    f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})"
-                    if input_.type == "string"
-                    else ""
-                )
-                raise WiringError(
-                    f"{names}: {component.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and"
-                    f" Booleans are exchanged{remedy}"
-                )
+        if output.fmi_type == input_.fmi_type and output.fmi_type in TEXTS:
+            size = _text_size(names, origin, end, max_size)
+            if extrapolate or linear is not None:
+                raise WiringError(f"{names}: {article(output.fmi_type)} has no extrapolation, factor or offset")
+            return Connection(source, output, target, input_, delay, size=size)
+        if output.fmi_type == input_.fmi_type == "Clock":
+            if delay or extrapolate or linear is not None or max_size is not None:
+                raise WiringError(f"{names}: a clock has no delay, extrapolation, factor, offset or size")
+            _check_clocks(names, source, target, input_)
+            return Connection(source, output, target, input_)
+        if max_size is not None:
+            raise WiringError(f"{names}: max_size is for String and Binary, and this is {article(output.fmi_type)}")
         if (output.type, input_.type) not in allowed:
             raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
         if extrapolate and (source.discrete or target.discrete):
@@ -402,7 +420,9 @@ class Wiring:
             ) from None
         if output.constant is not None and not input_.accepts(value := scale * output.constant + offset):
             raise WiringError(f"{names}: the input {input_.refusal(value)}")
-        return Connection(source, output, target, input_, delay, extrapolate, scale, offset)
+        exact = {output.fmi_type, input_.fmi_type} <= {*WIDE} and (scale, offset, extrapolate) == (1.0, 0.0, False)
+        size = 8 if exact and all(isinstance(m.implementation, FmuComponent) for m in (source, target)) else 0
+        return Connection(source, output, target, input_, delay, extrapolate, scale, offset, size=size)
 
     # Looking at it.
 
@@ -439,6 +459,46 @@ class Wiring:
         """Raise what is wrong with the system; returns `unconnected()`."""
         self.schedule()
         return self.unconnected()
+
+
+def _check_clocks(names: str, source: SystemComponent, target: SystemComponent, clock: Variable) -> None:
+    """Raise WiringError for clocks that cannot tick together."""
+    for m in (source, target):
+        isolated = getattr(m.implementation, "isolation", None) is not None
+        if isolated or not (isinstance(m.implementation, FmuComponent) and m.implementation.in_event_mode):
+            why = "is isolated: FMUs with connected clocks run in the process of the master"
+            no_events = "is executed without event mode, in which clocks tick: use another component"
+            raise WiringError(f"{names}: '{m.name}' {why if isolated else no_events}")
+    if clock.name not in target.description.triggered:
+        raise WiringError(f"{names}: {target.name}.{clock.name} ticks by itself: connect a clock of the kind triggered")
+
+
+LONGEST_TEXT = 1024
+"""Bytes that a String or Binary may have, where neither its FMUs nor the connection says so."""
+
+
+def _text_size(
+    names: str,
+    origin: tuple[SystemComponent, Variable],
+    end: tuple[SystemComponent, Variable],
+    max_size: int | None,
+) -> int:
+    """Bytes that a String or Binary may have on its way. Raises WiringError for two that do not fit."""
+    for component, variable in (origin, end):
+        if not isinstance(component.implementation, FmuComponent):
+            raise WiringError(
+                f"{names}: {component.name}.{variable.name} is {article(variable.fmi_type)}, which only FMUs exchange,"
+                f" and '{component.name}' is not an FMU: give the receiver a start value instead"
+            )
+    types = ["".join(v.mime_type.split()).lower() for _, v in (origin, end)]
+    if types[0] != types[1]:
+        raise WiringError(
+            f"{names}: MIME types differ, {origin[1].mime_type} to {end[1].mime_type}: choose FMUs of one type"
+        )
+    declared = [v.max_size for _, v in (origin, end) if v.max_size is not None]
+    size = max_size if max_size is not None else min(declared, default=LONGEST_TEXT)
+    number(f"{names}: max_size", size, "bytes", least=1, most=2**24, error=WiringError)
+    return int(size)
 
 
 def _check_unit_known(name: str, variable: Variable) -> None:

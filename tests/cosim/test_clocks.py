@@ -185,7 +185,7 @@ def test_clocks_are_no_inputs(fmu: Build) -> None:
 @pytest.mark.parametrize(
     ("kind", "options"),
     [
-        ("triggered", {}),
+        ("triggered", {"event_mode": False}),
         ("constant", {"event_mode": False}),
     ],
 )

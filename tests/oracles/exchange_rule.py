@@ -20,7 +20,7 @@ from cosim.core.component import EndRequested
 from oracles.loop_rule import solve
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
-Key = tuple[Any, Any]  # component and variable
+Key = tuple[Any, ...]  # component and variable, and which four of its bytes
 
 
 class Rule:
@@ -42,9 +42,15 @@ class Rule:
         self.interval = min(m.step for m in self.schedule.components) if interval is None else interval
         self.sources = {(c.target, c.input): c for c in self.schedule.connections}
         layout, values = self.exchange.layout, self.exchange.values.tolist()
-        self.published: dict[Key, float] = {key: values[slot] for key, slot in layout.visible.items()}
-        self.computed: dict[Key, float] = {key: values[slot] for key, slot in layout.latest.items()}
-        self.before: dict[Key, float] = {key: values[slot] for key, slot in layout.previous.items()}
+        self.published: dict[Key, float] = {
+            piece: values[slot + k] for key, slot in layout.visible.items() for k, piece in enumerate(self.pieces(key))
+        }
+        self.computed: dict[Key, float] = {
+            piece: values[slot + k] for key, slot in layout.latest.items() for k, piece in enumerate(self.pieces(key))
+        }
+        self.before: dict[Key, float] = {
+            piece: values[slot + k] for key, slot in layout.previous.items() for k, piece in enumerate(self.pieces(key))
+        }
         self.published_at = {m: values[slot] for m, slot in layout.sample_times.items()}
         self.ending: Fraction | None = None
 
@@ -117,7 +123,7 @@ class Rule:
     def step(self, m: Any, t: Fraction) -> bool:
         """Inputs as they stand, one step, outputs; returns whether continuous components may advance afterward."""
         now, port = float(t), self.exchange.layout.ports[m]
-        port.u[:] = [self.input(m, v, now) for v in port.inputs]
+        port.u[:] = self.read_by(m, port, now)
         may_advance = True
         try:
             self.exchange.ports[m].run(now, float(m.step))
@@ -126,7 +132,7 @@ class Rule:
             self.ending = ending if self.ending is None else min(self.ending, ending)
             may_advance = request.complete
         outputs = self.published if m.discrete else self.computed
-        outputs |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+        outputs |= zip(self.written(m, port), port.y.tolist(), strict=True)
         return may_advance
 
     def solve_loops(self, t: Fraction, *, after_discrete: bool = False) -> None:
@@ -153,19 +159,35 @@ class Rule:
         put()
         for m in loop.components:
             port = self.exchange.layout.ports[m]
-            port.u[:] = [self.input(m, v, None) for v in port.inputs]
+            port.u[:] = self.read_by(m, port, None)
             self.exchange.ports[m].set_inputs()
             self.exchange.ports[m].get_outputs()
-            self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+            self.computed |= zip(self.written(m, port), port.y.tolist(), strict=True)
             self.published |= {key: y for key, y in self.computed.items() if key[0] is m}
         found = [self.computed[key] - x for key, x in zip(loop.unknowns, z, strict=True)]
         put()
         return found
 
-    def input(self, m: Any, variable: Any, now: float | None) -> float:
+    def pieces(self, key: Key) -> list[Key]:
+        """The number of a value, and the bytes that go with it."""
+        return [key, *((*key, k) for k in range(1, self.exchange.layout.width(key)))]
+
+    def written(self, m: Any, port: Any) -> list[Key]:
+        """What a component writes."""
+        return [piece for v in port.outputs for piece in self.pieces((m, v))]
+
+    def read_by(self, m: Any, port: Any, now: float | None) -> list[float]:
+        """What a component reads, with the bytes that go with it."""
+        return [
+            self.input(m, v, now, (k,) if k else ())
+            for v in port.inputs
+            for k in range(1 + (self.sources[m, v].size + 3) // 4)
+        ]
+
+    def input(self, m: Any, variable: Any, now: float | None, piece: tuple[int, ...] = ()) -> float:
         """What an input reads at an instant, for a step that begins `now`, or for outputs without a step."""
         c = self.sources[m, variable]
-        key = (c.source, c.output)
+        key = (c.source, c.output, *piece)
         if c.delay:
             value = self.before[key]
         elif c.extrapolate and now is not None:

@@ -305,6 +305,26 @@ static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint
     return simple(l, LINK_SET);
 }
 
+static uint32_t set_binaries(Link *l, const uint32_t *references, size_t n, const size_t *sizes,
+    const uint8_t *const *values, size_t n_values) {
+    if (lost(l)) return LINK_FATAL;
+    if (l->n_waiting) {
+        const uint32_t status = simple(l, LINK_SET);
+        if (status > LINK_WARNING) return status;
+    }
+    size_t bytes = n_values * 8;
+    for (size_t i = 0; i < n_values; i++) bytes += sizes[i];
+    char *to = record(l, LINK_Binary, references, n, n_values, bytes);
+    if (!to) return too_much(l);
+    char *p = to + n_values * 8;
+    for (size_t i = 0; i < n_values; p += sizes[i++]) {
+        memcpy(to + i * 8, &(const uint64_t){sizes[i]}, 8);
+        if (sizes[i]) memcpy(p, values[i], sizes[i]);
+    }
+    l->waiting_for[l->n_waiting++] = "fmi3SetBinary";
+    return simple(l, LINK_SET);
+}
+
 static void learn(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, size_t n_values) {
     size_t at = 0;
     if (l->n_plan) {
@@ -351,8 +371,9 @@ static uint32_t get_values(
     return status;
 }
 
-static uint32_t get_strings(
-    Link *l, uint32_t type, const uint32_t *references, size_t n, const char **values, size_t n_values) {
+/* Texts or Binaries, to be read from `l->text`; their bytes in all are `used`. */
+static uint32_t fetch_texts(
+    Link *l, uint32_t type, const uint32_t *references, size_t n, size_t n_values, size_t *all) {
     if (lost(l)) return LINK_FATAL;
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
@@ -369,6 +390,33 @@ static uint32_t get_strings(
         if (!text) return LINK_ERROR;
     }
     memcpy(l->text, l->region.reply, used);
+    *all = used;
+    return status;
+}
+
+static uint32_t get_binaries(
+    Link *l, const uint32_t *references, size_t n, size_t *sizes, const uint8_t **values, size_t n_values) {
+    size_t used = 0;
+    const uint32_t status = fetch_texts(l, LINK_Binary, references, n, n_values, &used);
+    if (status > LINK_WARNING || l->end) return status;
+    if (n_values > used / 8) return LINK_ERROR;
+    const char *p = l->text + n_values * 8;
+    for (size_t i = 0, left = used - n_values * 8; i < n_values; i++) {
+        uint64_t size;
+        memcpy(&size, l->text + i * 8, 8);
+        if (size > left) return LINK_ERROR;
+        sizes[i] = (size_t)size;
+        values[i] = (const uint8_t *)p;
+        p += size, left -= (size_t)size;
+    }
+    return status;
+}
+
+static uint32_t get_strings(
+    Link *l, uint32_t type, const uint32_t *references, size_t n, const char **values, size_t n_values) {
+    size_t used = 0;
+    const uint32_t status = fetch_texts(l, type, references, n, n_values, &used);
+    if (status > LINK_WARNING || l->end) return status;
     const char *p = l->text;
     for (size_t i = 0, left = used; i < n_values; i++) {
         const size_t length = strnlen(p, left);
@@ -622,6 +670,13 @@ uint32_t fmi3SetString(Link *l, const uint32_t *r, size_t n, const char *const *
 uint32_t fmi3GetString(Link *l, const uint32_t *r, size_t n, const char **v, size_t m) {
     return get_strings(l, LINK_String3, r, n, v, m);
 }
+uint32_t fmi3SetBinary(
+    Link *l, const uint32_t *r, size_t n, const size_t *sizes, const uint8_t *const *v, size_t m) {
+    return set_binaries(l, r, n, sizes, v, m);
+}
+uint32_t fmi3GetBinary(Link *l, const uint32_t *r, size_t n, size_t *sizes, const uint8_t **v, size_t m) {
+    return get_binaries(l, r, n, sizes, v, m);
+}
 uint32_t fmi3EnterInitializationMode(
     Link *l, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     return enter(l, has_tolerance, tolerance, start, has_stop, stop, LINK_ENTER);
@@ -637,6 +692,8 @@ uint32_t fmi3GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, 
 }
 uint32_t fmi3EnterEventMode(Link *l) { return with(l, LINK_EVENTS, 0, 0); }
 uint32_t fmi3EnterStepMode(Link *l) { return with(l, LINK_EVENTS, 1, 0); }
+uint32_t fmi3EnterConfigurationMode(Link *l) { return with(l, LINK_EVENTS, 3, 0); }
+uint32_t fmi3ExitConfigurationMode(Link *l) { return with(l, LINK_EVENTS, 4, 0); }
 uint32_t fmi3UpdateDiscreteStates(
     Link *l, bool *again, bool *terminate, bool *nominals, bool *states, bool *has_next, double *next) {
     bool *flags[5] = {again, terminate, nominals, states, has_next};

@@ -54,11 +54,12 @@ enum {
 /* C types of values, in FMI 2.0 and 3.0. */
 typedef enum {
     LINK_Real, LINK_Integer, LINK_Boolean2, LINK_String2, LINK_Float64, LINK_Float32, LINK_Int8, LINK_UInt8, LINK_Int16,
-    LINK_UInt16, LINK_Int32, LINK_UInt32, LINK_Int64, LINK_UInt64, LINK_Boolean3, LINK_String3, LINK_TYPES
+    LINK_UInt16, LINK_Int32, LINK_UInt32, LINK_Int64, LINK_UInt64, LINK_Boolean3, LINK_String3,
+    LINK_Binary, LINK_TYPES
 } LinkType;
 
 /* Values of one type, in the request area: this head, `n_references` uint32_t, values; each begins at a multiple of 8
- * bytes. */
+ * bytes. Of Binaries, the values are their sizes, uint64_t, and all bytes behind these. */
 typedef struct {
     uint32_t type, n_references;
     uint64_t n_values;

@@ -155,7 +155,7 @@ static void *function(const char *name) {
 
 static void find_values(void) {
     static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8",
-        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"};
+        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary"};
     for (int i = version == 2 ? LINK_Real : LINK_Float64; i < (version == 2 ? LINK_Float64 : LINK_TYPES); i++) {
         char full[40];
         snprintf(full, sizeof full, "Set%s", names[i]);
@@ -237,10 +237,49 @@ static uint32_t call_values(void *call, const uint32_t *references, size_t n, vo
 
 static bool text(uint32_t type) { return type == LINK_String2 || type == LINK_String3; }
 
+typedef uint32_t (*Binaries)(void *, const uint32_t *, size_t, size_t *, const uint8_t **, size_t);
+
+static uint32_t set_binaries(const LinkValues *v, const char *values, const char **at) {
+    size_t *sizes = calloc(v->n_values + 1, sizeof *sizes);
+    const uint8_t **bytes = calloc(v->n_values + 1, sizeof *bytes);
+    const char *p = values + v->n_values * 8;
+    for (size_t i = 0; sizes && bytes && i < v->n_values; p += sizes[i++]) {
+        uint64_t size;
+        memcpy(&size, values + i * 8, 8);
+        sizes[i] = (size_t)size, bytes[i] = (const uint8_t *)p;
+    }
+    *at = values + ALIGNED(p - values);
+    const uint32_t status = sizes && bytes && setters[v->type]
+        ? ((Binaries)setters[v->type])(instance, (const uint32_t *)(v + 1), v->n_references, sizes, bytes, v->n_values)
+        : LINK_ERROR;
+    free(sizes), free(bytes);
+    return status;
+}
+
+static uint32_t get_binaries(const LinkValues *v) {
+    size_t *sizes = calloc(v->n_values + 1, sizeof *sizes), used = v->n_values * 8;
+    const uint8_t **bytes = calloc(v->n_values + 1, sizeof *bytes);
+    uint32_t status = sizes && bytes && used <= region.area
+        ? ((Binaries)getters[v->type])(instance, (const uint32_t *)(v + 1), v->n_references, sizes, bytes, v->n_values)
+        : LINK_ERROR;
+    for (size_t i = 0; status <= LARGEST_SUCCESS && i < v->n_values; used += sizes[i++]) {
+        if (sizes[i] > region.area - used) {
+            status = LINK_ERROR;
+            break;
+        }
+        memcpy(region.reply + i * 8, &(uint64_t){sizes[i]}, 8);
+        if (sizes[i]) memcpy(region.reply + used, bytes[i], sizes[i]);
+    }
+    region.answer->reply_used = status <= LARGEST_SUCCESS ? (uint32_t)used : 0;
+    free(sizes), free(bytes);
+    return status;
+}
+
 /* Sets what a record says, and moves on to the next one. */
 static uint32_t set_record(const char **at) {
     const LinkValues *v = (const LinkValues *)(const void *)*at;
     char *values = after(v, 0);
+    if (v->type == LINK_Binary) return set_binaries(v, values, at);
     if (!text(v->type)) {
         *at = values + ALIGNED(v->n_values * value_size(v->type));
         return setters[v->type]
@@ -262,6 +301,7 @@ static uint32_t get_record(const char *at) {
     const LinkValues *v = (const LinkValues *)(const void *)at;
     uint32_t *references = (uint32_t *)(void *)(v + 1);
     if (!getters[v->type]) return LINK_ERROR;
+    if (v->type == LINK_Binary) return get_binaries(v);
     if (!text(v->type)) {
         region.answer->reply_used = (uint32_t)(v->n_values * value_size(v->type));
         return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
@@ -455,9 +495,11 @@ static uint32_t tell_status(void) {
 
 static uint32_t plain(const char *name) { CALL(name, (void *), (instance)); }
 
-/* Event mode: 0 enter, 1 leave, 2 update discrete states. */
+/* Event mode: 0 enter, 1 leave, 2 update discrete states. Configuration mode: 3 enter, 4 leave. */
 static uint32_t events(void) {
-    if (region.ask->a != 2) return plain(region.ask->a ? "EnterStepMode" : "EnterEventMode");
+    static const char *names[] = {
+        "EnterEventMode", "EnterStepMode", "", "EnterConfigurationMode", "ExitConfigurationMode"};
+    if (region.ask->a != 2) return region.ask->a < 5 ? plain(names[region.ask->a]) : LINK_ERROR;
     bool flags[5] = {false};
     double next = 0.0;
     void *f = function("UpdateDiscreteStates");

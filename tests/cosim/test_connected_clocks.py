@@ -1,0 +1,137 @@
+"""Clocks of FMUs that other FMUs tick: when, with which values, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign import clocked, pulses
+
+from cosim import ComponentError, System, UnconnectedInputsWarning, WiringError
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pulses.build(tmp_path_factory.mktemp("pulses"))
+
+
+def chain(fmu: Path, *names: str, relay: int = 1, period: float = 0.003, **options: Any) -> System:
+    """Components in a row: the first one ticks every `period`, and the others pass that on."""
+    system = System(allow_unconnected=True)
+    for name in names:
+        own = {"period": period} if name == names[0] else {"relay": relay}
+        system.add(name, fmu, step="10 ms", parameters=own, **options)
+    for source, target in pairwise(names):
+        system.connect(f"{source}.y", f"{target}.x")
+        system.connect(f"{source}.out", f"{target}.in")
+    return system
+
+
+def rounded(values: np.ndarray) -> list[float]:
+    return values.round(12).tolist()
+
+
+@pytest.mark.parametrize("relay", [1, 2])
+@pytest.mark.parametrize("order", ["abc", "cab", "bca"])
+def test_ticks_and_their_values_reach_all_at_once(fmu: Path, relay: int, order: str) -> None:
+    """Every 3 ms, within steps of 10 ms, through two components, whatever their names."""
+    with chain(fmu, *order, relay=relay) as system:
+        found = system.run(0.04, record=["*"])
+    _, second, third = order
+    for name, more in ((second, 0.0), (third, 1.0)):
+        assert found[f"{name}.count"].tolist() == [0, 3, 6, 9, 13], (
+            "a tick at 0.03 s belongs to the step that begins there"
+        )
+        assert rounded(found[f"{name}.last"]) == [-1.0, 0.009, 0.018, 0.027, 0.039]
+        assert found[f"{name}.got"].tolist() == [0.0, 3.0 + more, 6.0 + more, 9.0 + more, 13.0 + more]
+
+
+def test_one_clock_ticks_several(fmu: Path) -> None:
+    with chain(fmu, "a", "b") as system:
+        system.add("c", fmu, step="10 ms")
+        system.connect("a.out", "c.in")
+        system.connect("b.y", "c.x")
+        found = system.run(0.02, record=["*"])
+    assert found["c.count"].tolist() == found["b.count"].tolist() == [0, 3, 6]
+    assert found["c.got"].tolist() == [0.0, 4.0, 7.0], "what b computes at the tick"
+
+
+def test_values_without_a_connected_clock_are_those_of_the_exchange(fmu: Path) -> None:
+    """When its clock ticks, c reads x; b, which drives x and shares no clock with it, shows y after its step."""
+    with chain(fmu, "a", "c") as system:
+        system.disconnect("c.x")
+        system.add("b", fmu, step="10 ms", parameters={"period": 0.004})
+        system.connect("b.y", "c.x")
+        found = system.run(0.03, record=["*"])
+    assert found["c.got"].tolist() == [0.0, 0.0, 2.0, 4.0]
+
+
+def test_saved_states_continue(fmu: Path) -> None:
+    with chain(fmu, "a", "b", "c") as system, system.initialize(record=["*"]) as simulation:
+        simulation.advance(0.02)
+        state = simulation.save()
+        simulation.advance(0.07)
+        once = {n: simulation.recording[n].copy() for n in simulation.recording.names}
+        simulation.restore(state)
+        simulation.advance(0.07)
+        assert all(np.array_equal(once[n], simulation.recording[n]) for n in once)
+        assert once["c.count"][-1] > 20
+
+
+def test_the_schedule_tells_them(fmu: Path) -> None:
+    with chain(fmu, "a", "b") as system:
+        assert "Clocks that tick together" in str(system.schedule())
+        assert "a.out -> b.in" in str(system.schedule())
+
+
+def test_a_clock_that_nothing_ticks_is_reported(fmu: Path) -> None:
+    with System() as system:
+        system.add("a", fmu, step="10 ms", parameters={"period": 0.003})
+        assert system.unconnected() == ["a.x", "a.in"]
+        with pytest.warns(UnconnectedInputsWarning, match=r"a\.in"):
+            assert system.run(0.01, record=["a.count"])["a.count"].tolist() == [0, 0]
+
+
+def test_ticks_in_a_circle_end_the_run_with_the_names(fmu: Path, refused: Callable[..., None]) -> None:
+    with chain(fmu, "a", "b", relay=2) as system:
+        system["a"].set(relay=2)
+        system.connect("b.out", "a.in")
+        system.connect("b.y", "a.x", delay=True)
+        refused(ComponentError, lambda: system.run(0.02, record=[]))
+
+
+def test_what_does_not_fit_is_refused(fmu: Path, refused: Callable[..., None]) -> None:
+    with chain(fmu, "a", "b") as system:
+        system.add("slow", fmu, step="20 ms")
+        system.add("apart", fmu, step="10 ms", isolated=True)
+        system.add("sampled", fmu, step="10 ms", kind="discrete")
+        refused(
+            WiringError,
+            lambda: system.connect("a.in", "b.in"),
+            lambda: system.connect("a.y", "slow.in"),
+            lambda: system.connect("a.out", "slow.in", delay=True),
+            lambda: system.connect("a.out", "apart.in"),
+        )
+        for name in ("slow", "sampled"):
+            system.connect("a.out", f"{name}.in")
+            refused(WiringError, system.schedule)
+            system.disconnect(f"{name}.in")
+        system.group("together", ["a", "b"])
+        refused(WiringError, system.schedule)
+
+
+def test_time_based_clocks_tick_others_too(fmu: Path, tmp_path: Path) -> None:
+    """Every 1/300 s, from the start on: three times in each step of 10 ms."""
+    with System(allow_unconnected=True) as system:
+        system.add("timer", clocked.build("constant", tmp_path), step="10 ms")
+        system.add("b", fmu, step="10 ms")
+        system.connect("timer.clock", "b.in")
+        system.connect("timer.ticks", "b.x")
+        found = system.run(0.03, record=["b.*", "timer.ticks"])
+    assert found["b.count"].tolist() == [0, 3, 6, 9]
+    assert rounded(found["b.last"] * 300.0) == [-300.0, 2.0, 5.0, 8.0]
+    assert found["b.got"].tolist() == found["timer.ticks"].tolist()

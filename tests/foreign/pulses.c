@@ -1,0 +1,124 @@
+/* A small FMI 3.0 Co-Simulation FMU with a triggered input clock `in` and an output clock `out`, from the standard's
+ * headers alone.
+ *
+ * With a period, `out` ticks every `period` and y counts. With relay 1 it ticks when `in` does, and y = x + 1; with
+ * relay 2 that comes one update later. `count` counts ticks of `in`, `last` is the time of the last one, and `got` is
+ * what x was then. It is strict: x is set and y is read only while their clocks are active. */
+#include <math.h>
+#include <string.h>
+
+#include "../fmi_names.h"
+
+enum { X, Y, COUNT, LAST, GOT, PERIOD, RELAY, IN_CLOCK, OUT_CLOCK, TIME = 100 }; /* value references */
+
+typedef struct {
+    int state;
+    bool events, early, in, out, told;
+    int32_t count, relay;
+    double now, x, y, last, got, period, next;
+} Values;
+
+#include "strict.h"
+
+const char *fmi3GetVersion(void) { return fmi3Version; }
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
+    Model *m = events ? calloc(1, sizeof *m) : NULL;
+    if (!m) return NULL;
+    m->log = message;
+    m->environment = environment;
+    m->v = (Values){.events = events, .last = -1.0};
+    return m;
+}
+fmi3Status fmi3EnterInitializationMode(
+    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
+    IN(BIT(INSTANTIATED));
+    m->v.now = begin;
+    m->v.next = m->v.period > 0.0 ? begin + m->v.period : INFINITY;
+    m->v.state = INITIALIZATION;
+    return fmi3OK;
+}
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+    IN(BIT(INITIALIZATION));
+    m->v.state = EVENT;
+    return fmi3OK;
+}
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    IN(BIT(EVENT));
+    m->v.state = STEP;
+    return fmi3OK;
+}
+fmi3Status fmi3Reset(fmi3Instance instance) {
+    Model *m = instance;
+    m->v = (Values){.events = m->v.events, .last = -1.0};
+    return fmi3OK;
+}
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
+    IN(BIT(EVENT));
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] != IN_CLOCK || m->v.in) return error(m, "clock %u is set again", (unsigned)vr[i]);
+        m->v.in = value[i];
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
+    IN(BIT(EVENT));
+    if (m->v.relay == 1 && m->v.in && !m->v.told) m->v.out = true, m->v.y = m->v.x + 1.0;
+    if (m->v.now > m->v.next - 1e-9 && !m->v.told) m->v.out = true, m->v.y += 1.0;
+    for (size_t i = 0; i < n; i++) value[i] = m->v.out && !m->v.told;
+    m->v.told |= m->v.out;
+    return fmi3OK;
+}
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
+    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+    IN(BIT(EVENT));
+    *terminate = *nominals = *values = false;
+    if (m->v.in) m->v.count++, m->v.last = m->v.now, m->v.got = m->v.x;
+    if (m->v.now > m->v.next - 1e-9) m->v.next += m->v.period;
+    *again = m->v.out = m->v.relay == 2 && m->v.in;
+    if (m->v.out) m->v.y = m->v.x + 1.0;
+    m->v.in = m->v.told = false;
+    *has_next = m->v.period > 0.0;
+    *next = m->v.next;
+    return fmi3OK;
+}
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
+    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] == Y && !(m->v.state == EVENT && m->v.out)) return error(m, "y is read, and its clock is not active");
+        value[i] = vr[i] == Y ? m->v.y : vr[i] == LAST ? m->v.last : vr[i] == GOT ? m->v.got : m->v.period;
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3SetFloat64(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT));
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] == X && m->v.state == EVENT && !m->v.in) return error(m, "x is set, and its clock is not active");
+        *(vr[i] == X ? &m->v.x : &m->v.period) = value[i];
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
+    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
+    for (size_t i = 0; i < n; i++) value[i] = vr[i] == COUNT ? m->v.count : m->v.relay;
+    return fmi3OK;
+}
+fmi3Status fmi3SetInt32(
+    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const int32_t value[], size_t k) {
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION));
+    for (size_t i = 0; i < n; i++) m->v.relay = value[i];
+    return fmi3OK;
+}
+#define VALUES(C) (&((Model *)(C))->v)
+COPIED_STATES(Values, VALUES)
+fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
+    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+    IN(BIT(STEP));
+    if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
+    if (m->v.next < t + h - 1e-9) return error(m, "a step to %.12g, over the event at %.12g", t + h, m->v.next);
+    *event = *terminate = *early = false;
+    m->v.now = *last = t + h;
+    return fmi3OK;
+}

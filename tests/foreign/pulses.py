@@ -1,0 +1,38 @@
+"""`pulses.c` as an FMI 3.0 FMU whose clocks can be connected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foreign import making
+
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="Pulses" instantiationToken="pulses">
+  <CoSimulation modelIdentifier="pulses" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUState="true"
+    hasEventMode="true"/>
+  <ModelVariables>
+    <Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>
+    <Float64 name="x" valueReference="0" causality="input" variability="discrete" start="0" clocks="7"/>
+    <Float64 name="y" valueReference="1" causality="output" variability="discrete" clocks="8"/>
+    <Int32 name="count" valueReference="2" causality="output" variability="discrete"/>
+    <Float64 name="last" valueReference="3" causality="output" variability="discrete"/>
+    <Float64 name="got" valueReference="4" causality="output" variability="discrete"/>
+    <Float64 name="period" valueReference="5" causality="parameter" variability="fixed" start="0"/>
+    <Int32 name="relay" valueReference="6" causality="parameter" variability="fixed" start="0"/>
+    <Clock name="in" valueReference="7" causality="input" intervalVariability="triggered"/>
+    <Clock name="out" valueReference="8" causality="output" intervalVariability="triggered"/>
+  </ModelVariables>
+  <ModelStructure>
+    <Output valueReference="1" dependencies="0"/><Output valueReference="2" dependencies=""/>
+    <Output valueReference="3" dependencies=""/><Output valueReference="4" dependencies=""/>
+    <Output valueReference="8"/>
+    <InitialUnknown valueReference="2"/><InitialUnknown valueReference="3"/><InitialUnknown valueReference="4"/>
+  </ModelStructure>
+</fmiModelDescription>"""
+
+
+def build(folder: Path) -> Path:
+    """The FMU for this machine, in a folder."""
+    sources = [making.HERE / "pulses.c", making.others(folder, "pulses", 3)]
+    library = making.compile_library(folder, "pulses", 3, sources)
+    return making.pack(folder / "Pulses.fmu", making.contents(3, "pulses", DESCRIPTION, library))
