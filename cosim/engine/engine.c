@@ -41,6 +41,8 @@ INLINE void gather(const double *values, const EngineComponent *m, double t) {
     if (m->n_extrapolations | (m->scale != NULL)) convert(values, m, t);
 }
 
+void engine_gather(const Engine *e, const EngineComponent *m, double t) { gather(e->values, m, t); }
+
 #define FOR_ALL(type, to, from) \
     for (size_t i = 0; i < s->n; i++) to = (type)(from); \
     break
@@ -153,6 +155,10 @@ NOINLINE int run_back(Engine *e, const EngineComponent *m, double t) {
 
 COLD void put_back(Engine *e, const EngineComponent *m) {
     e->components[m - e->components].changed |= environment_restore(e->environment);
+}
+
+void engine_put_back_environment(Engine *e, const EngineComponent *m) {
+    if (m->foreign) put_back(e, m);
 }
 
 /* One communication step of a component: inputs as they stand, doStep, outputs. */
@@ -278,7 +284,7 @@ int engine_exchange(Engine *e, const EngineComponent *m, double t) {
     gather(e->values, m, t);
     int result = m->fmi ? engine_set(e, m) : run_back(e, m, NAN);
     if (m->fmi && !result) result = engine_get(e, m);
-    if (m->foreign) put_back(e, m);
+    engine_put_back_environment(e, m);
     if (result) e->component = (int32_t)(m - e->components);
     return result;
 }

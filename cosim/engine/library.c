@@ -32,8 +32,8 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
 }
 EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
-    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineAdaptive) + sizeof(Table)
-           + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs);
+    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineDerivative)
+           + sizeof(EngineAdaptive) + sizeof(Table) + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {

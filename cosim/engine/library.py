@@ -26,6 +26,7 @@ _STRUCTS = (
     "Engine",
     "EngineComponent",
     "EngineLoop",
+    "EngineDerivative",
     "EngineAdaptive",
     "Table",
     "Integrator",

@@ -100,6 +100,16 @@ class ComponentPlan:
 
 
 @dataclass(frozen=True)
+class DerivativePlan:
+    """Of a component of a loop; the names are those of `EngineDerivative`."""
+
+    knowns: tuple[int, ...] = ()
+    inputs: tuple[int, ...] = ()
+    unknowns: tuple[int, ...] = ()
+    outputs: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class LoopPlan:
     """An algebraic loop; the names are those of `EngineLoop`."""
 
@@ -109,6 +119,7 @@ class LoopPlan:
     published: tuple[int, ...]
     computed: tuple[int, ...]
     nominal: tuple[float, ...]
+    derivatives: tuple[DerivativePlan | None, ...]  # by component; empty: none offers them
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,7 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     layout, components = setup.layout, setup.schedule.components
     numbers = tuple(components.index(m) for m in loop.components)
     driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
+    derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
@@ -178,6 +190,23 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
         published=tuple(layout.visible[key] for key in loop.unknowns),
         computed=tuple(layout.latest[key] for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
+        derivatives=derivatives if any(derivatives) else (),
+    )
+
+
+def _derivative(setup: Setup, loop: AlgebraicLoop, m: SystemComponent) -> DerivativePlan | None:
+    """What directional derivatives tell of a component without a step, if it offers them for its part of a loop."""
+    port = setup.layout.ports[m]
+    inputs = dict.fromkeys(c.input for c in loop.connections if c.target is m)
+    outputs = dict.fromkeys(c.output for c in loop.connections if c.source is m)
+    doubles = all(v.fmi_type in ("Real", "Float64") and v.size == 1 for v in (*inputs, *outputs))
+    if not m.description.directional_derivatives or m in setup.repeated or not doubles:
+        return None
+    return DerivativePlan(
+        knowns=tuple(v.reference for v in inputs),
+        inputs=tuple(port.inputs.index(v) for v in inputs),
+        unknowns=tuple(v.reference for v in outputs),
+        outputs=tuple(port.outputs.index(v) for v in outputs),
     )
 
 

@@ -275,7 +275,8 @@ class SystemCode:
 
 
 def _loop(plan: LoopPlan) -> dict[str, Any]:
-    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal))}
+    derivatives = [d and {**asdict(d), "i": i} for i, d in enumerate(plan.derivatives)]
+    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal)), "derivatives": derivatives}
 
 
 def _exchange_calls(part: Part) -> list[str]:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foreign import sloped
+from oracles.exchange_rule import by_the_rule
 from probes import Integrator
 from same import assert_same
 
@@ -414,6 +416,93 @@ def test_a_linear_model_solves_loops():
 
 
 # FMUs.
+
+
+def of_two_slopes(path: Any, *, trouble: int = 0, second: Any = None) -> System:
+    """Two components that offer directional derivatives, or the second one not; two values solve their loop."""
+    system = System()
+    for name, file in (("m", path), ("n", second or path)):
+        system.add(name, file, step="10 ms", parameters={"k": 0.5, "trouble": float(trouble)})
+    system.connect("m.a", "n.p", linear=(1.0, 0.1))
+    system.connect("m.b", "n.q")
+    system.connect("n.a", "m.p")
+    system.connect("n.b", "m.q", linear=(-2.0, 0.0))
+    return system
+
+
+SLOPED = ("m.a", "m.b", "n.a", "n.b")
+
+
+def is_solved(run: Recording) -> bool:
+    """The recorded values satisfy the equations of both components."""
+    ma, mb, na, nb = (run[n] for n in SLOPED)
+    t, (p, q), (r, s) = run.time, (na, -2.0 * nb), (ma + 0.1, mb)
+    pairs = (
+        (ma, t + 0.5 * np.sin(p) + q / 4),
+        (mb, p * q / 8 - 0.5 * np.cos(q)),
+        (na, t + 0.5 * np.sin(r) + s / 4),
+        (nb, r * s / 8 - 0.5 * np.cos(s)),
+    )
+    return all(np.abs(x - y).max() < 1e-8 for x, y in pairs)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_directional_derivatives_replace_evaluations_bit_for_bit_as_in_the_rule(fmi, isolated, tmp_path):
+    path, silent = sloped.build(fmi, tmp_path), sloped.build(fmi, tmp_path, offers=False)
+    execution = Execution(isolate=("*",) if isolated else ())
+    effort = {}
+    for name, files in {"both": (path, path), "one": (path, silent), "none": (silent, silent)}.items():
+        with of_two_slopes(files[0], second=files[1]) as system:
+            run = system.run(0.5, record=SLOPED, execution=execution)
+        with of_two_slopes(files[0], second=files[1]) as system:
+            assert_same(run, by_the_rule(system, "0.5", SLOPED))
+        assert is_solved(run)
+        (effort[name],) = run.loops
+    both, one, none = effort.values()
+    assert both.solutions == one.solutions == none.solutions
+    assert none.derivatives == 0
+    assert both.derivatives == 2 * one.derivatives > 0
+    assert none.evaluations == one.evaluations > both.evaluations
+    assert both.evaluations + both.derivatives // 2 == none.evaluations  # one column of the Jacobian needs both of them
+    assert f", and {both.derivatives} directional derivatives" in str(both)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("trouble", [1, 2, 3, 4])
+def test_wrong_or_missing_directional_derivatives_do_not_change_the_solution(fmi, trouble, tmp_path):
+    """Their step does not reduce the residual, or there is none: differences serve instead."""
+    path = sloped.build(fmi, tmp_path)
+    with of_two_slopes(path, trouble=trouble) as system:
+        run = system.run(0.5, record=SLOPED)
+    with of_two_slopes(path, trouble=trouble) as system:
+        assert_same(run, by_the_rule(system, "0.5", SLOPED))
+    with of_two_slopes(path) as system:
+        right = system.run(0.5, record=SLOPED)
+    assert is_solved(run)
+    np.testing.assert_allclose(run.data, right.data, atol=1e-8)
+    assert run.loops[0].evaluations > right.loops[0].evaluations
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_fmu_that_is_lost_when_asked_for_a_derivative_is_named(fmi, tmp_path):
+    with (
+        of_two_slopes(sloped.build(fmi, tmp_path), trouble=5) as system,
+        pytest.raises(ComponentError, match=r"'m'.*GetDirectionalDerivative returned Fatal"),
+    ):
+        system.run(0.5)
+
+
+def test_exported_systems_use_directional_derivatives_too(tmp_path):
+    path = sloped.build(3, tmp_path)
+    for files in ((path, path), (path, sloped.build(2, tmp_path)), (path, sloped.build(3, tmp_path, offers=False))):
+        with of_two_slopes(files[0], second=files[1]) as system:
+            native = system.run(0.3, record=SLOPED)
+            file = system.export_fmu(tmp_path / "Loop.fmu")
+        with System() as system:
+            system.add("whole", file, step="10 ms")
+            run = system.run(0.3, record=[f"whole.{n}" for n in SLOPED])
+        np.testing.assert_array_equal(run.data, native.data)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

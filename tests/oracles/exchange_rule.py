@@ -17,6 +17,7 @@ import numpy as np
 
 from cosim import Execution, Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
+from cosim.core.errors import CosimError
 from oracles.loop_rule import solve
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
@@ -46,6 +47,7 @@ class Rule:
         self.computed: dict[Key, float] = {key: values[slot] for key, slot in layout.latest.items()}
         self.before: dict[Key, float] = {key: values[slot] for key, slot in layout.previous.items()}
         self.published_at = {m: values[slot] for m, slot in layout.sample_times.items()}
+        self.evaluated: dict[Any, tuple[dict[Any, float], dict[Any, float]]] = {}  # inputs and outputs, in loops
         self.ending: Fraction | None = None
 
     # The rule.
@@ -141,10 +143,29 @@ class Rule:
                 continue
             guess = [self.published[key] for key in loop.unknowns]
             nominal = [v.nominal for _, v in loop.unknowns]
-            solve(lambda z, loop=loop: self.residual(loop, z), guess, nominal, self.exchange.loop_tolerance)
+            offered = {m: d for m in loop.components if (d := self.derivative(loop, m))}
+            solve(
+                lambda z, loop=loop: self.residual(loop, z),
+                guess,
+                nominal,
+                self.exchange.loop_tolerance,
+                (lambda z, change, loop=loop, d=offered: self.residual(loop, z, d, change)) if offered else None,
+            )
 
-    def residual(self, loop: Any, z: Sequence[float]) -> list[float]:
-        """What the components of a loop compute from its unknowns z, without a step, minus z."""
+    def derivative(self, loop: Any, m: Any) -> tuple[list[Any], list[Any]] | None:
+        """Outputs and inputs of a component in a loop, if it tells their directional derivatives."""
+        if not m.description.directional_derivatives or m in self.exchange.repeated:
+            return None
+        outputs = dict.fromkeys(c.output for c in loop.connections if c.source is m)
+        return [*outputs], [*dict.fromkeys(c.input for c in loop.connections if c.target is m)]
+
+    def residual(
+        self, loop: Any, z: Sequence[float], offered: dict[Any, tuple[list[Any], list[Any]]] | None = None, change=1.0
+    ) -> list[float]:
+        """What the components of a loop compute from its unknowns z, without a step, minus z.
+
+        With derivatives that are `offered`: along these, from the last evaluation on, which is `change` away.
+        """
 
         def put() -> None:
             self.published |= zip(loop.unknowns, z, strict=True)
@@ -153,14 +174,29 @@ class Rule:
         put()
         for m in loop.components:
             port = self.exchange.layout.ports[m]
-            port.u[:] = [self.input(m, v, None) for v in port.inputs]
-            self.exchange.ports[m].set_inputs()
-            self.exchange.ports[m].get_outputs()
-            self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+            inputs = {v: self.input(m, v, None) for v in port.inputs}
+            if offered and m in offered:
+                self.computed |= self.along(m, inputs, *offered[m], change)
+            else:
+                port.u[:] = list(inputs.values())
+                self.exchange.ports[m].set_inputs()
+                self.exchange.ports[m].get_outputs()
+                self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+                self.evaluated[m] = inputs, dict(zip(port.outputs, port.y.tolist(), strict=True))
             self.published |= {key: y for key, y in self.computed.items() if key[0] is m}
         found = [self.computed[key] - x for key, x in zip(loop.unknowns, z, strict=True)]
         put()
         return found
+
+    def along(self, m: Any, inputs: dict[Any, float], of: list[Any], by: list[Any], change: float) -> dict[Key, float]:
+        """Outputs of a component in a loop by their derivative, from its last evaluation on."""
+        u, y = self.evaluated[m]
+        seeds = {v: (inputs[v] - u[v]) / change for v in by}
+        try:
+            slopes = m.implementation.directional(of, seeds)
+        except CosimError:
+            slopes = [math.nan] * len(of)
+        return {(m, v): y[v] + slope * change for v, slope in zip(of, slopes, strict=True)}
 
     def input(self, m: Any, variable: Any, now: float | None) -> float:
         """What an input reads at an instant, for a step that begins `now`, or for outputs without a step."""

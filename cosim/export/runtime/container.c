@@ -54,6 +54,7 @@ struct FmuInstance {
     EngineComponent *bound;
     Component *components;
     EngineTransfer *transfers;
+    EngineDerivative *derivatives; /* of all loops, one after the other */
     bool *flags;
     double *last;
     int32_t logging;                /* the component that logs */
@@ -78,9 +79,22 @@ static size_t n_transfers(void) {
     return n;
 }
 
+/* Directional derivatives of all loops, and doubles that the loops need. */
+static size_t n_derivatives(void) {
+    size_t n = 0;
+    for (int32_t i = 0; i < P->n_loops; i++) n += P->loops[i].derivatives ? (size_t)P->loops[i].n_components : 0;
+    return n;
+}
+
+static size_t derivative_work(const EngineDerivative *d) { return 2 * ((size_t)d->n_knowns + d->n_unknowns); }
+
 static size_t loop_work(void) {
     size_t n = 0;
-    for (int32_t i = 0; i < P->n_loops; i++) n += engine_loop_work(P->loops[i].n);
+    for (int32_t i = 0; i < P->n_loops; i++) {
+        const EngineLoop *l = &P->loops[i];
+        n += engine_loop_work(l->n);
+        for (int32_t k = 0; l->derivatives && k < l->n_components; k++) n += derivative_work(&l->derivatives[k]);
+    }
     return n;
 }
 
@@ -106,6 +120,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
         aligned((size_t)P->n_loops * sizeof(EngineLoop)),
         aligned(loop_work() * sizeof(double)),
+        aligned(n_derivatives() * sizeof(EngineDerivative)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -143,10 +158,19 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
                             .loops = part[17], .n_loops = P->n_loops, .check_finite = true};
     double *work = part[18];
+    EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
-        self->engine.loops[i] = P->loops[i];
-        self->engine.loops[i].work = work;
-        work += engine_loop_work(P->loops[i].n);
+        EngineLoop *l = &self->engine.loops[i];
+        *l = P->loops[i];
+        l->work = work;
+        work += engine_loop_work(l->n);
+        if (!l->derivatives) continue;
+        l->derivatives = d;
+        for (int32_t k = 0; k < l->n_components; k++, d++) {
+            *d = P->loops[i].derivatives[k];
+            d->work = work;
+            work += derivative_work(d);
+        }
     }
     self->state->mode = MODE_INSTANTIATED;
     return self;
@@ -411,6 +435,14 @@ static void bind(FmuInstance *self) {
         }
         e->direct = direct;
     }
+    EngineDerivative *d = self->derivatives;
+    for (int32_t i = 0; i < P->n_loops; i++)
+        for (int32_t k = 0; P->loops[i].derivatives && k < P->loops[i].n_components; k++, d++) {
+            const Component *m = &self->components[P->loops[i].components[k]];
+            if (!d->n_knowns) continue;
+            if (m->version == 2) d->call2 = (EngineDerivative2)m->f2->GetDirectionalDerivative;
+            else d->call3 = (EngineDerivative3)m->f3->GetDirectionalDerivative;
+        }
 }
 
 /* A call of component i that the engine has made has failed. */
@@ -426,7 +458,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
             P->components[i].name, time, why ? why : "", (unsigned)number);
     }
     return component_failed(self, i,
-        call > 0   ? "setting its inputs"
+        call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
+        : call > 0 ? "setting its inputs"
         : call < 0 ? "getting its outputs"
                    : "DoStep",
         self->engine.status);
