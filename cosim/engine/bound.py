@@ -260,6 +260,7 @@ class BoundEngine:
             "n_components": len(plan.components),
             "clock": plan.clock,
             "follows_discrete": plan.follows_discrete,
+            "repeats": plan.repeats,
             "n": len(plan.nominal),
             "published": self._slots(plan.published),
             "computed": self._slots(plan.computed),

@@ -128,6 +128,7 @@ typedef struct {
     int32_t n_components;
     int32_t clock;              /* of all its components */
     bool follows_discrete;      /* a discrete component drives it: it is solved again after those */
+    bool repeats;               /* some of its components repeat their last step: it is solved after steps only */
     int32_t n;                  /* unknowns */
     const uint32_t *published, *computed; /* of n: their slots */
     const double *nominal;      /* of n */

@@ -22,7 +22,7 @@ EXPORT int cosim_engine_instant(
     e->environment = environment_bits();
     if (!resumed) engine_look_up(e, e->tick);
     int result = !arrives ? ENGINE_AT_END : a ? engine_adaptive_arrive(e, a, t) : engine_arrive(e, t);
-    if (!result && samples) result = engine_sample(e, t);
+    if (!result && samples) result = a ? engine_adaptive_sample(e, a, t) : engine_sample(e, t);
     return result || !advances ? result : a ? engine_adaptive_advance(e, a, t) : engine_advance(e, t);
 }
 EXPORT int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick) { return engine_adaptive_cut(e, a, tick); }

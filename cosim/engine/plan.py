@@ -116,6 +116,7 @@ class LoopPlan:
     components: tuple[int, ...]
     clock: int
     follows_discrete: bool
+    repeats: bool
     published: tuple[int, ...]
     computed: tuple[int, ...]
     nominal: tuple[float, ...]
@@ -182,11 +183,13 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     layout, components = setup.layout, setup.schedule.components
     numbers = tuple(components.index(m) for m in loop.components)
     driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
+    repeats = any(m in setup.repeated for m in loop.components)
     derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
-        follows_discrete=driven and not any(m in setup.repeated for m in loop.components),
+        follows_discrete=driven and not repeats,
+        repeats=repeats,
         published=tuple(layout.visible[key] for key in loop.unknowns),
         computed=tuple(layout.latest[key] for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),

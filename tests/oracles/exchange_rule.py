@@ -141,16 +141,15 @@ class Rule:
                 continue
             if after_discrete and (repeated or not driven):
                 continue
-            guess = [self.published[key] for key in loop.unknowns]
-            nominal = [v.nominal for _, v in loop.unknowns]
-            offered = {m: d for m in loop.components if (d := self.derivative(loop, m))}
-            solve(
-                lambda z, loop=loop: self.residual(loop, z),
-                guess,
-                nominal,
-                self.exchange.loop_tolerance,
-                (lambda z, change, loop=loop, d=offered: self.residual(loop, z, d, change)) if offered else None,
-            )
+            self.solve(loop)
+
+    def solve(self, loop: Any) -> None:
+        """From the published values on."""
+        guess = [self.published[key] for key in loop.unknowns]
+        nominal = [v.nominal for _, v in loop.unknowns]
+        offered = {m: d for m in loop.components if (d := self.derivative(loop, m))}
+        along = (lambda z, change: self.residual(loop, z, offered, change)) if offered else None
+        solve(lambda z: self.residual(loop, z), guess, nominal, self.exchange.loop_tolerance, along)
 
     def derivative(self, loop: Any, m: Any) -> tuple[list[Any], list[Any]] | None:
         """Outputs and inputs of a component in a loop, if it tells their directional derivatives."""
