@@ -114,6 +114,10 @@ static void learn(const Engine *e, EngineAdaptive *a, int64_t over) {
     a->steps->over = over;
 }
 
+/* The step before, over which slopes are measured; 0: none. The one with a jump tells no slope; where its successor is as
+ * bad without slopes, the value is steep, and its own slope serves. */
+static int64_t measured_over(const EngineSteps *s) { return s->jumps % 2 ? 0 : s->end - s->begin; }
+
 /* Values at the begin of a step, after the discrete components. */
 static int begin_step(Engine *e, EngineAdaptive *a) {
     EngineSteps *s = a->steps;
@@ -222,7 +226,7 @@ int engine_adaptive_cut(Engine *e, EngineAdaptive *a, int64_t tick) {
     s->end = tick;
     s->total += s->tried - before;
     if (s->tried < s->smallest) s->smallest = s->tried;
-    learn(e, a, s->jumps ? 0 : s->tried);
+    learn(e, a, measured_over(s));
     e->tick = tick;
     return ENGINE_AT_END;
 }
@@ -234,7 +238,7 @@ int engine_adaptive_arrive(Engine *e, EngineAdaptive *a, double t) {
     double *published = e->values + a->published;
     const double *computed = e->values + a->computed;
     if (e->tick == s->end) {
-        learn(e, a, s->jumps ? 0 : s->end - s->begin); /* before a discrete component changes a loop */
+        learn(e, a, measured_over(s)); /* before a discrete component changes a loop */
         memcpy(published, computed, a->n * sizeof(double));
     } else {
         const double share = (double)(e->tick - s->begin) / (double)(s->end - s->begin);

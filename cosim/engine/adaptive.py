@@ -17,7 +17,8 @@ discrete component, so these run at their exact instants.
    tried. Otherwise it is accepted, and the error decides on the length of the next one.
 
 A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
-one begins without slopes; after ten such steps in a row the run fails. Between two communication points, outputs are
+one begins without slopes. If its error is as large although it is a smallest step too, the value is steep: the step
+after it has slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
 interpolated linearly, for the recording and for everything else that reads them.
 
 `adaptive.c` executes the rule; tests/oracles/adaptive_rule.py states it once more, in Python.

@@ -184,6 +184,23 @@ def test_a_value_that_never_follows_ends_the_run_by_name():
     assert c.value.component == "n"
 
 
+def test_a_value_that_jumps_and_is_steep_after_that_is_followed():
+    """A step of it, without slopes, exceeds the tolerance however small it is."""
+
+    class Ramp(PythonComponent):
+        outputs = ("y",)
+
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = 0.0 if t + h < 0.05 else 1.0 + 1e4 * (t + h - 0.05)
+
+    system = System()
+    system.add("r", Ramp, step="1 ms")
+    system.add("i", Integrator(), step="1 ms")
+    system.connect("r.y", "i.u")
+    run = system.run(0.06, record=["i.y"], tolerance=1e-4)
+    assert run["i.y"][-1] == pytest.approx(0.01 + 0.5e4 * 0.01**2, rel=1e-4)
+
+
 @pytest.mark.parametrize("isolated", [False, True])
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_fmus_give_the_same_bits_in_each_version_isolated_or_not(built_fmus, fmi, isolated):

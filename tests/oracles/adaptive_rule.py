@@ -108,7 +108,7 @@ class AdaptiveRule(Rule):
     def arrive(self, t: Fraction) -> None:
         """What is computed is published; within a step, on the line from its begin to its end."""
         if t == self.end:
-            self.over = 0 if self.jumps else int((self.end - self.begin) / self.tick)
+            self.over = 0 if self.jumps % 2 else int((self.end - self.begin) / self.tick)
             self.slope = self.slopes(self.over)
         share = 1.0 if t == self.end else ((t - self.begin) / self.tick) / float((self.end - self.begin) / self.tick)
         for key in self.outputs:
