@@ -130,6 +130,8 @@ INLINE int step3(Engine *e, const EngineComponent *m, double t) {
     return RARELY((status > LARGEST_SUCCESS) | flags[2] | flags[3]) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
+int engine_step(Engine *e, const EngineComponent *m, double t) { return m->fmi == 3 ? step3(e, m, t) : step2(e, m, t); }
+
 /* Set, step and get of a component with any number of calls. */
 NOINLINE int run_parts(Engine *e, const EngineComponent *m, double t) {
     int result = engine_set(e, m);

@@ -216,8 +216,9 @@ int engine_advance(Engine *e, double t);
 
 /* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
-/* Hand inputs over, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
+/* Hand inputs over, step at time t, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
 int engine_set(Engine *e, const EngineComponent *m);
+int engine_step(Engine *e, const EngineComponent *m, double t);
 int engine_get(Engine *e, const EngineComponent *m);
 /* The inputs of a component as they are published, into u; where t is NaN, none is extrapolated. */
 void engine_gather(const Engine *e, const EngineComponent *m, double t);

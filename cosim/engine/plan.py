@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -49,7 +49,7 @@ class Setup:
         self.tolerance = tolerance
         self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
-        self.repeated: dict[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
+        self.repeated: Mapping[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
         self.layout: Layout = make_layout(schedule, record, watch)
         self.values = self.layout.values

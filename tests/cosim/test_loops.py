@@ -505,6 +505,49 @@ def test_exported_systems_use_directional_derivatives_too(tmp_path):
         np.testing.assert_array_equal(run.data, native.data)
 
 
+def test_exported_systems_repeat_steps_and_continue_from_states(tmp_path):
+    """Of FMUs that compute outputs in steps only; both versions in one system, each as the whole."""
+    files = [sloped.build(fmi, tmp_path) for fmi in (2, 3)]
+    with of_two_slopes(files[0], second=files[1], trouble=6) as system:
+        native = system.run(0.3, record=SLOPED)
+        whole = [system.export_fmu(tmp_path / f"Loop{fmi}.fmu", fmi=fmi) for fmi in (2, 3)]
+    names = [f"whole.{n}" for n in SLOPED]
+    assert native.loops[0].evaluations > 2 * native.loops[0].solutions
+    with of_two_slopes(files[0], second=files[1]) as system:
+        assert np.abs(native["m.a"] - system.run(0.3, record=SLOPED)["m.a"]).max() > 0.01  # the sums count
+    for file in whole:
+        with System() as system:
+            system.add("whole", file, step="10 ms")
+            run = system.run(0.3, record=names)
+            np.testing.assert_array_equal(run.data, native.data)
+            with system.initialize(record=names) as simulation:
+                simulation.advance(0.1)
+                state = simulation.save()
+                simulation.advance(0.2)
+                simulation.restore(state)
+                simulation.advance(0.3, final=True)
+                assert_same(simulation.recording, run)
+
+
+def test_a_loop_through_a_model_exchange_fmu_is_solved_and_exported(built_fmus, tmp_path):
+    with System(allow_unconnected=True) as system:
+        path = built_fmus.path("QuarterCarHmmwv", 3)
+        system.add("car", path, step="0.5 ms", start={"road.height": 0.05}, interface="me")
+        system.connect("car.body.az", "car.force", linear=(-100.0, 0.0))
+        exchanged, model = system.run(0.1, record=MOTION), system.linearize(["car.road.height"], ["car.body.az"])
+        file = system.export_fmu(tmp_path / "Exchanged.fmu")
+    with with_fed_back_acceleration(path, 100.0) as system:
+        system["car"].step = rational("0.5 ms")
+        stepped, same = system.run(0.1, record=MOTION), system.linearize(["car.road.height"], ["car.body.az"])
+    assert exchanged.loops[0].derivatives > 0
+    assert (np.abs(exchanged.data - stepped.data) < 1e-6 * np.abs(stepped.data).max(axis=0)).all()
+    np.testing.assert_allclose(model.poles(), same.poles(), rtol=1e-12)
+    with System(allow_unconnected=True) as system:
+        system.add("whole", file, step="0.5 ms")
+        whole = system.run(0.1, record=[f"whole.{n}" for n in MOTION])
+    np.testing.assert_array_equal(whole.data, exchanged.data)
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_what_an_fmu_does_not_declare_is_measured_from_a_saved_state(follower, fmi):
     """`count` is `count_in` plus the number of steps, and `y` a state: the FMU says neither."""

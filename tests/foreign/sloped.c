@@ -3,7 +3,8 @@
  *   a = t + k sin(p) + q / 4,  b = p q / 8 - k cos(q)
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
- * Fatal. `calls` counts them. */
+ * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. `calls` counts
+ * derivatives. */
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -11,8 +12,10 @@
 enum { P, Q, A, B, K, TROUBLE, CALLS };
 
 typedef struct {
-    double value[7], time;
+    double value[7], time, sum;
 } Model;
+
+static bool is_lazy(const Model *m) { return m->value[TROUBLE] == 6.0; }
 
 static Model *made(void) {
     Model *m = calloc(1, sizeof *m);
@@ -20,11 +23,22 @@ static Model *made(void) {
     return m;
 }
 
-static double get(Model *m, Reference r) {
+static void compute(Model *m) {
     double *const x = m->value;
-    x[A] = m->time + x[K] * sin(x[P]) + 0.25 * x[Q];
+    x[A] = m->time + x[K] * sin(x[P]) + 0.25 * x[Q] + m->sum;
     x[B] = 0.125 * x[P] * x[Q] - x[K] * cos(x[Q]);
-    return x[r];
+}
+
+static double get(Model *m, Reference r) {
+    if (!is_lazy(m)) compute(m);
+    return m->value[r];
+}
+
+static void step(Model *m, double t, double h) {
+    m->time = t + h;
+    if (!is_lazy(m)) return;
+    m->sum += h * m->value[P];
+    compute(m);
 }
 
 static Status slopes(Model *m, const Reference of[], size_t n, const Reference by[], size_t k, const double seed[],
@@ -40,14 +54,14 @@ static Status slopes(Model *m, const Reference of[], size_t n, const Reference b
         if (trouble == 1) slope[i] *= -3.0;
         if (trouble == 2) slope[i] = NAN;
     }
-    return trouble < 3 ? F(OK) : (Status)(trouble - 1);
+    return trouble < 3 || trouble == 6 ? F(OK) : (Status)(trouble - 1);
 }
 
 #define M ((Model *)c)
 INSTANTIATE(made())
 void F(FreeInstance)(Instance c) { free(c); }
 Status F(SetDebugLogging)(Instance c, Flag on, size_t n, const Text categories[]) { return F(OK); }
-SETUP((M->time = begin, F(OK)), F(OK))
+SETUP((M->time = begin, M->sum = 0.0, F(OK)), F(OK))
 Status F(ExitInitializationMode)(Instance c) { return F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
@@ -57,4 +71,4 @@ Status F(GetDirectionalDerivative)(Instance c, const Reference of[], size_t n, c
     return slopes(M, of, n, by, k, seed, slope);
 }
 COPIED_STATES(Model, )
-DO_STEP((M->time = t + h, F(OK)))
+DO_STEP((step(M, t, h), F(OK)))
