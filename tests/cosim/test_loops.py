@@ -548,6 +548,38 @@ def test_a_loop_through_a_model_exchange_fmu_is_solved_and_exported(built_fmus, 
     np.testing.assert_array_equal(whole.data, exchanged.data)
 
 
+@pytest.mark.parametrize("interface", ["cs", "me"])
+def test_a_sampled_linear_model_through_a_loop_repeats_the_run(built_fmus, interface):
+    """Two cars, of which one has its acceleration fed back and pushes the other one, and a sampled damper."""
+    import control
+
+    class Damper(PythonComponent):
+        inputs = ("v",)
+        outputs = ("height",)
+        kind = "discrete"
+
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = -0.05 * u[0]
+
+    path = built_fmus.path("QuarterCarHmmwv", 3)
+    with System(allow_unconnected=True) as system:
+        for name in ("car", "other"):
+            system.add(name, path, step="1 ms", interface=interface)
+        system.add("damper", Damper(), step="2 ms")
+        system.connect("car.body.az", "car.force", linear=(-100.0, 0.0))
+        system.connect("car.body.az", "other.force", linear=(100.0, 0.0))
+        system.connect("other.body.vz", "damper.v", linear=(1.0, 0.0))
+        system.connect("damper.height", "car.road.height", linear=(1.0, 0.0))
+        names = ["car.body.az", "other.body.z"]
+        model = system.linearize(["other.road.height"], names, discrete=True)
+        system["other"].set({"road.height": 0.01})
+        run = system.run(0.2, record=Record(names, model.dt))
+    times = model.dt * np.arange(len(run.time))
+    predicted = control.forced_response(model, times, np.full((1, len(times)), 0.01)).outputs
+    for name, y in zip(names, predicted, strict=True):
+        assert np.abs(run[name] - y).max() < 1e-6 * np.abs(y).max()
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_what_an_fmu_does_not_declare_is_measured_from_a_saved_state(follower, fmi):
     """`count` is `count_in` plus the number of steps, and `y` a state: the FMU says neither."""
