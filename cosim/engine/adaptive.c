@@ -114,8 +114,8 @@ static void learn(const Engine *e, EngineAdaptive *a, int64_t over) {
     a->steps->over = over;
 }
 
-/* The step before, over which slopes are measured; 0: none. The one with a jump tells no slope; where its successor is as
- * bad without slopes, the value is steep, and its own slope serves. */
+/* The step before, over which slopes are measured; 0: none. The one with a jump tells no slope; where its successor is
+ * as bad without slopes, the value is steep, and its own slope serves. */
 static int64_t measured_over(const EngineSteps *s) { return s->jumps % 2 ? 0 : s->end - s->begin; }
 
 /* Values at the begin of a step, after the discrete components. */
