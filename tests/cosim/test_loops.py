@@ -529,6 +529,16 @@ def test_exported_systems_repeat_steps_and_continue_from_states(tmp_path):
                 assert_same(simulation.recording, run)
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_exported_system_names_the_component_whose_derivative_is_fatal(fmi, tmp_path):
+    with of_two_slopes(sloped.build(fmi, tmp_path)) as system:
+        file = system.export_fmu(tmp_path / "Loop.fmu")
+    with System() as system:
+        system.add("whole", file, step="10 ms", parameters={"n.trouble": 5.0})
+        with pytest.raises(ComponentError, match=r"component 'n': GetDirectionalDerivative returned Fatal"):
+            system.run(0.1)
+
+
 def test_a_loop_through_a_model_exchange_fmu_is_solved_and_exported(built_fmus, tmp_path):
     with System(allow_unconnected=True) as system:
         path = built_fmus.path("QuarterCarHmmwv", 3)

@@ -463,6 +463,8 @@ static void bind(FmuInstance *self) {
 
 /* ------------------------------------------------------------------ steps that are repeated */
 
+enum { CALL_SAVE = INT32_MIN, CALL_RESTORE }; /* beside those of Engine.call */
+
 static void forget_last(FmuInstance *self, int32_t i) {
     LastStep *last = &self->repeated[i];
     if (last->state && !self->components[i].dead) (void)component_forget(&self->components[i], &last->state);
@@ -484,9 +486,8 @@ static bool asked_to_end(FmuInstance *self, int32_t i) {
                : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]);
 }
 
-/* A call that saves (0) or restores (1) the state of a component for the repetition. */
 static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
-    self->engine.call = call ? INT32_MIN + 1 : INT32_MIN;
+    self->engine.call = call;
     self->engine.status = status;
     return ENGINE_STATE_FAILED;
 }
@@ -502,7 +503,7 @@ static int repeat(void *context, int32_t i, double t) {
     uint32_t status = fmi3OK;
     if (isnan(t)) {
         if (last->state && (status = component_restore(m, last->state)) > fmi3Warning)
-            return state_failed(self, 1, status);
+            return state_failed(self, CALL_RESTORE, status);
         result = engine_set(&self->engine, &e);
         if (!result && last->state) {
             result = engine_step(&self->engine, &e, last->t);
@@ -510,7 +511,8 @@ static int repeat(void *context, int32_t i, double t) {
         }
     } else {
         forget_last(self, i);
-        if ((status = component_save(m, &last->state)) > fmi3Warning) return state_failed(self, 0, status);
+        if ((status = component_save(m, &last->state)) > fmi3Warning)
+            return state_failed(self, CALL_SAVE, status);
         last->t = t;
         result = engine_set(&self->engine, &e);
         if (!result) result = engine_step(&self->engine, &e, t);
@@ -531,8 +533,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
             P->components[i].name, time, why ? why : "", (unsigned)number);
     }
     return component_failed(self, i,
-        call == INT32_MIN         ? "GetFMUState"
-        : call == INT32_MIN + 1   ? "SetFMUState"
+        call == CALL_SAVE           ? "GetFMUState"
+        : call == CALL_RESTORE      ? "SetFMUState"
         : call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
         : call > 0 ? "setting its inputs"
         : call < 0 ? "getting its outputs"
