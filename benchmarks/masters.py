@@ -277,10 +277,18 @@ SUBJECTS = (
 
 @dataclass(frozen=True)
 class Cost:
-    """A run: its largest error relative to the largest value of the signal, and its calls of doStep."""
+    """A run.
+
+    Attributes:
+        error: the largest of all signals, relative to the largest value of the signal.
+        calls: of doStep.
+        times: with a tolerance, the largest error of the values that components read, in the measure of the tolerance:
+            relative to it times the nominal value, or the largest value if that is larger.
+    """
 
     error: float
     calls: int
+    times: float | None = None
 
 
 @dataclass(frozen=True)
@@ -312,6 +320,13 @@ def errors(run: Mapping[str, Any] | Recording, true: Recording) -> dict[str, flo
     return {n: float(np.abs(run[n] - true[n]).max() / np.abs(true[n]).max()) for n in names}
 
 
+def share(system: System, run: Recording, name: str) -> float:
+    """Largest value of a signal, as a part of its nominal value if that is larger."""
+    ((_, variable),) = system.select([name])
+    largest = float(np.abs(run[name]).max())
+    return largest / max(largest, variable.nominal)
+
+
 def measured(subject: Subject, folder: Path = BUILT, peer: Path | None = None) -> Result:
     """Everything of one system; `peer`: a Python that has CoFmuPy."""
     subject.build(folder)
@@ -332,7 +347,10 @@ def measured(subject: Subject, folder: Path = BUILT, peer: Path | None = None) -
             run = system.run(stop, record=record, execution=Execution(tolerance=tolerance))
             assert run.steps is not None
             tried = run.steps.accepted + run.steps.rejected
-            costs[f"tolerance {tolerance:g}"] = Cost(max(errors(run, true).values()), n * tried)
+            found = errors(run, true)
+            read = {source: found[source] for source, _ in subject.connections}
+            times = max(error * share(system, true, name) for name, error in read.items()) / tolerance
+            costs[f"tolerance {tolerance:g}"] = Cost(max(found.values()), n * tried, times)
     if peer is not None:
         costs["CoFmuPy"] = by_cofmupy(subject, folder, peer, true)
     return Result(ratios, costs)
