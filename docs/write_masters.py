@@ -1,6 +1,6 @@
 """Write the tables of docs/reference/masters.md: errors of the exchange and what they cost, on five systems.
 
-Run `python docs/write_masters.py [PYTHON]` after `make fmus`. PYTHON: an interpreter that has CoFmuPy (`pip install
+Run `python -m docs.write_masters [PYTHON]` after `make fmus`. PYTHON: an interpreter that has CoFmuPy (`pip install
 cofmupy`); without one, its cells stay as they are.
 """
 
@@ -11,12 +11,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+from benchmarks.masters import EXTRAPOLATED, PLAIN, SUBJECTS, TOLERANCES, Cost, Result, Subject, measured
 
-from benchmarks.masters import EXTRAPOLATED, PLAIN, SUBJECTS, TOLERANCES, Cost, Result, Subject, measured  # noqa: E402
-
-PAGE = ROOT / "docs" / "reference" / "masters.md"
+PAGE = Path(__file__).parent / "reference" / "masters.md"
 WAYS = (PLAIN, EXTRAPOLATED, *(f"tolerance {t:g}" for t in TOLERANCES), "CoFmuPy")
 HEADS = {
     "estimates": ("system", "step [ms]", "plain", "ratios", "extrapolated", "ratios"),
