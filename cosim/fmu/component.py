@@ -472,14 +472,20 @@ class FmuComponent:
             last=address(self._last) if self._v3 else 0,
             no_set_prior=self._no_set_prior,
             states=self._state_calls(),
-            derivative=address(self._function("GetDirectionalDerivative"))
-            if self.description.directional_derivatives
-            else 0,
+            derivative=self._derivative_call(),
             call_failed=self._fail,
             step_failed=self._step_failed,
             foreign=self._foreign,
             changed=self._tell_changed,
         )
+
+    def _derivative_call(self) -> int:
+        if not self.description.directional_derivatives:
+            return 0
+        try:
+            return self._address(self._function("GetDirectionalDerivative"))
+        except FmuError:  # it is declared but not there; nothing depends on it
+            return 0
 
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))

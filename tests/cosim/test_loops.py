@@ -485,6 +485,22 @@ def test_wrong_or_missing_directional_derivatives_do_not_change_the_solution(fmi
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_derivatives_that_are_declared_but_not_in_the_library_are_done_without(fmi, isolated, tmp_path):
+    path = sloped.build(fmi, tmp_path, lacking=True)
+    with of_two_slopes(path) as system:
+        run = system.run(0.5, record=SLOPED, execution=Execution(isolate=("*",) if isolated else ()))
+        file = system.export_fmu(tmp_path / "Loop.fmu")
+    with System() as system:
+        system.add("whole", file, step="10 ms")
+        whole = system.run(0.5, record=[f"whole.{n}" for n in SLOPED])
+    assert is_solved(run)
+    np.testing.assert_array_equal(whole.data, run.data)
+    if not isolated:
+        assert run.loops[0].derivatives == 0
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_an_fmu_that_is_lost_when_asked_for_a_derivative_is_named(fmi, tmp_path):
     with (
         of_two_slopes(sloped.build(fmi, tmp_path), trouble=5) as system,

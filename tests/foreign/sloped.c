@@ -66,9 +66,11 @@ Status F(ExitInitializationMode)(Instance c) { return F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
 ACCESS(REAL, double, EACH(value[i] = get(M, vr[i])), EACH(M->value[vr[i]] = value[i]))
+#ifndef LACKING
 Status F(GetDirectionalDerivative)(Instance c, const Reference of[], size_t n, const Reference by[], size_t k,
     const double seed[], FMI2_OR_3(, size_t n_seed COMMA) double slope[] FMI2_OR_3(, COMMA size_t n_slope)) {
     return slopes(M, of, n, by, k, seed, slope);
 }
+#endif
 COPIED_STATES(Model, )
 DO_STEP((step(M, t, h), F(OK)))

@@ -48,12 +48,12 @@ def description(version: int, *, offers: bool = True) -> str:
     )
 
 
-def build(version: int, folder: Path, *, offers: bool = True) -> Path:
-    """The FMU for this machine, in a folder."""
-    name = f"sloped{version}"
-    library = making.compile_library(
-        folder, name, version, [making.HERE / "sloped.c", making.others(folder, name, version)]
-    )
+def build(version: int, folder: Path, *, offers: bool = True, lacking: bool = False) -> Path:
+    """The FMU for this machine, in a folder; `lacking`: the function for derivatives is not in its library."""
+    name = f"sloped{version}" + "lacking" * lacking
+    function = f"fmi{version}GetDirectionalDerivative"
+    sources = [making.HERE / "sloped.c", making.others(folder, name, version, without=[function])]
+    library = making.compile_library(folder, name, version, sources, *["-DLACKING"] * lacking)
     text = description(version, offers=offers)
-    path = folder / f"Sloped{version}{'' if offers else 'Silent'}.fmu"
+    path = folder / f"{name.capitalize()}{'' if offers else 'Silent'}.fmu"
     return making.pack(path, making.contents(version, "sloped", text, library))
