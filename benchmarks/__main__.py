@@ -32,6 +32,7 @@ NAMES = (
     "mathematics",
     "study",
     "exchange_lag",
+    "masters",
     "qp_time",
     "mpc_solvers",
     "mpc_worst",

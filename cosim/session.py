@@ -336,16 +336,11 @@ class System(Wiring):
         from cosim.export.code import exported_schedule
         from cosim.export.system_fmu import export_fmu
 
-        schedule = exported_schedule(self, without)
+        schedule, repeated = exported_schedule(self, without), None
         if schedule.loops or schedule.possible_loops:  # initialization finds which there are, and how they are solved
             self.end_simulation()
             with self._begin(schedule) as started:
                 loops, repeated = started.exchange.loops, started.exchange.repeated
-            if repeated:
-                raise CosimError(
-                    f"'{next(iter(repeated)).name}' is part of an algebraic loop and computes its outputs in steps"
-                    " only, which the FMU of a system does not repeat: give a connection of the loop delay=True"
-                )
             schedule = replace(schedule, loops=loops, possible_loops=())
         return export_fmu(
             schedule,
@@ -356,6 +351,7 @@ class System(Wiring):
             fmi=fmi,
             platforms=platforms,
             text=text,
+            repeated=repeated,
         )
 
     def export_web(

@@ -59,6 +59,7 @@ class FmiCalls:
     call_failed: Callable[[str, int], None]  # (function, status)
     step_failed: Callable[[int, float, float], None]  # (status, time at its begin [s], length [s])
     states: Mapping[str, int] | None = None  # fmiXGetFMUState, fmiXSetFMUState, fmiXFreeFMUState: `get`, `set`, `free`
+    derivative: int = 0  # fmiXGetDirectionalDerivative, where the FMU offers it
     stepped: int = 0  # what `do_step` gets instead of the instance: its integrator
     foreign: bool = False  # the floating-point environment is put back after its calls
     changed: Callable[[int], None] = lambda bits: None  # says what it has changed there

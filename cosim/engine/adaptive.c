@@ -51,14 +51,20 @@ static int finite_or(Engine *e, const EngineComponent *m) {
     return ENGINE_NOT_FINITE;
 }
 
-/* Outputs that depend directly on inputs: of the inputs as they are published now. */
-static int refresh(Engine *e, EngineAdaptive *a) {
+/* Outputs that depend directly on inputs: of the inputs as they are published now; `after` a step. */
+static int refresh(Engine *e, EngineAdaptive *a, bool after) {
     for (int32_t i = 0; i < a->n_refreshed; i++) {
-        const EngineComponent *m = &e->components[a->refreshed[i]];
-        int result = engine_exchange(e, m, NAN);
-        if (!result) result = finite_or(e, m);
+        const int32_t loop = -1 - a->refreshed[i];
+        int result = ENGINE_AT_END;
+        if (loop >= 0) {
+            if (after || !e->loops[loop].repeats) result = engine_solve(e, loop);
+        } else {
+            const EngineComponent *m = &e->components[a->refreshed[i]];
+            result = engine_exchange(e, m, NAN);
+            if (!result) result = finite_or(e, m);
+            if (!result) engine_publish_outputs(e, m);
+        }
         if (result) return result;
-        engine_publish_outputs(e, m);
     }
     return ENGINE_AT_END;
 }
@@ -80,7 +86,7 @@ static int try_step(Engine *e, EngineAdaptive *a, double t) {
         }
     }
     memcpy(published, e->values + a->computed, a->n * sizeof(double));
-    return refresh(e, a);
+    return refresh(e, a, true);
 }
 
 /* The largest difference between what has arrived and what was extrapolated, relative to the tolerance. */
@@ -108,12 +114,15 @@ static void learn(const Engine *e, EngineAdaptive *a, int64_t over) {
     a->steps->over = over;
 }
 
+/* The step before, over which slopes are measured; 0: none. The one with a jump tells no slope; where its successor is
+ * as bad without slopes, the value is steep, and its own slope serves. */
+static int64_t measured_over(const EngineSteps *s) { return s->jumps % 2 ? 0 : s->end - s->begin; }
+
 /* Values at the begin of a step, after the discrete components. */
 static int begin_step(Engine *e, EngineAdaptive *a) {
     EngineSteps *s = a->steps;
-    learn(e, a, s->jumps ? 0 : s->end - s->begin);
     if (e->n_due_discrete || s->changed) {
-        const int result = refresh(e, a);
+        const int result = refresh(e, a, false);
         if (result) return result;
     }
     s->changed = 0;
@@ -177,7 +186,8 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
     for (;;) {
         result = try_step(e, a, t);
         if (resumed && !result) break;
-        const bool repeatable = result == ENGINE_NOT_FINITE || (result == ENGINE_CALL_FAILED && e->status <= DISCARD);
+        const bool repeatable = result == ENGINE_NOT_FINITE || result == ENGINE_NO_SOLUTION
+            || (result == ENGINE_CALL_FAILED && e->status <= DISCARD);
         if (result && (resumed || !repeatable || s->tried == 1)) {
             memcpy(e->values + a->published, a->begin, a->n * sizeof(double));
             return result;
@@ -216,6 +226,7 @@ int engine_adaptive_cut(Engine *e, EngineAdaptive *a, int64_t tick) {
     s->end = tick;
     s->total += s->tried - before;
     if (s->tried < s->smallest) s->smallest = s->tried;
+    learn(e, a, measured_over(s));
     e->tick = tick;
     return ENGINE_AT_END;
 }
@@ -226,13 +237,20 @@ int engine_adaptive_arrive(Engine *e, EngineAdaptive *a, double t) {
     const EngineSteps *s = a->steps;
     double *published = e->values + a->published;
     const double *computed = e->values + a->computed;
-    if (e->tick == s->end) memcpy(published, computed, a->n * sizeof(double));
-    else {
+    if (e->tick == s->end) {
+        learn(e, a, measured_over(s)); /* before a discrete component changes a loop */
+        memcpy(published, computed, a->n * sizeof(double));
+    } else {
         const double share = (double)(e->tick - s->begin) / (double)(s->end - s->begin);
         for (uint32_t k = 0; k < a->n; k++)
             published[k] = a->begin[k] + (a->use[k] & ENGINE_STEPWISE ? 0.0 : (computed[k] - a->begin[k]) * share);
     }
     return engine_arrive(e, t);
+}
+
+int engine_adaptive_sample(Engine *e, EngineAdaptive *a, double t) {
+    for (int32_t i = 0; i < e->n_loops; i++) e->due[e->loops[i].clock] = e->tick == a->steps->end;
+    return engine_sample(e, t);
 }
 
 int engine_adaptive_advance(Engine *e, EngineAdaptive *a, double t) {
@@ -252,7 +270,7 @@ int engine_adaptive_run(Engine *e, EngineAdaptive *a, int64_t end) {
         if (e->due[e->n_clocks - 1] && e->count == e->room) return ENGINE_FULL;
         const double t = engine_time(e, tick);
         int result = engine_adaptive_arrive(e, a, t);
-        if (!result) result = engine_sample(e, t);
+        if (!result) result = engine_adaptive_sample(e, a, t);
         if (!result) result = engine_adaptive_advance(e, a, t);
         if (result) return result;
         e->tick = tick + 1;

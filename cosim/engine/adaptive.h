@@ -31,7 +31,8 @@ typedef struct {
     uint32_t n;                  /* outputs of continuous components */
     uint32_t published, computed; /* where they are: values[published + k] and values[computed + k] */
     const uint8_t *use;          /* of n: EngineUse */
-    const int32_t *refreshed;    /* components whose outputs follow their inputs without a step, in order */
+    const int32_t *refreshed;    /* in order: components whose outputs follow their inputs without a step, or loops:
+                                  * -1 - their number */
     int32_t n_refreshed;
     double tolerance;
     int64_t largest, stop;       /* [ticks]: largest step; the stop time if it is known, else 0 */
@@ -46,9 +47,10 @@ typedef struct {
     double error;                /* relative to the tolerance */
 } EngineAdaptive;
 
-/* As engine_run, engine_arrive and engine_advance. */
+/* As engine_run, engine_arrive, engine_sample and engine_advance. */
 int engine_adaptive_run(Engine *e, EngineAdaptive *a, int64_t end);
 int engine_adaptive_arrive(Engine *e, EngineAdaptive *a, double t);
+int engine_adaptive_sample(Engine *e, EngineAdaptive *a, double t);
 int engine_adaptive_advance(Engine *e, EngineAdaptive *a, double t);
 /* End the present step at `tick`, within it: its first part is repeated. */
 int engine_adaptive_cut(Engine *e, EngineAdaptive *a, int64_t tick);

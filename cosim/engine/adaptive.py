@@ -4,19 +4,21 @@ The rule, where it differs from that of `exchange.py`. All continuous components
 communication point, after the discrete components that are due there, and ends before or at the next instant of a
 discrete component, so these run at their exact instants.
 
-1. Outputs that depend directly on inputs are computed again from the inputs as they are now.
+1. Outputs that depend directly on inputs are computed again from the inputs as they are now, and algebraic loops are
+   solved; loops whose components repeat their steps only at the end of a step, which is then repeated.
 2. The state of each continuous component is saved.
 3. Every input that another continuous component drives is extrapolated linearly: from the last two communication
    points, to the middle of the step; not from integers and Booleans, and not from outputs that are read by a component
    which computes outputs with direct dependencies in steps only. All components take the step with these inputs. Then
-   1 is repeated at the end of the step.
+   1 is repeated at the end of the step. Where a loop has no solution there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to tolerance * max(nominal, largest magnitude so far).
    If it is above 1, the states are restored, the slopes are those of the step that was tried, and a shorter one is
    tried. Otherwise it is accepted, and the error decides on the length of the next one.
 
 A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
-one begins without slopes; after ten such steps in a row the run fails. Between two communication points, outputs are
+one begins without slopes. If its error is as large although it is a smallest step too, the value is steep: the step
+after it has slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
 interpolated linearly, for the recording and for everything else that reads them.
 
 `adaptive.c` executes the rule; tests/oracles/adaptive_rule.py states it once more, in Python.
@@ -24,7 +26,7 @@ interpolated linearly, for the recording and for everything else that reads them
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -53,6 +55,7 @@ LARGEST = 64
 """The largest step is so many of these."""
 SAVE, RESTORE = -2, -3
 _READ, _HELD, _STEPWISE = 1, 2, 4
+_Value = tuple[SystemComponent, str] | AlgebraicLoop
 States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
 State = tuple[Array, npt.NDArray[np.int64], States | None]
 
@@ -107,17 +110,19 @@ class AdaptiveSteps:
         ports: Mapping[SystemComponent, Ports],
         tolerance: float,
         stop: int,
+        loops: Sequence[AlgebraicLoop] = (),
+        repeated: Container[SystemComponent] = (),
     ):
-        """`stop`: tick of the stop time, 0 if it is not known.
+        """`stop`: tick of the stop time, 0 if it is not known. `repeated`: components of `loops` that repeat steps.
 
         Raises:
-            LoopError: there may be an algebraic loop.
+            LoopError: there may be another algebraic loop.
         """
         self._schedule, self._base, self._tolerance, self._ffi = schedule, base, tolerance, interface()
         self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
         n = len(self._outputs)
         self._keep: list[Any] = []
-        self.held, refreshed = _direct(schedule, layout)
+        self.held, refreshed = _direct(schedule, layout, loops, repeated)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
         self._pool = EngineStatePool(calls) if calls else None
@@ -134,7 +139,8 @@ class AdaptiveSteps:
         a.published, a.computed = (layout.visible[first], layout.latest[first]) if first else (0, 0)
         a.use = self._pointer("uint8_t*", np.array([self._use(m, v) for m, v in self._outputs], dtype=np.uint8))
         numbers = {m: i for i, m in enumerate(schedule.components)}
-        a.refreshed = self._pointer("int32_t*", np.array([numbers[m] for m in refreshed], dtype=np.int32))
+        order = [-1 - loops.index(m) if isinstance(m, AlgebraicLoop) else numbers[m] for m in refreshed]
+        a.refreshed = self._pointer("int32_t*", np.array(order, dtype=np.int32))
         a.n_refreshed, a.others = len(refreshed), bool(self._others)
         if self._pool is not None:
             self._use_states()
@@ -232,38 +238,43 @@ class AdaptiveSteps:
         return StepEffort(self._tolerance, s.n_accepted, s.n_rejected, *lengths)
 
 
-def _direct(schedule: Schedule, layout: Layout) -> tuple[list[SystemComponent], list[SystemComponent]]:
+def _direct(
+    schedule: Schedule, layout: Layout, loops: Sequence[AlgebraicLoop], repeated: Container[SystemComponent]
+) -> tuple[list[SystemComponent], list[SystemComponent | AlgebraicLoop]]:
     """Components with outputs that depend directly on connected inputs.
 
-    Returns those that compute them in steps only, and those that can compute them again without a step, in the order in
-    which they pass on values (a component may occur several times).
+    Returns those that compute them in steps only, and those that can compute them again without a step and loops, in
+    the order in which they pass on values (a component may occur several times).
     """
     sources = {(c.target, c.input.name): c for c in schedule.connections}
-    values: TopologicalSorter[tuple[SystemComponent, str]] = TopologicalSorter()
+    solved = {(c.source, c.output.name): loop for loop in loops for c in loop.connections}
+    values: TopologicalSorter[_Value] = TopologicalSorter(dict.fromkeys(loops, ()))
     held: list[SystemComponent] = []
     direct: set[tuple[SystemComponent, str]] = set()
     for m in schedule.continuous:
-        found = _dependencies(m, layout.ports[m])
+        found = None if m in repeated else _dependencies(m, layout.ports[m])
         if found is None:
             held.append(m)
             continue
         for output, inputs in found.items():
+            value = solved.get((m, output), (m, output))
             direct.add((m, output))
-            before = [sources[m, i] for i in inputs]
-            values.add((m, output), *((c.source, c.output.name) for c in before if not c.source.discrete))
-    order: list[SystemComponent] = []
+            before = [(c.source, c.output.name) for c in (sources[m, i] for i in inputs) if not c.source.discrete]
+            values.add(value, *(v for b in before if (v := solved.get(b, b)) not in loops or v is not value))
+    order: list[SystemComponent | AlgebraicLoop] = []
     try:
         values.prepare()
     except CycleError as cycle:
-        path = " -> ".join(f"{m.name}.{name}" for m, name in cycle.args[1])
+        path = " -> ".join(v.names if isinstance(v, AlgebraicLoop) else f"{v[0].name}.{v[1]}" for v in cycle.args[1])
         raise LoopError(
-            f"a run with a tolerance solves no algebraic loops, and there may be one: {path}. Run the system without a"
-            " tolerance."
+            f"there may be an algebraic loop that is not declared: {path}. Declare on which inputs these outputs depend"
+            " directly, or run the system without a tolerance."
         ) from None
     while values.is_active():
         ready = values.get_ready()
         values.done(*ready)
-        order += sorted({m for m, name in ready if (m, name) in direct}, key=lambda m: m.name)
+        due = {v[0] for v in ready if not isinstance(v, AlgebraicLoop) and v in direct}
+        order += [*sorted(due, key=lambda m: m.name), *(loop for loop in loops if loop in ready)]
     return held, order
 
 
@@ -283,12 +294,3 @@ def _dependencies(component: SystemComponent, port: PortLayout) -> dict[str, lis
         return None if exact is None or any(exact.measure_dependencies(inputs, port.outputs).values()) else {}
     found = {v: possible[v] if on is not None else [i for i in every if i in measured[v]] for v, on in known.items()}
     return {v: on for v, on in found.items() if on}
-
-
-def require_no_loops(loops: Sequence[AlgebraicLoop]) -> None:
-    """Raise LoopError where there is an algebraic loop, which no run with a tolerance solves."""
-    for loop in loops:
-        raise LoopError(
-            f"{loop.names} form an algebraic loop, which a run with a tolerance does not solve:\n{loop}\nRun the system"
-            " without a tolerance."
-        )

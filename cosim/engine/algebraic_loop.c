@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12 };
+enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12, WARNING = 1, ERROR = 3 };
 #define DIFFERENCE 0x1p-20   /* by which an unknown is changed for the Jacobian, relative to its size */
 #define SUFFICIENT 1e-4      /* a step of Newton's method must reduce the residual by this share of what it promises */
 #define POOR 0.1             /* a step that leaves a larger share of the residual outdates the Jacobian */
@@ -30,32 +30,74 @@ static void put(Engine *e, const EngineLoop *l, const double *z) {
     for (int32_t k = 0; k < l->n; k++) e->values[l->published[k]] = e->values[l->computed[k]] = z[k];
 }
 
-/* residual = G(z) - z, NaN where a component computes what is not finite; the unknowns are z afterward. */
-static int evaluate(Engine *e, EngineLoop *l, const double *z, double *residual) {
-    bool finite = true;
-    l->n_evaluations++;
+/* The derivatives of component number `i` of the loop, or NULL. */
+static const EngineDerivative *offered(const EngineLoop *l, int32_t i) {
+    const EngineDerivative *d = l->derivatives ? &l->derivatives[i] : NULL;
+    return d && (d->call2 || d->call3) ? d : NULL;
+}
+
+/* Inputs and outputs in the loop as the component has just computed them. */
+static void keep(const EngineComponent *m, const EngineDerivative *d) {
+    double *u = d->work, *y = u + d->n_knowns;
+    for (uint32_t k = 0; k < d->n_knowns; k++) u[k] = m->u[d->inputs[k]];
+    for (uint32_t k = 0; k < d->n_unknowns; k++) y[k] = m->y[d->outputs[k]];
+}
+
+/* Outputs in the loop by their derivative along the change of inputs since `keep`, which is `change` times a direction.
+ * They are NaN where the component does not tell it. */
+static int extrapolate(Engine *e, EngineLoop *l, const EngineComponent *m, const EngineDerivative *d, double change) {
+    double *u = d->work, *y = u + d->n_knowns, *seed = y + d->n_unknowns, *slope = seed + d->n_knowns;
+    engine_gather(e, m, NAN);
+    for (uint32_t k = 0; k < d->n_knowns; k++) seed[k] = (m->u[d->inputs[k]] - u[k]) / change;
+    l->n_derivatives++;
+    const uint32_t status = d->call3
+        ? d->call3(m->instance, d->unknowns, d->n_unknowns, d->knowns, d->n_knowns, seed, d->n_knowns, slope,
+              d->n_unknowns)
+        : d->call2(m->instance, d->unknowns, d->n_unknowns, d->knowns, d->n_knowns, seed, slope);
+    engine_put_back_environment(e, m);
+    if (status > ERROR) {
+        e->component = (int32_t)(m - e->components);
+        e->call = ENGINE_DERIVATIVE;
+        e->status = status;
+        return ENGINE_CALL_FAILED;
+    }
+    for (uint32_t k = 0; k < d->n_unknowns; k++)
+        m->y[d->outputs[k]] = status > WARNING ? NAN : y[k] + slope[k] * change;
+    return ENGINE_AT_END;
+}
+
+/* residual = G(z) - z, NaN where a component computes what is not finite; the unknowns are z afterward. With a `change`
+ * by which z differs from the last point, along derivatives where there are any. */
+static int evaluate(Engine *e, EngineLoop *l, const double *z, double change, double *residual) {
+    bool finite = true, evaluated = false;
     put(e, l, z);
     for (int32_t i = 0; i < l->n_components && finite; i++) {
         const EngineComponent *m = &e->components[l->components[i]];
-        const int result = engine_exchange(e, m, NAN);
+        const EngineDerivative *d = offered(l, i);
+        const bool along = d && change != 0.0;
+        const int result = along ? extrapolate(e, l, m, d, change) : engine_exchange(e, m, NAN);
         if (result) return result;
+        if (d && !along) keep(m, d);
+        evaluated |= !along;
         finite = engine_finite(m->y, m->n_outputs);
         if (finite) engine_publish_outputs(e, m);
     }
+    l->n_evaluations += evaluated;
     for (int32_t k = 0; k < l->n; k++) residual[k] = finite ? e->values[l->computed[k]] - z[k] : NAN;
     put(e, l, z);
     return ENGINE_AT_END;
 }
 
-/* jacobian[i n + k] = d residual i / d z k, by forward differences from z and its residual. */
-static int differentiate(
-    Engine *e, EngineLoop *l, const double *z, const double *residual, double *other, double *there, double *jacobian) {
+/* jacobian[i n + k] = d residual i / d z k, by forward differences from z and its residual, or along derivatives. */
+static int differentiate(Engine *e, EngineLoop *l, bool derivatives, const double *z, const double *residual,
+    double *other, double *there, double *jacobian) {
     memcpy(other, z, (size_t)l->n * sizeof(double));
     for (int32_t k = 0; k < l->n; k++) {
         other[k] = z[k] + DIFFERENCE * size_of(l, z, k);
-        const int result = evaluate(e, l, other, there);
+        const double change = other[k] - z[k];
+        const int result = evaluate(e, l, other, derivatives ? change : 0.0, there);
         if (result) return result;
-        for (int32_t i = 0; i < l->n; i++) jacobian[i * l->n + k] = (there[i] - residual[i]) / (other[k] - z[k]);
+        for (int32_t i = 0; i < l->n; i++) jacobian[i * l->n + k] = (there[i] - residual[i]) / change;
         other[k] = z[k];
     }
     return ENGINE_AT_END;
@@ -125,7 +167,7 @@ static int search(Engine *e, EngineLoop *l, double size, const double *z, const 
     double factor = 1.0;
     for (int32_t i = 0; i <= halvings; i++, factor *= 0.5) {
         for (int32_t k = 0; k < l->n; k++) other[k] = z[k] + factor * step[k];
-        const int result = evaluate(e, l, other, there);
+        const int result = evaluate(e, l, other, 0.0, there);
         if (result) return result;
         *reached = largest(l, other, there);
         if (*reached < size * (1.0 - SUFFICIENT * factor)) return ENGINE_AT_END;
@@ -149,14 +191,14 @@ int engine_solve(Engine *e, int32_t loop) {
            *jacobian = there + n, *matrix = jacobian + n * n;
     const int64_t before = l->n_evaluations;
     for (size_t k = 0; k < n; k++) z[k] = e->values[l->published[k]];
-    int result = evaluate(e, l, z, residual);
+    int result = evaluate(e, l, z, 0.0, residual);
     if (result) return result;
     double size = largest(l, z, residual);
     bool outdated = true; /* the Jacobian */
     for (int32_t i = 0; size > l->tolerance; i++) {
         if (i == MOST_ITERATIONS || isinf(size)) return no_solution(e, l, loop);
-        const bool fresh = outdated;
-        if (fresh && (result = differentiate(e, l, z, residual, other, there, jacobian))) return result;
+        const bool derivatives = i == 0 && l->derivatives, fresh = outdated && !derivatives;
+        if (outdated && (result = differentiate(e, l, derivatives, z, residual, other, there, jacobian))) return result;
         double reached = INFINITY;
         if (newton_step(l, z, jacobian, residual, matrix, step)) {
             result = search(e, l, size, z, step, fresh ? MOST_HALVINGS : 0, other, there, &reached);

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cosim.core.component import Array, FmiCalls, Transfer
 from cosim.core.errors import LoopNotSolved, NotFinite
 from cosim.engine.library import interface, library
-from cosim.engine.plan import ComponentPlan, Copy, LoopPlan, Setup, make_plan
+from cosim.engine.plan import ComponentPlan, Copy, DerivativePlan, LoopPlan, Setup, make_plan
 from cosim.engine.stops import Stop, StopWhen, Timed
 from cosim.recording.recording import LoopEffort
 from cosim.system.components import SystemComponent
@@ -139,6 +139,7 @@ class BoundEngine:
                 struct.n_solutions,
                 struct.n_evaluations,
                 struct.most_evaluations,
+                struct.n_derivatives,
             )
             for loop, struct in zip(self._named, self._loops or (), strict=True)
         ]
@@ -151,6 +152,8 @@ class BoundEngine:
         """
         calls = self._setup.ports[component].fmi
         assert calls is not None
+        if call == self._library.ENGINE_DERIVATIVE:
+            calls.call_failed("GetDirectionalDerivative", status)
         if call:
             transfer = calls.sets[call - 1] if call > 0 else calls.gets[-call - 1]
             calls.call_failed(transfer.function, status)
@@ -257,12 +260,33 @@ class BoundEngine:
             "n_components": len(plan.components),
             "clock": plan.clock,
             "follows_discrete": plan.follows_discrete,
+            "repeats": plan.repeats,
             "n": len(plan.nominal),
             "published": self._slots(plan.published),
             "computed": self._slots(plan.computed),
             "nominal": self._pointer("double*", np.array(plan.nominal)),
             "tolerance": self._setup.loop_tolerance,
+            "derivatives": self._array(
+                "EngineDerivative",
+                [*map(self._derivative, plan.components, plan.derivatives)] if plan.derivatives else [],
+            ),
             "work": self._pointer("double*", work),
+        }
+
+    def _derivative(self, component: int, plan: DerivativePlan | None) -> dict[str, Any]:
+        calls = self._calls[component]
+        if plan is None or calls is None or not calls.derivative:
+            return {}
+        n, version = (len(plan.knowns), len(plan.unknowns)), calls.version
+        return {
+            f"call{version}": self._ffi.cast(f"EngineDerivative{version}", calls.derivative),
+            "knowns": self._slots(plan.knowns),
+            "inputs": self._slots(plan.inputs),
+            "n_knowns": n[0],
+            "unknowns": self._slots(plan.unknowns),
+            "outputs": self._slots(plan.outputs),
+            "n_unknowns": n[1],
+            "work": self._pointer("double*", np.zeros(2 * sum(n))),
         }
 
     def _bind(self, m: Any, calls: FmiCalls) -> None:

@@ -41,6 +41,8 @@ INLINE void gather(const double *values, const EngineComponent *m, double t) {
     if (m->n_extrapolations | (m->scale != NULL)) convert(values, m, t);
 }
 
+void engine_gather(const Engine *e, const EngineComponent *m, double t) { gather(e->values, m, t); }
+
 #define FOR_ALL(type, to, from) \
     for (size_t i = 0; i < s->n; i++) to = (type)(from); \
     break
@@ -128,6 +130,8 @@ INLINE int step3(Engine *e, const EngineComponent *m, double t) {
     return RARELY((status > LARGEST_SUCCESS) | flags[2] | flags[3]) ? failed(e, 0, status) : ENGINE_AT_END;
 }
 
+int engine_step(Engine *e, const EngineComponent *m, double t) { return m->fmi == 3 ? step3(e, m, t) : step2(e, m, t); }
+
 /* Set, step and get of a component with any number of calls. */
 NOINLINE int run_parts(Engine *e, const EngineComponent *m, double t) {
     int result = engine_set(e, m);
@@ -153,6 +157,10 @@ NOINLINE int run_back(Engine *e, const EngineComponent *m, double t) {
 
 COLD void put_back(Engine *e, const EngineComponent *m) {
     e->components[m - e->components].changed |= environment_restore(e->environment);
+}
+
+void engine_put_back_environment(Engine *e, const EngineComponent *m) {
+    if (m->foreign) put_back(e, m);
 }
 
 /* One communication step of a component: inputs as they stand, doStep, outputs. */
@@ -278,7 +286,7 @@ int engine_exchange(Engine *e, const EngineComponent *m, double t) {
     gather(e->values, m, t);
     int result = m->fmi ? engine_set(e, m) : run_back(e, m, NAN);
     if (m->fmi && !result) result = engine_get(e, m);
-    if (m->foreign) put_back(e, m);
+    engine_put_back_environment(e, m);
     if (result) e->component = (int32_t)(m - e->components);
     return result;
 }

@@ -104,6 +104,23 @@ typedef struct {
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineComponent;
 
+enum { ENGINE_DERIVATIVE = 0x7fffffff }; /* `call` that failed: the one of EngineDerivative */
+
+/* fmiXGetDirectionalDerivative of a component of a loop, of its outputs in the loop by its inputs there. */
+typedef uint32_t (*EngineDerivative2)(void *instance, const uint32_t *unknowns, size_t n_unknowns,
+    const uint32_t *knowns, size_t n_knowns, const double *seed, double *slope);
+typedef uint32_t (*EngineDerivative3)(void *instance, const uint32_t *unknowns, size_t n_unknowns,
+    const uint32_t *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *slope, size_t n_slope);
+typedef struct {
+    EngineDerivative2 call2;    /* both NULL: the component does not offer it */
+    EngineDerivative3 call3;
+    const uint32_t *knowns, *inputs;    /* of n_knowns: value references, and their places in u */
+    uint32_t n_knowns;
+    const uint32_t *unknowns, *outputs; /* of n_unknowns: value references, and their places in y */
+    uint32_t n_unknowns;
+    double *work;               /* 2 (n_knowns + n_unknowns): u and y as evaluated last, seed, slope */
+} EngineDerivative;
+
 /* Components whose outputs depend directly on each other: an algebraic loop. Its unknowns z are the outputs at which it
  * is cut: the components, computed in their order from z, give G(z), and z = G(z) is solved. */
 typedef struct {
@@ -111,12 +128,14 @@ typedef struct {
     int32_t n_components;
     int32_t clock;              /* of all its components */
     bool follows_discrete;      /* a discrete component drives it: it is solved again after those */
+    bool repeats;               /* some of its components repeat their last step: it is solved after steps only */
     int32_t n;                  /* unknowns */
     const uint32_t *published, *computed; /* of n: their slots */
     const double *nominal;      /* of n */
     double tolerance;           /* of |G(z) - z| / max(nominal, |z|) */
+    const EngineDerivative *derivatives; /* of n_components; NULL: none offers them */
     double *work;               /* of engine_loop_work(n); first the unknowns, then their residuals */
-    int64_t n_solutions, n_evaluations;
+    int64_t n_solutions, n_evaluations, n_derivatives;
     int64_t most_evaluations;   /* for one solution */
 } EngineLoop;
 
@@ -197,16 +216,23 @@ int engine_advance(Engine *e, double t);
 
 /* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
-/* Hand inputs over, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
+/* Hand inputs over, step at time t, or fetch outputs. Returns 0, or what engine_run returns for a failure. */
 int engine_set(Engine *e, const EngineComponent *m);
+int engine_step(Engine *e, const EngineComponent *m, double t);
 int engine_get(Engine *e, const EngineComponent *m);
+/* The inputs of a component as they are published, into u; where t is NaN, none is extrapolated. */
+void engine_gather(const Engine *e, const EngineComponent *m, double t);
 /* Set inputs and get outputs of a component without a step; where t is NaN, no input is extrapolated. */
 int engine_exchange(Engine *e, const EngineComponent *m, double t);
+/* Put back the floating-point environment after a call into a third-party FMU. */
+void engine_put_back_environment(Engine *e, const EngineComponent *m);
 /* What a continuous component has computed is published. */
 void engine_publish_outputs(Engine *e, const EngineComponent *m);
 bool engine_finite(const double *y, size_t n);
-/* Solve a loop by Newton's method with a Jacobian of differences and Broyden's updates, from the published values on.
- * Published values that solve it are left as they are. */
+/* Solve a loop by Newton's method from the published values on. Its first Jacobian is that of directional derivatives
+ * where components offer them and of differences elsewhere; if its step does not reduce the residual, and where the
+ * Jacobian is outdated, another one is of differences alone. Between them are Broyden's updates. Published values that
+ * solve the loop are left as they are. */
 int engine_solve(Engine *e, int32_t loop);
 size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from build_fmus.base import surface
 from build_fmus.base.checks import number
 from cosim.core.errors import WiringError
 from cosim.core.time import TimeLike
@@ -74,7 +75,7 @@ class Execution:
     def __post_init__(self) -> None:
         number("loop_tolerance", self.loop_tolerance, above=0.0, most=1.0, error=WiringError)
         if self.tolerance is not None:
-            number("tolerance", self.tolerance, above=0.0, most=1.0, error=WiringError)
+            number(surface.name_of("tolerance"), self.tolerance, above=0.0, most=1.0, error=WiringError)
 
     def prepare(self, system: Wiring, *, every: bool = True) -> None:
         """Isolate the FMUs of a system that are to be isolated.

@@ -10,7 +10,7 @@ from fractions import Fraction
 import numpy as np
 
 from cosim.core.errors import CosimError, NotFinite, WiringError
-from cosim.engine.adaptive import AdaptiveSteps, require_no_loops
+from cosim.engine.adaptive import AdaptiveSteps
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
@@ -93,9 +93,15 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         _take(exchange, state)
     if exchange.tolerance is not None:
         last = 0 if stop is None else exchange.base.at_or_after(stop)
-        require_no_loops(exchange.loops)
         exchange.adaptive = AdaptiveSteps(
-            exchange.schedule, exchange.layout, exchange.base, exchange.ports, exchange.tolerance, last
+            exchange.schedule,
+            exchange.layout,
+            exchange.base,
+            exchange.ports,
+            exchange.tolerance,
+            last,
+            exchange.loops,
+            exchange.repeated,
         )
         exchange.forget()
 

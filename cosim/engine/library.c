@@ -23,7 +23,7 @@ EXPORT int cosim_engine_instant(
     e->environment = environment_bits();
     if (!resumed) engine_look_up(e, e->tick);
     int result = !arrives ? ENGINE_AT_END : a ? engine_adaptive_arrive(e, a, t) : engine_arrive(e, t);
-    if (!result && samples) result = engine_sample(e, t);
+    if (!result && samples) result = a ? engine_adaptive_sample(e, a, t) : engine_sample(e, t);
     return result || !advances ? result : a ? engine_adaptive_advance(e, a, t) : engine_advance(e, t);
 }
 EXPORT int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick) { return engine_adaptive_cut(e, a, tick); }
@@ -33,9 +33,9 @@ EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, s
 }
 EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
-    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineAdaptive) + sizeof(Table)
-           + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs) + sizeof(ExactValues)
-           + sizeof(ExactItem);
+    return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineDerivative)
+           + sizeof(EngineAdaptive) + sizeof(Table) + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs)
+           + sizeof(ExactValues) + sizeof(ExactItem);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {

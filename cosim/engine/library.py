@@ -36,6 +36,7 @@ _STRUCTS = (
     "Engine",
     "EngineComponent",
     "EngineLoop",
+    "EngineDerivative",
     "EngineAdaptive",
     "Table",
     "Integrator",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -49,7 +49,7 @@ class Setup:
         self.tolerance = tolerance
         self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
-        self.repeated: dict[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
+        self.repeated: Mapping[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
         self.layout: Layout = make_layout(schedule, record, watch)
         self.values = self.layout.values
@@ -100,15 +100,27 @@ class ComponentPlan:
 
 
 @dataclass(frozen=True)
+class DerivativePlan:
+    """Of a component of a loop; the names are those of `EngineDerivative`."""
+
+    knowns: tuple[int, ...] = ()
+    inputs: tuple[int, ...] = ()
+    unknowns: tuple[int, ...] = ()
+    outputs: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class LoopPlan:
     """An algebraic loop; the names are those of `EngineLoop`."""
 
     components: tuple[int, ...]
     clock: int
     follows_discrete: bool
+    repeats: bool
     published: tuple[int, ...]
     computed: tuple[int, ...]
     nominal: tuple[float, ...]
+    derivatives: tuple[DerivativePlan | None, ...]  # by component; empty: none offers them
 
 
 @dataclass(frozen=True)
@@ -171,13 +183,33 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     layout, components = setup.layout, setup.schedule.components
     numbers = tuple(components.index(m) for m in loop.components)
     driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
+    repeats = any(m in setup.repeated for m in loop.components)
+    derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
-        follows_discrete=driven and not any(m in setup.repeated for m in loop.components),
+        follows_discrete=driven and not repeats,
+        repeats=repeats,
         published=tuple(layout.visible[key] for key in loop.unknowns),
         computed=tuple(layout.latest[key] for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
+        derivatives=derivatives if any(derivatives) else (),
+    )
+
+
+def _derivative(setup: Setup, loop: AlgebraicLoop, m: SystemComponent) -> DerivativePlan | None:
+    """What directional derivatives tell of a component without a step, if it offers them for its part of a loop."""
+    port = setup.layout.ports[m]
+    inputs = dict.fromkeys(c.input for c in loop.connections if c.target is m)
+    outputs = dict.fromkeys(c.output for c in loop.connections if c.source is m)
+    doubles = all(v.fmi_type in ("Real", "Float64") and v.size == 1 for v in (*inputs, *outputs))
+    if not m.description.directional_derivatives or m in setup.repeated or not doubles:
+        return None
+    return DerivativePlan(
+        knowns=tuple(v.reference for v in inputs),
+        inputs=tuple(port.inputs.index(v) for v in inputs),
+        unknowns=tuple(v.reference for v in outputs),
+        outputs=tuple(port.outputs.index(v) for v in outputs),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, FmuWarning, WiringError
 from cosim.engine.library import INTEGRATOR
+from cosim.engine.loops import RepeatedStep
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
@@ -109,6 +110,7 @@ class SystemCode:
     Args:
         known: how FMUs travel, by path and token, filled here; for systems that are linked together and share what they
             have in common.
+        repeated: components of loops whose steps are repeated.
     """
 
     def __init__(
@@ -118,10 +120,12 @@ class SystemCode:
         variables: Sequence[Exported],
         fmi: int,
         known: dict[tuple[str, str], Part] | None = None,
+        repeated: Mapping[SystemComponent, RepeatedStep] | None = None,
     ):
         self.name, self.schedule, self.variables, self.fmi = name, schedule, variables, fmi
         outputs = [(e.component, e.variable) for e in variables if e.causality == "output"]
         self.setup = Setup(schedule, record=outputs)
+        self.setup.repeated = {} if repeated is None else repeated
         self.plan: Plan = make_plan(self.setup)
         self.parts = self._parts({} if known is None else known)
 
@@ -229,6 +233,7 @@ class SystemCode:
             "clock": p.clock,
             "step": c_number(p.step),
             "check_before": p.check_before,
+            "repeats": m in self.setup.repeated,
             "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies],
             "n_previous": len(p.previous),
             "timestamp_slot": -1 if p.timestamp_slot is None else p.timestamp_slot,
@@ -281,7 +286,8 @@ class SystemCode:
 
 
 def _loop(plan: LoopPlan) -> dict[str, Any]:
-    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal))}
+    derivatives = [d and {**asdict(d), "i": i} for i, d in enumerate(plan.derivatives)]
+    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal)), "derivatives": derivatives}
 
 
 def _exchange_calls(part: Part) -> list[str]:

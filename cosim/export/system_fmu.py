@@ -6,7 +6,7 @@ import hashlib
 import math
 import re
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
@@ -17,10 +17,12 @@ from build_fmus.base.archives import zipped
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
+from cosim.engine.loops import RepeatedStep
 from cosim.export import description_xml
 from cosim.export.code import SystemCode, template, write
 from cosim.export.parts import shown
 from cosim.export.variables import choose
+from cosim.system.components import SystemComponent
 from cosim.system.schedule import Schedule
 
 _DEFAULT_STOP = 10.0
@@ -36,8 +38,11 @@ def export_fmu(
     fmi: int = 3,
     platforms: str = "host",
     text: str = "",
+    repeated: Mapping[SystemComponent, RepeatedStep] | None = None,
 ) -> Path:
     """Write the system of a schedule as one FMU; see `System.export_fmu`.
+
+    `repeated`: components of its algebraic loops whose steps are repeated.
 
     Raises CosimError and WiringError for systems that cannot be exported, CompileError without a compiler.
     """
@@ -49,7 +54,8 @@ def export_fmu(
         )
     if fmi not in (2, 3):
         raise CosimError(f"there is no FMI {fmi}: choose 2 or 3")
-    exporter = _Exporter(SystemCode(name, schedule, choose(schedule, inputs, outputs, parameters), fmi), text)
+    variables = choose(schedule, inputs, outputs, parameters)
+    exporter = _Exporter(SystemCode(name, schedule, variables, fmi, repeated=repeated), text)
     with safe_files.named(path):
         return safe_files.write(path, exporter.archive(resolve_platforms(platforms)))
 

@@ -525,11 +525,20 @@ class FmuComponent:
             last=address(self._last) if self._v3 else 0,
             no_set_prior=self._no_set_prior,
             states=self._state_calls(),
+            derivative=self._derivative_call(),
             call_failed=self._fail,
             step_failed=self._step_failed,
             foreign=self._foreign,
             changed=self._tell_changed,
         )
+
+    def _derivative_call(self) -> int:
+        if not self.description.directional_derivatives:
+            return 0
+        try:
+            return self._address(self._function("GetDirectionalDerivative"))
+        except FmuError:  # it is declared but not there; nothing depends on it
+            return 0
 
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))
@@ -872,22 +881,34 @@ class FmuComponent:
             self.forget(state)
 
     def derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
-        """Derivatives d unknowns / d known by the FMU's directional derivatives; arrays are requested as a whole."""
-        ffi, groups = self._ffi, by_reference(unknowns)
-        sizes = [elements[0].size for elements in groups.values()]
-        begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))
-        of, by = ffi.new("VR[]", list(groups)), ffi.new("VR[]", [known.reference])
-        seed, result = ffi.new("double[]", known.size), ffi.new("double[]", sum(sizes))
-        seed[known.index] = 1.0
-        if self._v3:
-            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, known.size, result, sum(sizes))
-        else:
-            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, result)
-        found = [result[begin[v.reference] + v.index] for v in unknowns]
+        """Derivatives d unknowns / d known by the FMU's directional derivatives.
+
+        Raises CosimError if one is not finite.
+        """
+        found = self.directional(unknowns, {known: 1.0})
         for variable, value in zip(unknowns, found, strict=True):
             if not math.isfinite(value):
                 raise CosimError(f"its derivative of {variable.name} by {known.name} is {value}")
         return found
+
+    def directional(self, unknowns: Sequence[Variable], seeds: Mapping[Variable, float]) -> list[float]:
+        """Derivatives of unknowns along a change of variables, by one call; arrays are requested as a whole."""
+        ffi, groups, knowns = self._ffi, by_reference(unknowns), by_reference(list(seeds))
+        (begin, result), (at, seed) = (self._room(g) for g in (groups, knowns))
+        for variable, value in seeds.items():
+            seed[at[variable.reference] + variable.index] = value
+        of, by = ffi.new("VR[]", list(groups)), ffi.new("VR[]", list(knowns))
+        if self._v3:
+            arguments: tuple[Any, ...] = (seed, len(seed), result, len(result))
+        else:
+            arguments = (seed, result)
+        self._must("GetDirectionalDerivative", of, len(groups), by, len(knowns), *arguments)
+        return [result[begin[v.reference] + v.index] for v in unknowns]
+
+    def _room(self, groups: Mapping[int, Sequence[Variable]]) -> tuple[dict[int, int], Any]:
+        """Where arrays begin, by value reference, and doubles for all of them."""
+        ends = np.cumsum([0, *(elements[0].size for elements in groups.values())]).tolist()
+        return dict(zip(groups, ends, strict=False)), self._ffi.new("double[]", ends[-1])
 
 
 def _nothing_to_restore() -> int:

@@ -23,22 +23,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoopEffort:
-    """What the solution of an algebraic loop has cost: evaluations of its components, in all and at most for one."""
+    """What the solution of an algebraic loop has cost.
+
+    Attributes:
+        unknowns: the outputs for which it was solved.
+        solutions: how often.
+        evaluations: of its components, in all solutions.
+        most_evaluations: for one solution.
+        derivatives: directional derivatives that components computed.
+    """
 
     unknowns: tuple[str, ...]
     solutions: int
     evaluations: int
     most_evaluations: int
+    derivatives: int = 0
 
     def __add__(self, other: LoopEffort) -> LoopEffort:
         most = max(self.most_evaluations, other.most_evaluations)
-        return LoopEffort(self.unknowns, self.solutions + other.solutions, self.evaluations + other.evaluations, most)
+        return LoopEffort(
+            self.unknowns,
+            self.solutions + other.solutions,
+            self.evaluations + other.evaluations,
+            most,
+            self.derivatives + other.derivatives,
+        )
 
     def __str__(self) -> str:
         mean = self.evaluations / max(1, self.solutions)
         return (
             f"loop through {', '.join(self.unknowns)}: solved {self.solutions} times with {mean:.3g} evaluations on"
             f" average, at most {self.most_evaluations}"
+            + (f", and {self.derivatives} directional derivatives" if self.derivatives else "")
         )
 
 

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,13 @@ REAL_TIME = click.Option(
     metavar="[FACTOR]",
     help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
 )
+TOLERANCE = click.Option(
+    ["--tolerance", "tolerance_"],
+    type=float,
+    metavar="RELATIVE",
+    help="let the communication steps of continuous components follow the error of the exchange, so that it stays about"
+    " this part of each value, and report the steps (default: fixed steps)",
+)
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 
 
@@ -69,7 +77,7 @@ def run_command(experiment: Experiment) -> Command:
             case_of(experiment, given),
             fmu_set(experiment, given),
             given["out"],
-            execution(given),
+            replace(execution(given), tolerance=given.get("tolerance_")),
             inputs=given["signals_"],
             hold_inputs=given["hold_input"],
             output=given["recording_"],
@@ -87,15 +95,19 @@ def run_command(experiment: Experiment) -> Command:
         {
             "Case": case,
             "FMUs": fmu_options(experiment),
-            "How it runs": [*EXECUTION, REAL_TIME],
+            "How it runs": [*EXECUTION, REAL_TIME, *([] if "--tolerance" in _names(case) else [TOLERANCE])],
             "Inputs and results": _results(case),
         },
     )
 
 
+def _names(options: Sequence[click.Option]) -> set[str]:
+    return {name for option in options for name in option.opts}
+
+
 def _results(case: Sequence[click.Option]) -> list[click.Option]:
     """Options of the inputs and results of one run. Names that the options of its case have are theirs."""
-    own = {name for option in case for name in option.opts}
+    own = _names(case)
     return [
         OUT,
         click.Option(
@@ -193,8 +205,9 @@ def run_case(
             console.print(f"note: {remark}")
         if (page := resolved(experiment.page)) is not None:
             console.print(f"page: {page(runs, fmus, folder / name)}")
-    if run.recording.real_time is not None:
-        console.print(str(run.recording.real_time))
+    for told in (run.recording.real_time, run.recording.steps, *run.recording.loops):
+        if told is not None:
+            console.print(str(told))
     summary = folder / f"{name}.json"
     write_summary(summary, measured)
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from awkward import archive, description
 from built import FMUS, BuiltFmus
 from programs import refused, run
+
+from cosim import Recording
 
 
 @pytest.fixture
@@ -54,6 +57,7 @@ def test_mistakes_in_a_run(arguments: list[str], folder: Path, sentence) -> None
         ["run", "bench", "--controller", "mcp"],
         ["run", "bench", "--duration", "0"],
         ["run", "bench", "--real-time", "0"],
+        ["run", "bench", "--tolerance", "2"],
         ["run", "bench", "--real-time", "--controller", "mcp"],  # its factor may be left out
     ],
     ids=" ".join,
@@ -79,6 +83,18 @@ def test_a_run_that_keeps_pace_says_how_well(folder: Path) -> None:
     said = run(folder, "cosim", "run", "bench", "--controller", "passive", "--real-time", "100").stderr
     assert "100 times real time: " in said
     assert " overruns, the latest " in said
+
+
+def test_steps_that_follow_a_tolerance_are_told_and_change_a_coupled_system_by_no_more(folder: Path) -> None:
+    peaks = {}
+    for tolerance in ((), ("--tolerance", "1e-3")):
+        arguments = ["--road", "bump", "--controller", "passive"]
+        said = run(folder, "cosim", "run", "hmmwv", *arguments, *tolerance).stderr
+        assert ("tolerance 0.001: " in said) == bool(tolerance)
+        (file,) = (folder / "results" / "hmmwv").glob("*.csv")
+        peaks[tolerance] = np.abs(Recording.read(file)["car.body.az"]).max()
+    fixed, adaptive = peaks.values()
+    assert 0 < abs(adaptive / fixed - 1) < 0.02
 
 
 def test_fmus_of_a_vehicle_that_were_not_built(folder: Path, sentence) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foreign import sloped
+from oracles.exchange_rule import by_the_rule
 from probes import Integrator
 from same import assert_same
 
@@ -414,6 +416,194 @@ def test_a_linear_model_solves_loops():
 
 
 # FMUs.
+
+
+def of_two_slopes(path: Any, *, trouble: int = 0, second: Any = None) -> System:
+    """Two components that offer directional derivatives, or the second one not; two values solve their loop."""
+    system = System()
+    for name, file in (("m", path), ("n", second or path)):
+        system.add(name, file, step="10 ms", parameters={"k": 0.5, "trouble": float(trouble)})
+    system.connect("m.a", "n.p", linear=(1.0, 0.1))
+    system.connect("m.b", "n.q")
+    system.connect("n.a", "m.p")
+    system.connect("n.b", "m.q", linear=(-2.0, 0.0))
+    return system
+
+
+SLOPED = ("m.a", "m.b", "n.a", "n.b")
+
+
+def is_solved(run: Recording) -> bool:
+    """The recorded values satisfy the equations of both components."""
+    ma, mb, na, nb = (run[n] for n in SLOPED)
+    t, (p, q), (r, s) = run.time, (na, -2.0 * nb), (ma + 0.1, mb)
+    pairs = (
+        (ma, t + 0.5 * np.sin(p) + q / 4),
+        (mb, p * q / 8 - 0.5 * np.cos(q)),
+        (na, t + 0.5 * np.sin(r) + s / 4),
+        (nb, r * s / 8 - 0.5 * np.cos(s)),
+    )
+    return all(np.abs(x - y).max() < 1e-8 for x, y in pairs)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_directional_derivatives_replace_evaluations_bit_for_bit_as_in_the_rule(fmi, isolated, tmp_path):
+    path, silent = sloped.build(fmi, tmp_path), sloped.build(fmi, tmp_path, offers=False)
+    execution = Execution(isolate=("*",) if isolated else ())
+    effort = {}
+    for name, files in {"both": (path, path), "one": (path, silent), "none": (silent, silent)}.items():
+        with of_two_slopes(files[0], second=files[1]) as system:
+            run = system.run(0.5, record=SLOPED, execution=execution)
+        with of_two_slopes(files[0], second=files[1]) as system:
+            assert_same(run, by_the_rule(system, "0.5", SLOPED))
+        assert is_solved(run)
+        (effort[name],) = run.loops
+    both, one, none = effort.values()
+    assert both.solutions == one.solutions == none.solutions
+    assert none.derivatives == 0
+    assert both.derivatives == 2 * one.derivatives > 0
+    assert none.evaluations == one.evaluations > both.evaluations
+    assert both.evaluations + both.derivatives // 2 == none.evaluations  # one column of the Jacobian needs both of them
+    assert f", and {both.derivatives} directional derivatives" in str(both)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("trouble", [1, 2, 3, 4])
+def test_wrong_or_missing_directional_derivatives_do_not_change_the_solution(fmi, trouble, tmp_path):
+    """Their step does not reduce the residual, or there is none: differences serve instead."""
+    path = sloped.build(fmi, tmp_path)
+    with of_two_slopes(path, trouble=trouble) as system:
+        run = system.run(0.5, record=SLOPED)
+    with of_two_slopes(path, trouble=trouble) as system:
+        assert_same(run, by_the_rule(system, "0.5", SLOPED))
+    with of_two_slopes(path) as system:
+        right = system.run(0.5, record=SLOPED)
+    assert is_solved(run)
+    np.testing.assert_allclose(run.data, right.data, atol=1e-8)
+    assert run.loops[0].evaluations > right.loops[0].evaluations
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_derivatives_that_are_declared_but_not_in_the_library_are_done_without(fmi, isolated, tmp_path):
+    path = sloped.build(fmi, tmp_path, lacking=True)
+    with of_two_slopes(path) as system:
+        run = system.run(0.5, record=SLOPED, execution=Execution(isolate=("*",) if isolated else ()))
+        file = system.export_fmu(tmp_path / "Loop.fmu")
+    with System() as system:
+        system.add("whole", file, step="10 ms")
+        whole = system.run(0.5, record=[f"whole.{n}" for n in SLOPED])
+    assert is_solved(run)
+    np.testing.assert_array_equal(whole.data, run.data)
+    if not isolated:
+        assert run.loops[0].derivatives == 0
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_fmu_that_is_lost_when_asked_for_a_derivative_is_named(fmi, tmp_path):
+    with (
+        of_two_slopes(sloped.build(fmi, tmp_path), trouble=5) as system,
+        pytest.raises(ComponentError, match=r"'m'.*GetDirectionalDerivative returned Fatal"),
+    ):
+        system.run(0.5)
+
+
+def test_exported_systems_use_directional_derivatives_too(tmp_path):
+    path = sloped.build(3, tmp_path)
+    for files in ((path, path), (path, sloped.build(2, tmp_path)), (path, sloped.build(3, tmp_path, offers=False))):
+        with of_two_slopes(files[0], second=files[1]) as system:
+            native = system.run(0.3, record=SLOPED)
+            file = system.export_fmu(tmp_path / "Loop.fmu")
+        with System() as system:
+            system.add("whole", file, step="10 ms")
+            run = system.run(0.3, record=[f"whole.{n}" for n in SLOPED])
+        np.testing.assert_array_equal(run.data, native.data)
+
+
+def test_exported_systems_repeat_steps_and_continue_from_states(tmp_path):
+    """Of FMUs that compute outputs in steps only; both versions in one system, each as the whole."""
+    files = [sloped.build(fmi, tmp_path) for fmi in (2, 3)]
+    with of_two_slopes(files[0], second=files[1], trouble=6) as system:
+        native = system.run(0.3, record=SLOPED)
+        whole = [system.export_fmu(tmp_path / f"Loop{fmi}.fmu", fmi=fmi) for fmi in (2, 3)]
+    names = [f"whole.{n}" for n in SLOPED]
+    assert native.loops[0].evaluations > 2 * native.loops[0].solutions
+    with of_two_slopes(files[0], second=files[1]) as system:
+        assert np.abs(native["m.a"] - system.run(0.3, record=SLOPED)["m.a"]).max() > 0.01  # the sums count
+    for file in whole:
+        with System() as system:
+            system.add("whole", file, step="10 ms")
+            run = system.run(0.3, record=names)
+            np.testing.assert_array_equal(run.data, native.data)
+            with system.initialize(record=names) as simulation:
+                simulation.advance(0.1)
+                state = simulation.save()
+                simulation.advance(0.2)
+                simulation.restore(state)
+                simulation.advance(0.3, final=True)
+                assert_same(simulation.recording, run)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_exported_system_names_the_component_whose_derivative_is_fatal(fmi, tmp_path):
+    with of_two_slopes(sloped.build(fmi, tmp_path)) as system:
+        file = system.export_fmu(tmp_path / "Loop.fmu")
+    with System() as system:
+        system.add("whole", file, step="10 ms", parameters={"n.trouble": 5.0})
+        with pytest.raises(ComponentError, match=r"component 'n': GetDirectionalDerivative returned Fatal"):
+            system.run(0.1)
+
+
+def test_a_loop_through_a_model_exchange_fmu_is_solved_and_exported(built_fmus, tmp_path):
+    with System(allow_unconnected=True) as system:
+        path = built_fmus.path("QuarterCarHmmwv", 3)
+        system.add("car", path, step="0.5 ms", start={"road.height": 0.05}, interface="me")
+        system.connect("car.body.az", "car.force", linear=(-100.0, 0.0))
+        exchanged, model = system.run(0.1, record=MOTION), system.linearize(["car.road.height"], ["car.body.az"])
+        file = system.export_fmu(tmp_path / "Exchanged.fmu")
+    with with_fed_back_acceleration(path, 100.0) as system:
+        system["car"].step = rational("0.5 ms")
+        stepped, same = system.run(0.1, record=MOTION), system.linearize(["car.road.height"], ["car.body.az"])
+    assert exchanged.loops[0].derivatives > 0
+    assert (np.abs(exchanged.data - stepped.data) < 1e-6 * np.abs(stepped.data).max(axis=0)).all()
+    np.testing.assert_allclose(model.poles(), same.poles(), rtol=1e-12)
+    with System(allow_unconnected=True) as system:
+        system.add("whole", file, step="0.5 ms")
+        whole = system.run(0.1, record=[f"whole.{n}" for n in MOTION])
+    np.testing.assert_array_equal(whole.data, exchanged.data)
+
+
+@pytest.mark.parametrize("interface", ["cs", "me"])
+def test_a_sampled_linear_model_through_a_loop_repeats_the_run(built_fmus, interface):
+    """Two cars, of which one has its acceleration fed back and pushes the other one, and a sampled damper."""
+    import control
+
+    class Damper(PythonComponent):
+        inputs = ("v",)
+        outputs = ("height",)
+        kind = "discrete"
+
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = -0.05 * u[0]
+
+    path = built_fmus.path("QuarterCarHmmwv", 3)
+    with System(allow_unconnected=True) as system:
+        for name in ("car", "other"):
+            system.add(name, path, step="1 ms", interface=interface)
+        system.add("damper", Damper(), step="2 ms")
+        system.connect("car.body.az", "car.force", linear=(-100.0, 0.0))
+        system.connect("car.body.az", "other.force", linear=(100.0, 0.0))
+        system.connect("other.body.vz", "damper.v", linear=(1.0, 0.0))
+        system.connect("damper.height", "car.road.height", linear=(1.0, 0.0))
+        names = ["car.body.az", "other.body.z"]
+        model = system.linearize(["other.road.height"], names, discrete=True)
+        system["other"].set({"road.height": 0.01})
+        run = system.run(0.2, record=Record(names, model.dt))
+    times = model.dt * np.arange(len(run.time))
+    predicted = control.forced_response(model, times, np.full((1, len(times)), 0.01)).outputs
+    for name, y in zip(names, predicted, strict=True):
+        assert np.abs(run[name] - y).max() < 1e-6 * np.abs(y).max()
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

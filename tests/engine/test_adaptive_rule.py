@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foreign import sloped
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from oracles.adaptive_rule import by_the_adaptive_rule
@@ -80,6 +81,35 @@ class Sampled(PythonComponent):
         y[0] = self.a * u[0] + np.sin(90.0 * t)
 
 
+class Bent(PythonComponent):
+    """A part of an algebraic loop, of which it computes outputs at any time."""
+
+    inputs = ("u", "w")
+    outputs = ("y",)
+    parameters = {"a": 0.5}  # noqa: RUF012
+    feedthrough = {"y": ("u", "w")}  # noqa: RUF012
+    computes_on_get = True
+
+    def start(self, u: Any, y: Any) -> None:
+        y[0] = self.a * np.cos(u[0]) + u[1]
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        self.start(u, y)
+
+
+class Repeating(Bent):
+    """The same, but its last step is repeated; it remembers how far it went."""
+
+    computes_on_get = False
+
+    def begin(self) -> None:
+        self.way = 0.0
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        self.way += h * u[1]
+        y[0] = self.a * np.cos(u[0]) + self.way
+
+
 KINDS = {"mass": Mass, "spring": Spring, "lagging": Lagging, "kick": Kick, "sampled": Sampled}
 STEPS = [Fraction(1, 500), Fraction(1, 100), Fraction(1, 300), Fraction(7, 999)]
 piece = st.tuples(
@@ -91,8 +121,29 @@ piece = st.tuples(
 )
 
 
-def made(pieces: list[Any], follower: dict[int, Path]) -> System:
-    """A chain of components, each of which reads one ahead of it, or, if nothing of it depends directly, any."""
+@pytest.fixture(scope="module")
+def slopes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU with direct dependencies and directional derivatives."""
+    return sloped.build(3, tmp_path_factory.mktemp("sloped"))
+
+
+def with_loop(system: System, loop: str, slopes: Path) -> None:
+    """Two components in a loop: the first component drives one of them, and another oscillator reads the other."""
+    system.add("p", Bent(), step="2 ms")
+    system.add("q", slopes if loop == "fmu" else Bent() if loop == "bent" else Repeating(), step="2 ms")
+    system.add("x", Mass(), step="2 ms")
+    system.connect("m0.y", "p.w")
+    system.connect("q.a" if loop == "fmu" else "q.y", "p.u")
+    system.connect("p.y", "q.p" if loop == "fmu" else "q.u")
+    system.connect("q.a" if loop == "fmu" else "q.y", "x.u")
+    system.connect("x.y", "q.q" if loop == "fmu" else "q.w")
+
+
+def made(pieces: list[Any], follower: dict[int, Path], loop: str = "", slopes: Path | None = None) -> System:
+    """A chain of components, each of which reads one ahead of it, or, if nothing of it depends directly, any.
+
+    With a `loop` of this kind behind the first one.
+    """
     system = System()
     for i, (kind, step, rate, a, _) in enumerate(pieces):
         if kind in KINDS:
@@ -104,6 +155,8 @@ def made(pieces: list[Any], follower: dict[int, Path]) -> System:
         if kind not in ("mass", "kick") and k >= i:
             continue
         system.connect(f"m{k}.y", f"m{i}.u", linear=(1.0, 0.1 * (i % 2)))
+    if slopes is not None and loop:
+        with_loop(system, loop, slopes)
     return system
 
 
@@ -115,16 +168,17 @@ def made(pieces: list[Any], follower: dict[int, Path]) -> System:
     tolerance=st.sampled_from([1e-2, 1e-3]),
     interval=st.sampled_from([None, Fraction(1, 1000), Fraction(1, 60)]),
     cuts=st.lists(st.floats(0.001, 0.089), max_size=3).map(sorted),
+    loop=st.sampled_from(["", "", "bent", "fmu", "repeating"]),
 )
-def test_the_engine_follows_the_rule(pieces, tolerance, interval, cuts, follower):
-    names = [f"m{i}.y" for i in range(len(pieces))]
-    if all(kind == "sampled" for kind, *_ in pieces):
+def test_the_engine_follows_the_rule(pieces, tolerance, interval, cuts, loop, follower, slopes):
+    names = [*(f"m{i}.y" for i in range(len(pieces))), *(["p.y", "x.y"] if loop else [])]
+    if all(kind == "sampled" for kind, *_ in pieces) and not loop:
         return
-    with made(pieces, follower) as system:
+    with made(pieces, follower, loop, slopes) as system:
         expected, accepted, rejected = by_the_adaptive_rule(system, END, names, tolerance, interval)
     record, execution = Record(names, interval), Execution(tolerance=tolerance)
     with (
-        made(pieces, follower) as system,
+        made(pieces, follower, loop, slopes) as system,
         system.initialize(record=record, stop_time=END, execution=execution) as simulation,
     ):
         state = None

@@ -13,6 +13,7 @@ from pathlib import Path
 import fmpy
 import pytest
 from built import BuiltFmus
+from foreign import sloped
 from lxml import etree
 from sanitized import FLAGS, THREADS, gcc, kept_object
 
@@ -24,7 +25,7 @@ STEP = "0.01"
 
 @pytest.fixture(scope="module")
 def unpacked(built_fmus: BuiltFmus, follower: dict[int, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sampled law on a plant, with a quadratic program, and FMUs of others of both versions."""
+    """A sampled law on a plant, with a quadratic program, and FMUs of others of both versions, two in a loop."""
     folder = tmp_path_factory.mktemp("sanitized")
     with System() as system:
         system.add("plant", built_fmus.path("QuarterCarBench", 3))
@@ -35,6 +36,11 @@ def unpacked(built_fmus: BuiltFmus, follower: dict[int, Path], tmp_path_factory:
         system.connect_matching("law", "plant", "*")
         system.connect("late.count", "later.count_in")
         system.connect("late.y", "later.u", delay=True)
+        for name, fmi, trouble in (("at_once", 2, 0.0), ("in_steps", 3, 6.0)):  # a loop, of which one repeats its steps
+            values = {"k": 0.5, "trouble": trouble}
+            system.add(name, sloped.build(fmi, folder), step="10 ms", parameters=values)
+        system.connect("at_once.a", "in_steps.p")
+        system.connect("in_steps.a", "at_once.p")
         return Path(fmpy.extract(system.export_fmu(folder / "Sanitized.fmu", fmi=3), folder / "files"))
 
 

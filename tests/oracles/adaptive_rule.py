@@ -34,6 +34,7 @@ class AdaptiveRule(Rule):
         self.read = {(c.source, c.output) for c in self.connections}
         self.held = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.held}
         self.held |= {key for key in self.outputs if key[1].type != "real"}
+        self.loops = list(self.exchange.loops)
         self.refreshed = self.in_order()
         self.size = {(m, v): v.nominal for m, v in self.outputs}
         self.at = dict.fromkeys(self.outputs, 0.0)
@@ -47,17 +48,33 @@ class AdaptiveRule(Rule):
             known = m.description.dependencies.get(v.name)
             return [c for c in self.connections if c.target is m and (known is None or c.input.name in known)]
 
+        def loop_of(m: Any, v: Any) -> Any:
+            return next((k for k in self.loops if any((c.source, c.output) == (m, v) for c in k.connections)), None)
+
+        def inputs(m: Any, v: Any) -> list[Any]:
+            held = m in self.exchange.adaptive.held
+            return [] if held else [(c.source, c.output) for c in direct(m, v) if not c.source.discrete]
+
         def level(m: Any, v: Any) -> int:
-            if m in self.exchange.adaptive.held:
-                return 0
-            before = [level(c.source, c.output) for c in direct(m, v) if not c.source.discrete]
+            loop = loop_of(m, v)
+            values = {(c.source, c.output) for c in loop.connections} if loop else {(m, v)}
+            before = [
+                level(*key) for value in values for key in inputs(*value) if not loop or loop_of(*key) is not loop
+            ]
             return 1 + max(before) if before else 0
 
         levels: dict[int, set[Any]] = {}
         for m, v in {*self.outputs} | {key for key in self.read if not key[0].discrete}:
-            if direct(m, v) and m not in self.exchange.adaptive.held:
-                levels.setdefault(level(m, v), set()).add(m)
-        return [m for _, found in sorted(levels.items()) for m in sorted(found, key=lambda m: m.name)]
+            if loop_of(m, v) or (direct(m, v) and m not in self.exchange.adaptive.held):
+                levels.setdefault(level(m, v), set()).add(loop_of(m, v) or m)
+        return [
+            item
+            for _, found in sorted(levels.items(), key=lambda level: level[0])
+            for item in [
+                *sorted((m for m in found if m not in self.loops), key=lambda m: m.name),
+                *(loop for loop in self.loops if loop in found),
+            ]
+        ]
 
     # The rule.
 
@@ -73,6 +90,9 @@ class AdaptiveRule(Rule):
                 self.publish(m, now)
             for m in due:
                 self.step(m, t)
+            for loop in self.loops if due else ():
+                if any(c.target in loop.components and c.source.discrete for c in self.schedule.connections):
+                    self.solve_unless_repeated(loop)
             if self.records(t):
                 times.append(now)
                 rows.append([self.value(n) for n in names])
@@ -87,6 +107,9 @@ class AdaptiveRule(Rule):
 
     def arrive(self, t: Fraction) -> None:
         """What is computed is published; within a step, on the line from its begin to its end."""
+        if t == self.end:
+            self.over = 0 if self.jumps % 2 else int((self.end - self.begin) / self.tick)
+            self.slope = self.slopes(self.over)
         share = 1.0 if t == self.end else ((t - self.begin) / self.tick) / float((self.end - self.begin) / self.tick)
         for key in self.outputs:
             if t == self.end:
@@ -98,11 +121,9 @@ class AdaptiveRule(Rule):
 
     def take_step(self, t: Fraction, left: Fraction, *, changes: bool) -> None:
         """A step from t on, no longer than `left`; `changes`: discrete components have just changed something."""
-        most, over = int(left / self.tick), int((self.end - self.begin) / self.tick)
-        slope = self.slopes(0 if self.jumps else over)
-        over = 0 if self.jumps else over
+        most, over, slope = int(left / self.tick), self.over, self.slope
         if changes or t == self.start:
-            self.refresh()
+            self.refresh(after=False)
         self.at = {key: self.published[key] for key in self.outputs}
         for key, y in self.at.items():
             self.size[key] = max(self.size[key], abs(y))
@@ -116,12 +137,17 @@ class AdaptiveRule(Rule):
                 self.advance(m, float(t), h)
             for key in self.outputs:
                 self.published[key] = self.computed[key]
-            self.refresh()
-            error, worst = self.error(slope, h)
+            solved = True
+            try:
+                self.refresh(after=True)
+            except ArithmeticError:
+                solved = False
+            error, worst = self.error(slope, h) if solved else (math.inf, None)
             if error <= 1.0 or n == 1:
                 break
             self.rejected += 1
-            slope, over = self.slopes(-n), -n
+            if solved:
+                slope, over = self.slopes(-n), -n
             for m, state in states.items():
                 m.implementation.restore(state)
             n = self.next = max(1, int(max(0.9 / error, 0.1) * n))
@@ -159,9 +185,19 @@ class AdaptiveRule(Rule):
         self.next = int(factor * n) if factor < 2.0 else max(self.next, 2 * n)
         self.next = min(max(self.next, 1), self.largest)
 
-    def refresh(self) -> None:
-        """Outputs that depend directly on inputs, of the inputs as they are published."""
+    def solve_unless_repeated(self, loop: Any) -> None:
+        if not any(m in self.exchange.repeated for m in loop.components):
+            self.solve(loop)
+
+    def refresh(self, *, after: bool) -> None:
+        """Outputs that depend directly on inputs, of the inputs as they are published, and loops.
+
+        `after` a step, which the components of some loops repeat.
+        """
         for m in self.refreshed:
+            if m in self.loops:
+                (self.solve if after else self.solve_unless_repeated)(m)
+                continue
             port = self.exchange.layout.ports[m]
             port.u[:] = [self.input(m, v, None) for v in port.inputs]
             self.exchange.ports[m].set_inputs()

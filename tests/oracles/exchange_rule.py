@@ -17,6 +17,7 @@ import numpy as np
 
 from cosim import Execution, Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
+from cosim.core.errors import CosimError
 from oracles.loop_rule import solve
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
@@ -52,6 +53,7 @@ class Rule:
             piece: values[slot + k] for key, slot in layout.previous.items() for k, piece in enumerate(self.pieces(key))
         }
         self.published_at = {m: values[slot] for m, slot in layout.sample_times.items()}
+        self.evaluated: dict[Any, tuple[dict[Any, float], dict[Any, float]]] = {}  # inputs and outputs, in loops
         self.ending: Fraction | None = None
 
     # The rule.
@@ -145,12 +147,30 @@ class Rule:
                 continue
             if after_discrete and (repeated or not driven):
                 continue
-            guess = [self.published[key] for key in loop.unknowns]
-            nominal = [v.nominal for _, v in loop.unknowns]
-            solve(lambda z, loop=loop: self.residual(loop, z), guess, nominal, self.exchange.loop_tolerance)
+            self.solve(loop)
 
-    def residual(self, loop: Any, z: Sequence[float]) -> list[float]:
-        """What the components of a loop compute from its unknowns z, without a step, minus z."""
+    def solve(self, loop: Any) -> None:
+        """From the published values on."""
+        guess = [self.published[key] for key in loop.unknowns]
+        nominal = [v.nominal for _, v in loop.unknowns]
+        offered = {m: d for m in loop.components if (d := self.derivative(loop, m))}
+        along = (lambda z, change: self.residual(loop, z, offered, change)) if offered else None
+        solve(lambda z: self.residual(loop, z), guess, nominal, self.exchange.loop_tolerance, along)
+
+    def derivative(self, loop: Any, m: Any) -> tuple[list[Any], list[Any]] | None:
+        """Outputs and inputs of a component in a loop, if it tells their directional derivatives."""
+        if not m.description.directional_derivatives or m in self.exchange.repeated:
+            return None
+        outputs = dict.fromkeys(c.output for c in loop.connections if c.source is m)
+        return [*outputs], [*dict.fromkeys(c.input for c in loop.connections if c.target is m)]
+
+    def residual(
+        self, loop: Any, z: Sequence[float], offered: dict[Any, tuple[list[Any], list[Any]]] | None = None, change=1.0
+    ) -> list[float]:
+        """What the components of a loop compute from its unknowns z, without a step, minus z.
+
+        With derivatives that are `offered`: along these, from the last evaluation on, which is `change` away.
+        """
 
         def put() -> None:
             self.published |= zip(loop.unknowns, z, strict=True)
@@ -159,10 +179,16 @@ class Rule:
         put()
         for m in loop.components:
             port = self.exchange.layout.ports[m]
-            port.u[:] = self.read_by(m, port, None)
-            self.exchange.ports[m].set_inputs()
-            self.exchange.ports[m].get_outputs()
-            self.computed |= zip(self.written(m, port), port.y.tolist(), strict=True)
+            inputs = {v: self.input(m, v, None) for v in port.inputs}
+            if offered and m in offered:
+                self.computed |= self.along(m, inputs, *offered[m], change)
+            else:
+                port.u[:] = self.read_by(m, port, None)
+                self.exchange.ports[m].set_inputs()
+                self.exchange.ports[m].get_outputs()
+                written = dict(zip(self.written(m, port), port.y.tolist(), strict=True))
+                self.computed |= written
+                self.evaluated[m] = inputs, {v: written[m, v] for v in port.outputs}
             self.published |= {key: y for key, y in self.computed.items() if key[0] is m}
         found = [self.computed[key] - x for key, x in zip(loop.unknowns, z, strict=True)]
         put()
@@ -183,6 +209,16 @@ class Rule:
             for v in port.inputs
             for k in range(1 + (self.sources[m, v].size + 3) // 4)
         ]
+
+    def along(self, m: Any, inputs: dict[Any, float], of: list[Any], by: list[Any], change: float) -> dict[Key, float]:
+        """Outputs of a component in a loop by their derivative, from its last evaluation on."""
+        u, y = self.evaluated[m]
+        seeds = {v: (inputs[v] - u[v]) / change for v in by}
+        try:
+            slopes = m.implementation.directional(of, seeds)
+        except CosimError:
+            slopes = [math.nan] * len(of)
+        return {(m, v): y[v] + slope * change for v, slope in zip(of, slopes, strict=True)}
 
     def input(self, m: Any, variable: Any, now: float | None, piece: tuple[int, ...] = ()) -> float:
         """What an input reads at an instant, for a step that begins `now`, or for outputs without a step."""

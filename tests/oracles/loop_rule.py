@@ -13,8 +13,18 @@ Vector = list[float]
 Residual = Callable[[Sequence[float]], Vector]
 
 
-def solve(residual_of: Residual, guess: Sequence[float], nominal: Sequence[float], tolerance: float) -> Vector:
-    """Newton's method from a guess; raises ArithmeticError where it finds no solution."""
+def solve(
+    residual_of: Residual,
+    guess: Sequence[float],
+    nominal: Sequence[float],
+    tolerance: float,
+    along: Callable[[Sequence[float], float], Vector] | None = None,
+) -> Vector:
+    """Newton's method from a guess; raises ArithmeticError where it finds no solution.
+
+    `along`: the residual at a point that differs from the one evaluated last by `change`, by directional derivatives of
+    the components that offer them.
+    """
     n = len(guess)
 
     def size(z: Sequence[float], k: int) -> float:
@@ -24,12 +34,12 @@ def solve(residual_of: Residual, guess: Sequence[float], nominal: Sequence[float
         found = [abs(residual[k]) / size(z, k) for k in range(n)]
         return max(found) if all(map(math.isfinite, found)) else math.inf
 
-    def differences(z: Sequence[float], residual: Sequence[float]) -> list[Vector]:
+    def differences(z: Sequence[float], residual: Sequence[float], *, derivatives: bool) -> list[Vector]:
         columns = []
         for k in range(n):
             other = [*z]
             other[k] = z[k] + 2.0**-20 * size(z, k)
-            there = residual_of(other)
+            there = along(other, other[k] - z[k]) if along and derivatives else residual_of(other)
             columns.append([(there[i] - residual[i]) / (other[k] - z[k]) for i in range(n)])
         return [list(row) for row in zip(*columns, strict=True)]
 
@@ -55,15 +65,16 @@ def solve(residual_of: Residual, guess: Sequence[float], nominal: Sequence[float
     z = [*guess]
     residual = residual_of(z)
     outdated, jacobian = True, [[0.0] * n] * n
-    for _ in range(50):
+    for i in range(50):
         present = largest(z, residual)
         if present <= tolerance:
             return z
         if math.isinf(present):
             break
-        fresh = outdated
-        if fresh:
-            jacobian = differences(z, residual)
+        derivatives = i == 0 and along is not None
+        fresh = outdated and not derivatives
+        if outdated:
+            jacobian = differences(z, residual, derivatives=derivatives)
         step, reached = newton_step(z, jacobian, residual), math.inf
         other, there = z, residual
         for halving in range(13 if fresh else 1):
@@ -83,11 +94,11 @@ def solve(residual_of: Residual, guess: Sequence[float], nominal: Sequence[float
             continue
         moved = [(other[k] - z[k]) / size(z, k) for k in range(n)]
         length = sum(d * d for d in moved)
-        for i in range(n):
-            error = there[i] - residual[i]
+        for j in range(n):
+            error = there[j] - residual[j]
             for k in range(n):
-                error -= jacobian[i][k] * (other[k] - z[k])
+                error -= jacobian[j][k] * (other[k] - z[k])
             for k in range(n):
-                jacobian[i][k] += error * ((other[k] - z[k]) / (size(z, k) * size(z, k))) / length
+                jacobian[j][k] += error * ((other[k] - z[k]) / (size(z, k) * size(z, k))) / length
         z, residual = other, there
     raise ArithmeticError(f"no solution: {z} with residuals {residual}")

@@ -32,31 +32,33 @@ typedef enum {
     X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
         X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(DoStep)           \
             X(GetBooleanStatus)
-#define FMI2_STATE_CALLS(X)                                                                                            \
-    X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate)
+#define FMI2_OPTIONAL_CALLS(X)                                                                                         \
+    X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate)                       \
+        X(DeSerializeFMUstate) X(GetDirectionalDerivative)
 #define FMI3_CALLS(X)                                                                                                  \
     X(InstantiateCoSimulation)                                                                                         \
     X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset) X(GetFloat64)           \
         X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)             \
             X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)     \
                 X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(DoStep)
-#define FMI3_STATE_CALLS(X)                                                                                            \
-    X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)
+#define FMI3_OPTIONAL_CALLS(X)                                                                                         \
+    X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState)                       \
+        X(DeserializeFMUState) X(GetDirectionalDerivative)
 
 #define POINTER2(name) fmi2##name##TYPE *name;
 #define POINTER3(name) fmi3##name##TYPE *name;
-typedef struct { FMI2_CALLS(POINTER2) FMI2_STATE_CALLS(POINTER2) } Functions2;
-typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
+typedef struct { FMI2_CALLS(POINTER2) FMI2_OPTIONAL_CALLS(POINTER2) } Functions2;
+typedef struct { FMI3_CALLS(POINTER3) FMI3_OPTIONAL_CALLS(POINTER3) } Functions3;
 
 /* Tables of linked components: the names have their prefixes where these are used. */
 #define NAMED2(name) .name = fmi2##name,
 #define NAMED3(name) .name = fmi3##name,
 #define DECLARATION2(name) fmi2##name##TYPE fmi2##name;
 #define DECLARATION3(name) fmi3##name##TYPE fmi3##name;
-#define DECLARED2 FMI2_CALLS(DECLARATION2) FMI2_STATE_CALLS(DECLARATION2)
-#define DECLARED3 FMI3_CALLS(DECLARATION3) FMI3_STATE_CALLS(DECLARATION3)
-#define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_STATE_CALLS(NAMED2)}
-#define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_STATE_CALLS(NAMED3)}
+#define DECLARED2 FMI2_CALLS(DECLARATION2) FMI2_OPTIONAL_CALLS(DECLARATION2)
+#define DECLARED3 FMI3_CALLS(DECLARATION3) FMI3_OPTIONAL_CALLS(DECLARATION3)
+#define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_OPTIONAL_CALLS(NAMED2)}
+#define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_OPTIONAL_CALLS(NAMED3)}
 
 /* Any function. */
 typedef void (*ExchangeCall)(void);

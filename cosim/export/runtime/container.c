@@ -46,6 +46,12 @@ typedef struct {
     void *components[];
 } Saved;
 
+/* The last step of a component that repeats it. */
+typedef struct {
+    void *state; /* at its begin, NULL: there is none to repeat */
+    double t;
+} LastStep;
+
 struct FmuInstance {
     FmuBase base;
     State *state;
@@ -54,6 +60,8 @@ struct FmuInstance {
     EngineComponent *bound;
     Component *components;
     EngineTransfer *transfers;
+    EngineDerivative *derivatives; /* of all loops, one after the other */
+    LastStep *repeated; /* by component */
     bool *flags;
     double *last;
     int32_t logging;                /* the component that logs */
@@ -66,6 +74,8 @@ static size_t state_size(void) { return sizeof(State) + n_numbers() * sizeof(dou
 /* ------------------------------------------------------------------ life cycle */
 
 static void from_component(void *context, int status, const char *message);
+static int repeat(void *context, int32_t component, double t);
+static void forget_last(FmuInstance *self, int32_t i);
 
 typedef struct {
     FmuInstance *self;
@@ -78,9 +88,22 @@ static size_t n_transfers(void) {
     return n;
 }
 
+/* Directional derivatives of all loops, and doubles that the loops need. */
+static size_t n_derivatives(void) {
+    size_t n = 0;
+    for (int32_t i = 0; i < P->n_loops; i++) n += P->loops[i].derivatives ? (size_t)P->loops[i].n_components : 0;
+    return n;
+}
+
+static size_t derivative_work(const EngineDerivative *d) { return 2 * ((size_t)d->n_knowns + d->n_unknowns); }
+
 static size_t loop_work(void) {
     size_t n = 0;
-    for (int32_t i = 0; i < P->n_loops; i++) n += engine_loop_work(P->loops[i].n);
+    for (int32_t i = 0; i < P->n_loops; i++) {
+        const EngineLoop *l = &P->loops[i];
+        n += engine_loop_work(l->n);
+        for (int32_t k = 0; l->derivatives && k < l->n_components; k++) n += derivative_work(&l->derivatives[k]);
+    }
     return n;
 }
 
@@ -106,6 +129,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
         aligned((size_t)P->n_loops * sizeof(EngineLoop)),
         aligned(loop_work() * sizeof(double)),
+        aligned(n_derivatives() * sizeof(EngineDerivative)),
+        aligned(n * sizeof(LastStep)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -141,12 +166,23 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
                             .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
-                            .loops = part[17], .n_loops = P->n_loops, .check_finite = true};
+                            .loops = part[17], .n_loops = P->n_loops, .check_finite = true,
+                            .back = repeat, .context = self};
+    self->repeated = part[20];
     double *work = part[18];
+    EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
-        self->engine.loops[i] = P->loops[i];
-        self->engine.loops[i].work = work;
-        work += engine_loop_work(P->loops[i].n);
+        EngineLoop *l = &self->engine.loops[i];
+        *l = P->loops[i];
+        l->work = work;
+        work += engine_loop_work(l->n);
+        if (!l->derivatives) continue;
+        l->derivatives = d;
+        for (int32_t k = 0; k < l->n_components; k++, d++) {
+            *d = P->loops[i].derivatives[k];
+            d->work = work;
+            work += derivative_work(d);
+        }
     }
     self->state->mode = MODE_INSTANTIATED;
     return self;
@@ -244,7 +280,10 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
 }
 
 void fmu_free(FmuInstance *self) {
-    for (int32_t i = P->n_components - 1; i >= 0; i--) component_free(&self->components[i]);
+    for (int32_t i = P->n_components - 1; i >= 0; i--) {
+        forget_last(self, i);
+        component_free(&self->components[i]);
+    }
     free(self);
 }
 
@@ -264,6 +303,7 @@ FmuStatus fmu_reset(FmuInstance *self) {
             return fmu_fail(
                 self, FMU_ERROR, "component '%s' has failed permanently: free this instance", P->components[i].name);
         }
+        forget_last(self, i);
         const uint32_t status = component_reset(&self->components[i]);
         if (status > fmi3Warning) return component_failed(self, i, "Reset", status);
         if (set_starts(self, i) != FMU_OK) return FMU_ERROR;
@@ -411,6 +451,73 @@ static void bind(FmuInstance *self) {
         }
         e->direct = direct;
     }
+    EngineDerivative *d = self->derivatives;
+    for (int32_t i = 0; i < P->n_loops; i++)
+        for (int32_t k = 0; P->loops[i].derivatives && k < P->loops[i].n_components; k++, d++) {
+            const Component *m = &self->components[P->loops[i].components[k]];
+            if (!d->n_knowns) continue;
+            if (m->version == 2) d->call2 = (EngineDerivative2)m->f2->GetDirectionalDerivative;
+            else d->call3 = (EngineDerivative3)m->f3->GetDirectionalDerivative;
+        }
+}
+
+/* ------------------------------------------------------------------ steps that are repeated */
+
+enum { CALL_SAVE = INT32_MIN, CALL_RESTORE }; /* beside those of Engine.call */
+
+static void forget_last(FmuInstance *self, int32_t i) {
+    LastStep *last = &self->repeated[i];
+    if (last->state && !self->components[i].dead) (void)component_forget(&self->components[i], &last->state);
+    last->state = NULL;
+}
+
+/* From now on the engine calls back for components that repeat their steps. There is no last step. */
+static void repeat_steps(FmuInstance *self) {
+    for (int32_t i = 0; i < P->n_components && self->state->mode == MODE_STEP; i++)
+        if (P->components[i].repeats) {
+            forget_last(self, i);
+            self->bound[i].fmi = self->bound[i].direct = 0;
+        }
+}
+
+static bool asked_to_end(FmuInstance *self, int32_t i) {
+    return P->components[i].version == 3 && !P->components[i].setup
+               ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
+               : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]);
+}
+
+static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
+    self->engine.call = call;
+    self->engine.status = status;
+    return ENGINE_STATE_FAILED;
+}
+
+/* A step of a component from t on, or, where t is NaN, the last one again with the inputs as they are. */
+static int repeat(void *context, int32_t i, double t) {
+    FmuInstance *self = context;
+    LastStep *last = &self->repeated[i];
+    Component *m = &self->components[i];
+    EngineComponent e = self->bound[i];
+    e.fmi = P->components[i].version;
+    int result = ENGINE_AT_END;
+    uint32_t status = fmi3OK;
+    if (isnan(t)) {
+        if (last->state && (status = component_restore(m, last->state)) > fmi3Warning)
+            return state_failed(self, CALL_RESTORE, status);
+        result = engine_set(&self->engine, &e);
+        if (!result && last->state) {
+            result = engine_step(&self->engine, &e, last->t);
+            if (result && asked_to_end(self, i)) result = ENGINE_AT_END; /* as when the step was done first */
+        }
+    } else {
+        forget_last(self, i);
+        if ((status = component_save(m, &last->state)) > fmi3Warning)
+            return state_failed(self, CALL_SAVE, status);
+        last->t = t;
+        result = engine_set(&self->engine, &e);
+        if (!result) result = engine_step(&self->engine, &e, t);
+    }
+    return result ? result : engine_get(&self->engine, &e);
 }
 
 /* A call of component i that the engine has made has failed. */
@@ -426,7 +533,10 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
             P->components[i].name, time, why ? why : "", (unsigned)number);
     }
     return component_failed(self, i,
-        call > 0   ? "setting its inputs"
+        call == CALL_SAVE           ? "GetFMUState"
+        : call == CALL_RESTORE      ? "SetFMUState"
+        : call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
+        : call > 0 ? "setting its inputs"
         : call < 0 ? "getting its outputs"
                    : "DoStep",
         self->engine.status);
@@ -517,6 +627,7 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     engine_publish(&self->engine);
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
+    repeat_steps(self);
     if (result == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", fmu_model.name, fmu_time(self));
     return result;
 }
@@ -652,11 +763,7 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                 return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
                                 fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
     }
-    const bool asked = self->engine.call == 0 &&
-                       (P->components[i].version == 3 && !P->components[i].setup
-                               ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-                               : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]));
-    if (asked) {
+    if (self->engine.call == 0 && asked_to_end(self, i)) {
         self->state->ended = 1;
         (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->components[i].name,
             fmu_time(self));
@@ -859,6 +966,7 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
     bind(self);
+    repeat_steps(self);
     return FMU_OK;
 }
 

@@ -35,6 +35,7 @@ typedef struct {
     int32_t clock;
     double step;
     bool check_before;
+    bool repeats;                    /* it is part of an algebraic loop, and computes its outputs in steps only */
     int32_t n_copies_before, n_copies;
     const EngineCopy *copies;
     int64_t timestamp_slot;
