@@ -17,6 +17,7 @@ from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, libra
 
 FUNCTIONS = ("init", "set_parameter", "step")
 # Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
+_REQUEST = 32768  # bytes of samples in one request of the host at most, if one sample is not larger
 _ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
 
 
@@ -37,8 +38,9 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
         if target.board:
-            content["firmware.elf"] = _firmware(library.name, tools, Path(tmp))
-            content["interface.json"] = (json.dumps(_interface(model, target), indent=1) + "\n").encode()
+            interface = _interface(model, target) | {"state_bytes": metrics["ram_bytes"]}
+            content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, Path(tmp))
+            content["interface.json"] = (json.dumps(interface, indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
     folder = out / target.name / library.name
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,12 +123,12 @@ def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str
     return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
 
 
-def _firmware(name: str, tools: Tools, tmp: Path) -> bytes:
+def _firmware(name: str, frame: int, tools: Tools, tmp: Path) -> bytes:
     """A program that takes samples for a host, for the board that QEMU emulates."""
     text = (RUNTIME_DIR / "firmware.c").read_text()
     (tmp / "firmware.c").write_text(re.sub(r"\bComponent(?=_|\b)", name, text))
     (tmp / "firmware.ld").write_bytes((RUNTIME_DIR / "firmware.ld").read_bytes())
-    tools.compile("firmware.c", "firmware.o", tmp)
+    tools.compile("firmware.c", "firmware.o", tmp, f"-DFRAME={frame}")
     objects = ["firmware.o", f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-Tfirmware.ld", "-Wl,-s"]
     tools.link([*objects, "-Wl,--build-id=none"], "firmware.elf", tmp)
     return (tmp / "firmware.elf").read_bytes()
@@ -147,6 +149,8 @@ def _interface(component: Model, target: Target) -> dict[str, Any]:
         "component": component.name,
         "board": target.board,
         "sample_time": str(ticks(component)),
+        "has_addresses": bool(component.programs),
+        "frame": max(1, _REQUEST // (8 * max(component.size("input"), component.size("output") + 1))),
         "inputs": named("input"),
         "input_starts": [float(x) for x in component.vector("input")],
         "outputs": named("output"),
