@@ -12,6 +12,7 @@ from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
 from build_fmus.generate import RUNTIME_DIR, references, ticks
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
+from build_fmus.target.cycles import core_of
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
 
@@ -84,7 +85,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         flash, ram = (flash + int(words[2], 16), ram) if constant else (flash, ram + int(words[2], 16))
     if ram:
         raise TargetError(f"{name} has {ram} bytes of global variables; all variables belong into its struct")
-    arm = bool(tools.target.prefix)
+    arm, core = bool(tools.target.prefix), core_of(tools.target.name)
     if arm and (fused := re.search(r"\tvfn?m[as]\S*", tools.tool("objdump", "-d", f"{name}.o", folder=tmp))):
         raise TargetError(f"{name} has the fused multiplication {fused[0].strip()}, which would change bits")
     (tmp / "size.c").write_text(f'#include "{name}.h"\nchar instance[sizeof({name})];\n')
@@ -112,6 +113,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         "stack_assumes": [f"{n} is called inside itself at most {k} times" for n, k in recursions.items()],
         "stack_without": [] if arm else sorted(undefined),
         "needs": sorted(undefined),
+        "cycles_estimate": core.estimate(float(ticks(component))) if core else None,
     }
 
 

@@ -113,6 +113,10 @@ class EmulatedTarget(PythonComponent):
             self._sample(u[k : k + most], y[k : k + most], k)
         return y
 
+    def start_again(self) -> None:
+        """Take the next sample from the start."""
+        self._fresh = False
+
     def _prepare(self) -> None:
         if not self._fresh:
             self._initialize()
