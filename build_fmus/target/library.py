@@ -11,6 +11,7 @@ from typing import Any
 from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
 from build_fmus.generate import RUNTIME_DIR, references, ticks
+from build_fmus.target.a2l import a2l, example_program
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
 from build_fmus.target.cycles import core_of
 from build_fmus.target.stack import worst_stack
@@ -38,6 +39,8 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
+        if target.prefix:
+            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, Path(tmp))
         if target.board:
             interface = _interface(model, target) | {"state_bytes": metrics["ram_bytes"]}
             content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, Path(tmp))
@@ -123,6 +126,21 @@ def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str
     tools.link([f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-e0", *needed], "all.elf", tmp)
     symbols = tools.tool("nm", "--defined-only", "all.elf", folder=tmp)
     return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
+
+
+def _example(component: Model, tools: Tools, tmp: Path) -> tuple[bytes, bytes]:
+    """A program with an instance, which is linked but does nothing, and the A2L file with its addresses."""
+    name = component.name
+    (tmp / "example.c").write_text(example_program(name))
+    (tmp / "offset.c").write_text(f'#include <stddef.h>\n#include "{name}.h"\nchar at[offsetof({name}, prepared)];\n')
+    for part in ("example", "offset"):
+        tools.compile(f"{part}.c", f"{part}.o", tmp)
+    prepared = int(tools.tool("nm", "-S", "offset.o", folder=tmp).split()[1], 16)
+    place = ["-nostartfiles", "-Wl,-e0", "-Wl,-Tbss=0x20000000", "-Wl,--build-id=none"]
+    tools.link(["example.o", f"{name}.o", *place], "example.elf", tmp)
+    symbols = (line.split() for line in tools.tool("nm", "example.elf", folder=tmp).splitlines())
+    addresses = {words[-1]: int(words[0], 16) for words in symbols if len(words) == 3}
+    return (tmp / "example.elf").read_bytes(), a2l(component, addresses, prepared).encode("ascii")
 
 
 def _firmware(name: str, frame: int, tools: Tools, tmp: Path) -> bytes:
