@@ -92,8 +92,9 @@ def test_limits_units_and_shapes(built: Path) -> None:
         assert [int(np.prod([int(n) for n in s])) for s in shape] == ([v.size] if v.shape else [])
 
 
+@pytest.mark.embedded
 def test_other_reader(built: Path) -> None:
-    parser = pytest.importorskip("pya2l.parser", reason="pya2l is not installed (extra judges)")
+    parser = pytest.importorskip("pya2l.parser", reason="pya2l is not installed (extra embedded)")
     with parser.A2lParser() as reader:
         module = reader.tree_from_a2l((built / f"{built.name}.a2l").read_bytes()).PROJECT.MODULE[0]
         assert list(reader.warnings) == []
