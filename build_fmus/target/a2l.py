@@ -7,16 +7,13 @@ program from its symbols: each variable has the name of its global variable and 
 from __future__ import annotations
 
 import math
-import re
 import sys
 from collections.abc import Iterator, Mapping
 
 from build_fmus.base import escape
 from build_fmus.component import Model, Variable
 
-_NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*", re.ASCII)
 _BYTES = 8  # of a number
-_PREPARED = "prepared"
 
 
 def example_program(name: str) -> str:
@@ -49,25 +46,23 @@ def a2l(component: Model, addresses: Mapping[str, int], prepared: int) -> str:
     for unit, method in units.items():
         text = escape.a2l(unit)
         parts.append(f'/begin COMPU_METHOD {method} {text} IDENTICAL "%.9" {text}\n/end COMPU_METHOD')
-    instance, taken = f"{name}_example", [_PREPARED]
+    instance, flag = f"{name}_example", escape.c_identifier("prepared", [v.name for v, _, _ in listed])
     parts.append(
-        f'/begin CHARACTERISTIC {_PREPARED} "write 0 after a change of other characteristics"\n'
+        f'/begin CHARACTERISTIC {flag} "write 0 after a change of other characteristics"\n'
         f"  VALUE 0x{addresses[instance] + prepared:08X} FLAG 0 NO_COMPU_METHOD 0 1\n"
         f'  SYMBOL_LINK "{instance}" {prepared}\n/end CHARACTERISTIC'
     )
     for v, symbol, offset in listed:
-        own = v.name if _NAME.fullmatch(v.name) else escape.c_identifier(v.name, taken)
-        taken.append(own)
         about, method = escape.a2l(v.description), units[v.unit or ""]
         address, low, high = f"0x{addresses[symbol] + offset:08X}", _limit(v.min, -1), _limit(v.max, 1)
         link = f'  SYMBOL_LINK "{symbol}" {offset}\n'
         size = f"  MATRIX_DIM {' '.join(str(n) for n in (*v.shape, 1, 1)[:3])}\n" if v.shape else ""
         if v.role == "parameter":
             kind = "VAL_BLK" if v.shape else "VALUE"
-            head = f"CHARACTERISTIC {own} {about}\n  {kind} {address} NUMBERS 0 {method} {low} {high}\n"
+            head = f"CHARACTERISTIC {v.name} {about}\n  {kind} {address} NUMBERS 0 {method} {low} {high}\n"
             parts.append(f"/begin {head}{size}{link}/end CHARACTERISTIC")
         else:
-            head = f"MEASUREMENT {own} {about}\n  FLOAT64_IEEE {method} 0 0 {low} {high}\n"
+            head = f"MEASUREMENT {v.name} {about}\n  FLOAT64_IEEE {method} 0 0 {low} {high}\n"
             parts.append(f"/begin {head}{size}  ECU_ADDRESS {address}\n{link}/end MEASUREMENT")
     return "\n".join([*parts, "/end MODULE", "/end PROJECT", ""])
 

@@ -81,7 +81,7 @@ class EmulatedTarget(PythonComponent):
         for end in (self._process.stdin, self._process.stdout):
             os.set_blocking(end.fileno(), False)  # type: ignore[union-attr]
         self._end = weakref.finalize(self, _stop, self._process)
-        self._fresh = False
+        self._fresh, self._set = False, self._starts()
 
     def start(self, u: Array, y: Array) -> None:
         """Outputs of a first sample that is not kept."""
@@ -126,8 +126,11 @@ class EmulatedTarget(PythonComponent):
 
     def _initialize(self) -> None:
         self._check(self._ask(b"i", 4))
-        self._set = {n: start for n, _, start, _, _ in self._about["parameters"]}
+        self._set = self._starts()
         self._set_parameters({n: x for n in self._set if (x := getattr(self, n)) != self._set[n]})
+
+    def _starts(self) -> dict[str, float]:
+        return {n: start for n, _, start, _, _ in self._about["parameters"]}
 
     def _set_parameters(self, values: dict[str, float]) -> None:
         for name, _, _, parameter, element in self._about["parameters"]:

@@ -14,6 +14,7 @@ from built import FMUS
 from same_samples import declared, inputs_of
 
 from build_fmus.base import escape
+from build_fmus.component import Component
 from build_fmus.equations.names import identifier
 from build_fmus.target.library import build_library
 from build_fmus.target.toolchain import TARGETS, find_tools
@@ -132,6 +133,14 @@ def test_calibration_in_memory(tmp_path: Path) -> None:
     assert calibrated[:-2].tobytes() == expected[:-2].tobytes()
     assert np.abs(calibrated[:4]).max() <= 10.0 < np.abs(before[:4]).max()
     assert struct.unpack("<d", read) == (calibrated[controller.outputs.index("force.fl [N]")],)
+
+
+def test_names_are_unique(tmp_path: Path) -> None:
+    c = Component("Named", kind="discrete", sample_time=0.01, description="Names", source="none")
+    prepared = c.parameter("prepared", 1.0, "1", "gain", tunable=True, source="none")
+    c.output("y", prepared * c.input("u", "1", "input"), "1", "output")
+    blocks = blocks_of(build_library(c, TARGETS["cortex-m4f"], tmp_path))
+    assert list(blocks) == ["prepared_2", "prepared", "u", "y"]
 
 
 def test_strings_cannot_end_early() -> None:
