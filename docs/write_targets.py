@@ -36,8 +36,8 @@ HEAD = (
     "|---|---|---|---|---|---|---|---|---|\n"
 )
 LOOPS_HEAD = (
-    "| MPC | instructions in the closed loop | most found | by | samples tried | its input |\n"
-    "|---|---|---|---|---|---|\n"
+    "| MPC | closed loop | random | extreme | adversarial | samples tried | its input |\n"
+    "|---|---|---|---|---|---|---|\n"
 )
 
 
@@ -84,8 +84,8 @@ def loop_row(name: str, worst: dict[str, Any]) -> str:
     elements, last = model.elements("input"), np.array(worst["inputs"][-1])
     k = int(np.argmax(np.abs(last) / [size_of(e.variable) for e in elements]))
     inputs = f"`{elements[k].name}` = {last[k]:.4g} {elements[k].variable.unit or ''}".rstrip()
-    numbers = (worst["closed_loop_instructions"], worst["instructions"]["cortex-m7"])
-    cells = (name, *(f"{n:,}" for n in numbers), worst["found_by"], f"{worst['tried']:,}", f"{inputs}, ...")
+    numbers = (worst["closed_loop_instructions"], *worst["most_by_method"].values(), worst["tried"])
+    cells = (name, *(f"{n:,}" for n in numbers), f"{inputs}, ...")
     return f"| {' | '.join(cells)} |\n"
 
 

@@ -42,14 +42,14 @@ class Search:
 
     def __init__(self, model: Model, controller: EmulatedTarget, seed: int = 1) -> None:
         self.model, self.controller, self.rng = model, controller, np.random.default_rng(seed)
-        self.worst: list[tuple[int, int, str, np.ndarray, np.ndarray]] = []  # a heap: instructions, number, ...
+        self.worst: list[tuple[int, int, np.ndarray, np.ndarray]] = []  # a heap: instructions, number, ...
         self.most: dict[str, int] = {}
         self.count = 0
 
     def measure(self, how: str, u: np.ndarray) -> int:
         """Instructions of the last sample; keeps the inputs if they are among the worst."""
         outputs, instructions = replay(self.controller, u)
-        entry = (instructions, self.count, how, u, outputs)
+        entry = (instructions, self.count, u, outputs)
         self.count += 1
         (heapq.heappush if len(self.worst) < REPLAYED else heapq.heappushpop)(self.worst, entry)
         self.most[how] = max(self.most.get(how, 0), instructions)
@@ -79,7 +79,7 @@ class Search:
         for _ in range(tries // 3):
             self.measure("random", self.random())
             self.measure("extreme", self.extreme())
-        best = [[e[0], e[3]] for e in heapq.nlargest(5, self.worst)]
+        best = [[e[0], e[2]] for e in heapq.nlargest(5, self.worst)]
         for k in range(tries // 3):
             at = best[k % len(best)]
             u = self.changed(at[1])
@@ -115,7 +115,7 @@ def running(name: str, processor: str) -> EmulatedTarget:
 def check(name: str, model: Model, search: Search) -> None:
     """Compare the worst samples with those of the FMU."""
     inputs, outputs = ([e.name for e in model.elements(r)] for r in ("input", "output"))
-    for _, _, _, u, y in search.worst:
+    for _, _, u, y in search.worst:
         expected = fmu_samples(FMUS / "fmi3" / f"{name}.fmu", u, inputs, outputs, float(ticks(model)))
         if expected.tobytes() != y.tobytes():
             sys.exit(f"{name}: the emulated controller differs from the FMU for the inputs {u.tolist()}")
@@ -127,18 +127,17 @@ def entry(name: str) -> dict[str, Any]:
     search = Search(model, controller)
     search.run(TRIES[name])
     check(name, model, search)
-    most, _, how, u, y = max(search.worst, key=lambda e: e[:2])
+    most, _, u, y = max(search.worst, key=lambda e: e[:2])
     outputs = dict(zip([e.name for e in model.elements("output")], y[-1], strict=True))
     instructions = {"cortex-m7": most}
     for processor in [p for p, t in TARGETS.items() if t.board and p not in instructions]:
         instructions[processor] = replay(running(name, processor), u)[1]
     loop = mpc_loop(name, FMUS, CLOSED_LOOP, target(name, "cortex-m7", folder=FMUS / "target", timeout=60.0))[1]
-    print(f"{name}: {most:,} instructions ({how}); in the closed loop {loop[:, -2].max():,.0f}", flush=True)
+    print(f"{name}: {most:,} instructions; in the closed loop {loop[:, -2].max():,.0f}", flush=True)
     return {
         "tried": search.count,
         "replayed": len(search.worst),
         "most_by_method": search.most,
-        "found_by": how,
         "instructions": dict(sorted(instructions.items())),
         "closed_loop_samples": CLOSED_LOOP,
         "closed_loop_instructions": int(loop[:, -2].max()),

@@ -290,6 +290,14 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
     assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out
 
 
+def test_search_in_the_page() -> None:
+    writer = script("write_targets.py")
+    found = json.loads(writer["WORST"].read_text(encoding="utf-8"))
+    assert found.keys() == LOOPS.keys()
+    page = writer["PAGE"].read_text(encoding="utf-8")
+    assert [name for name, worst in found.items() if writer["loop_row"](name, worst) not in page] == []
+
+
 @pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("name", ["Skyhook", "LqrHmmwv", "ForceTracking"])
 def test_rows_of_the_page(name: str, processor: str) -> None:
