@@ -66,11 +66,12 @@ test-judges: $(VENV)/.test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[judges]' || echo "not every package of the extra [judges] can be installed here"
 	$(BIN)/python -m pytest -m judges -rs tests/judges
 
-# Builds controllers for Cortex-M4F and M7 and runs them in QEMU, sample by sample. From Debian: apt install gcc-arm-none-eabi
-# qemu-system-arm. What is not installed is skipped, and said.
+# Builds controllers for Cortex-M4F and M7 and runs them in QEMU: 100,000 samples of each law and filter, closed loops of the MPCs, their longest samples.
+# From Debian: apt install gcc-arm-none-eabi qemu-system-arm. What is not installed is skipped, and said.
 test-embedded: $(VENV)/.test
 	$(BIN)/build-fmus
-	$(BIN)/python -m pytest -m embedded -rs tests/target
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[embedded]' || echo "not every package of the extra [embedded] can be installed here"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m embedded -rs tests/target
 
 # Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both color schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.

@@ -1,4 +1,4 @@
-"""Write the table of docs/how-to/microcontroller.md: what seven controllers need on two processors.
+"""Write the table of docs/how-to/microcontroller.md: what controllers need on two processors.
 
 Run `python docs/write_targets.py` after `make fmus`, with gcc-arm-none-eabi and qemu-system-arm.
 """
@@ -8,29 +8,36 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]  # the project first: tests/ has a folder cosim, too
 
-from target.same_samples import declared, inputs_of  # noqa: E402
+from target.same_samples import declared, inputs_of, size_of  # noqa: E402
 
+from build_fmus.target.cycles import core_of  # noqa: E402
 from build_fmus.target.library import build_library  # noqa: E402
 from build_fmus.target.toolchain import TARGETS  # noqa: E402
 from cosim.fmu.target import target  # noqa: E402
 
 PAGE = ROOT / "docs" / "how-to" / "microcontroller.md"
 FMUS = ROOT / "fmus"
-CONTROLLERS = ("Skyhook", "LqrHmmwv", "KalmanHmmwv", "ForceTracking", "GpcPreview", "MpcBench", "MpcHmmwv")
-CLOCKS_MHZ = {"cortex-m4f": 168, "cortex-m7": 480}
-AT_BEST = {"cortex-m4f": 1, "cortex-m7": 2}  # instructions per cycle
-SAMPLES = 50
+LAWS = ("Skyhook", "LqrHmmwv", "KalmanHmmwv", "ForceTracking", "GpcPreview")
+CONTROLLERS = (*LAWS, "MpcBench", "MpcHmmwv", "MpcThreeAxle")
+PROCESSORS = ("cortex-m4f", "cortex-m7")
+WORST = ROOT / "tests" / "target" / "worst_samples.json"
+SAMPLES = 1000
 MARKS = ("<!-- table: written by docs/write_targets.py -->", "<!-- end of table -->")
 HEAD = (
     "| component | sample time [ms] | processor | flash [bytes] | RAM [bytes] | worst stack [bytes] | instructions"
-    " | at least [% of the sample time] |\n"
-    "|---|---|---|---|---|---|---|---|\n"
+    " | cycles, estimate | in its sample time |\n"
+    "|---|---|---|---|---|---|---|---|---|\n"
+)
+LOOPS_HEAD = (
+    "| MPC | closed loop | random | extreme | adversarial | samples tried | its input |\n"
+    "|---|---|---|---|---|---|---|\n"
 )
 
 
@@ -39,17 +46,17 @@ def instructions(name: str, processor: str, inputs: np.ndarray) -> int:
     controller = target(name, processor, folder=FMUS / "target", timeout=60.0)
     controller.instantiate(name)
     controller.begin()
-    y = np.zeros((len(inputs), len(controller.outputs)))
-    for row, outputs in zip(inputs, y, strict=True):
-        controller.step(0.0, 0.0, row, outputs)
+    y = controller.take_samples(inputs)
     controller.close()
     return int(y[:, -2].max())
 
 
-def least_share(processor: str, most: int, sample_time: float) -> str:
-    """The least time that instructions take, in per cent of the sample time."""
-    share = 100.0 * most / (1e6 * CLOCKS_MHZ[processor] * AT_BEST[processor] * sample_time)
-    return f"{share:,.0f}" if share >= 10.0 else f"{share:.2g}"
+def in_words(n: float) -> str:
+    """Three digits and a unit."""
+    for size, unit in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
+        if n >= size:
+            return f"{n / size:.3g}{unit}"
+    return f"{n:.3g}"
 
 
 def row(name: str, processor: str) -> str:
@@ -57,10 +64,28 @@ def row(name: str, processor: str) -> str:
     component = declared(name, FMUS)
     folder = build_library(component, TARGETS[processor], FMUS / "target")
     m = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-    most = instructions(name, processor, inputs_of(component.model(), SAMPLES))
+    worst = json.loads(WORST.read_text(encoding="utf-8")).get(name)
+    if worst:
+        most = worst["instructions"][processor]
+    else:
+        most = instructions(name, processor, inputs_of(component.model(), SAMPLES))
+    core = core_of(processor)
+    assert core is not None
+    cycles = " to ".join(in_words(n) for n in core.cycles(most))
     numbers = (m["flash_bytes"], m["ram_bytes"], m["stack_bytes"], most)
-    share = least_share(processor, most, m["sample_time_s"])
-    cells = (name, f"{1e3 * m['sample_time_s']:g}", processor, *(f"{n:,}" for n in numbers), share)
+    verdict = core.verdict(most, m["sample_time_s"])
+    cells = (name, f"{1e3 * m['sample_time_s']:g}", processor, *(f"{n:,}" for n in numbers), cycles, verdict)
+    return f"| {' | '.join(cells)} |\n"
+
+
+def loop_row(name: str, worst: dict[str, Any]) -> str:
+    """What the search for the longest sample of an MPC found, on the Cortex-M7."""
+    model = declared(name, FMUS).model()
+    elements, last = model.elements("input"), np.array(worst["inputs"][-1])
+    k = int(np.argmax(np.abs(last) / [size_of(e.variable) for e in elements]))
+    inputs = f"`{elements[k].name}` = {last[k]:.4g} {elements[k].variable.unit or ''}".rstrip()
+    numbers = (worst["closed_loop_instructions"], *worst["most_by_method"].values(), worst["tried"])
+    cells = (name, *(f"{n:,}" for n in numbers), f"{inputs}, ...")
     return f"| {' | '.join(cells)} |\n"
 
 
@@ -68,7 +93,9 @@ def main() -> None:
     """Write the page with a new table."""
     before, rest = PAGE.read_text(encoding="utf-8").split(MARKS[0])
     _, after = rest.split(MARKS[1])
-    table = HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in CLOCKS_MHZ)
+    table = HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in PROCESSORS)
+    worst = json.loads(WORST.read_text(encoding="utf-8"))
+    table += "\n" + LOOPS_HEAD + "".join(loop_row(name, worst[name]) for name in worst)
     PAGE.write_text(f"{before}{MARKS[0]}\n\n{table}\n{MARKS[1]}{after}", encoding="utf-8")
 
 

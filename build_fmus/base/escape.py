@@ -60,6 +60,12 @@ def c_number(x: float) -> str:
     return repr(float(x))
 
 
+def a2l(text: str) -> str:
+    """A string of an A2L file, in ASCII on one line."""
+    plain = re.sub(r"[^ -~]", "?", re.sub(r"\s+", " ", text))
+    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
 def xml(text: str) -> str:
     """Text for an element or attribute of lxml: characters that XML cannot contain are replaced.
 

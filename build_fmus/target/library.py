@@ -11,12 +11,15 @@ from typing import Any
 from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
 from build_fmus.generate import RUNTIME_DIR, references, ticks
+from build_fmus.target.a2l import a2l, example_program
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
+from build_fmus.target.cycles import core_of
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
 
 FUNCTIONS = ("init", "set_parameter", "step")
 # Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
+_REQUEST = 32768  # bytes of samples in one request of the host at most, if one sample is not larger
 _ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
 
 
@@ -36,9 +39,12 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
+        if target.prefix:
+            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, Path(tmp))
         if target.board:
-            content["firmware.elf"] = _firmware(library.name, tools, Path(tmp))
-            content["interface.json"] = (json.dumps(_interface(model, target), indent=1) + "\n").encode()
+            interface = _interface(model, target) | {"state_bytes": metrics["ram_bytes"]}
+            content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, Path(tmp))
+            content["interface.json"] = (json.dumps(interface, indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
     folder = out / target.name / library.name
     folder.mkdir(parents=True, exist_ok=True)
@@ -82,7 +88,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         flash, ram = (flash + int(words[2], 16), ram) if constant else (flash, ram + int(words[2], 16))
     if ram:
         raise TargetError(f"{name} has {ram} bytes of global variables; all variables belong into its struct")
-    arm = bool(tools.target.prefix)
+    arm, core = bool(tools.target.prefix), core_of(tools.target.name)
     if arm and (fused := re.search(r"\tvfn?m[as]\S*", tools.tool("objdump", "-d", f"{name}.o", folder=tmp))):
         raise TargetError(f"{name} has the fused multiplication {fused[0].strip()}, which would change bits")
     (tmp / "size.c").write_text(f'#include "{name}.h"\nchar instance[sizeof({name})];\n')
@@ -110,6 +116,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         "stack_assumes": [f"{n} is called inside itself at most {k} times" for n, k in recursions.items()],
         "stack_without": [] if arm else sorted(undefined),
         "needs": sorted(undefined),
+        "cycles_estimate": core.estimate(float(ticks(component))) if core else None,
     }
 
 
@@ -121,12 +128,27 @@ def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str
     return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
 
 
-def _firmware(name: str, tools: Tools, tmp: Path) -> bytes:
+def _example(component: Model, tools: Tools, tmp: Path) -> tuple[bytes, bytes]:
+    """A program with an instance, which is linked but does nothing, and the A2L file with its addresses."""
+    name = component.name
+    (tmp / "example.c").write_text(example_program(name))
+    (tmp / "offset.c").write_text(f'#include <stddef.h>\n#include "{name}.h"\nchar at[offsetof({name}, prepared)];\n')
+    for part in ("example", "offset"):
+        tools.compile(f"{part}.c", f"{part}.o", tmp)
+    prepared = int(tools.tool("nm", "-S", "offset.o", folder=tmp).split()[1], 16)
+    place = ["-nostartfiles", "-Wl,-e0", "-Wl,-Tbss=0x20000000", "-Wl,--build-id=none"]
+    tools.link(["example.o", f"{name}.o", *place], "example.elf", tmp)
+    symbols = (line.split() for line in tools.tool("nm", "example.elf", folder=tmp).splitlines())
+    addresses = {words[-1]: int(words[0], 16) for words in symbols if len(words) == 3}
+    return (tmp / "example.elf").read_bytes(), a2l(component, addresses, prepared).encode("ascii")
+
+
+def _firmware(name: str, frame: int, tools: Tools, tmp: Path) -> bytes:
     """A program that takes samples for a host, for the board that QEMU emulates."""
     text = (RUNTIME_DIR / "firmware.c").read_text()
     (tmp / "firmware.c").write_text(re.sub(r"\bComponent(?=_|\b)", name, text))
     (tmp / "firmware.ld").write_bytes((RUNTIME_DIR / "firmware.ld").read_bytes())
-    tools.compile("firmware.c", "firmware.o", tmp)
+    tools.compile("firmware.c", "firmware.o", tmp, f"-DFRAME={frame}")
     objects = ["firmware.o", f"{name}.o", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-Tfirmware.ld", "-Wl,-s"]
     tools.link([*objects, "-Wl,--build-id=none"], "firmware.elf", tmp)
     return (tmp / "firmware.elf").read_bytes()
@@ -147,6 +169,8 @@ def _interface(component: Model, target: Target) -> dict[str, Any]:
         "component": component.name,
         "board": target.board,
         "sample_time": str(ticks(component)),
+        "has_addresses": bool(component.programs),
+        "frame": max(1, _REQUEST // (8 * max(component.size("input"), component.size("output") + 1))),
         "inputs": named("input"),
         "input_starts": [float(x) for x in component.vector("input")],
         "outputs": named("output"),

@@ -15,6 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from cosim.core import plain
 from cosim.core.component import PythonComponent
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
@@ -36,13 +39,13 @@ class EmulatedTarget(PythonComponent):
     """The firmware of a component in an emulator of its processor.
 
     Besides the outputs of the component it has `target.instructions` of the sample, in steps of 40, and `target.stack`,
-    the largest stack so far [bytes].
+    the largest stack so far [bytes]. Its state can be saved and restored, in this and in another emulator.
     """
 
     kind = "discrete"
 
     def __init__(self, folder: Path, timeout: float = 10.0) -> None:
-        """`timeout` [s]: for each sample."""
+        """`timeout` [s]: for each request."""
         self._folder, self._timeout = folder, timeout
         self._about = _read(folder / "interface.json")
         self._firmware_hash = hashlib.sha256((folder / "firmware.elf").read_bytes()).hexdigest()
@@ -57,7 +60,7 @@ class EmulatedTarget(PythonComponent):
             n: replace(v, start=starts[n]) if n in starts else v for n, v in self.description.variables.items()
         }
         name = f"{about['component']} on {about['board']}"
-        self.description = replace(self.description, name=name, variables=variables, can_save=False)
+        self.description = replace(self.description, name=name, variables=variables)
         self._inputs = {v: i for i, v in enumerate(self.description.inputs.values())}
         self._outputs = {v: i for i, v in enumerate(self.description.outputs.values())}
         self._process: subprocess.Popen[bytes] | None = None
@@ -68,34 +71,66 @@ class EmulatedTarget(PythonComponent):
         program = shutil.which(QEMU)
         if program is None:
             raise CosimError(f"{QEMU} is not in PATH: install it (Debian package qemu-system-arm)")
-        machine = ["-M", self._about["board"], "-kernel", str(self._folder / "firmware.elf")]
-        plain = ["-display", "none", "-monitor", "none", "-serial", "stdio", "-icount", "shift=0"]
+        machine = ["-M", self._about["board"], "-kernel", str(self._folder / "firmware.elf"), "-icount", "shift=0"]
+        plain = ["-display", "none", "-monitor", "none", "-serial", "none"]
+        calls = ["-semihosting-config", "enable=on,target=native"]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
-            [program, *machine, *plain], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
+            [program, *machine, *plain, *calls], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, bufsize=0
         )
+        for end in (self._process.stdin, self._process.stdout):
+            os.set_blocking(end.fileno(), False)  # type: ignore[union-attr]
         self._end = weakref.finalize(self, _stop, self._process)
-        self._fresh = False
+        self._fresh, self._set = False, self._starts()
 
     def start(self, u: Array, y: Array) -> None:
         """Outputs of a first sample that is not kept."""
         self._initialize()
-        self._sample(u, y)
+        self._sample(u[None], y[None])
         self._fresh = False
 
     def step(self, t: float, h: float, u: Array, y: Array) -> None:  # noqa: ARG002
         """Take a sample."""
+        self._prepare()
+        self._sample(u[None], y[None])
+
+    def take_samples(self, u: Array) -> Array:
+        """Samples one after the other from inputs that are known: many times faster than single steps.
+
+        Args:
+            u: inputs (samples x inputs), in the declared order.
+
+        Returns:
+            Outputs (samples x outputs). `target.stack` is that at the end of each request of many samples.
+
+        Raises:
+            ValueError: a sample failed; the message has its number, from 0.
+            CosimError: the emulator has ended, or does not answer.
+        """
+        self._prepare()
+        y, most = np.zeros((len(u), len(self.outputs))), self._about["frame"]
+        for k in range(0, len(u), most):
+            self._sample(u[k : k + most], y[k : k + most], k)
+        return y
+
+    def start_again(self) -> None:
+        """Take the next sample from the start."""
+        self._fresh = False
+
+    def _prepare(self) -> None:
         if not self._fresh:
             self._initialize()
             self._fresh = True
         changed = {n: getattr(self, n) for n, *_ in self._about["parameters"]}
         self._set_parameters({n: x for n, x in changed.items() if x != self._set[n]})
-        self._sample(u, y)
 
     def _initialize(self) -> None:
         self._check(self._ask(b"i", 4))
-        self._set = {n: start for n, _, start, _, _ in self._about["parameters"]}
+        self._set = self._starts()
         self._set_parameters({n: x for n in self._set if (x := getattr(self, n)) != self._set[n]})
+
+    def _starts(self) -> dict[str, float]:
+        return {n: start for n, _, start, _, _ in self._about["parameters"]}
 
     def _set_parameters(self, values: dict[str, float]) -> None:
         for name, _, _, parameter, element in self._about["parameters"]:
@@ -104,13 +139,79 @@ class EmulatedTarget(PythonComponent):
                 self._check(answer, f"{name} = {values[name]}: ")
                 self._set[name] = values[name]
 
-    def _sample(self, u: Array, y: Array) -> None:
-        n = len(self._about["outputs"])
-        answer = self._ask(b"s" + u.astype("<f8").tobytes(), 12 + 8 * n)
-        self._check(answer)
-        ticks, stack = struct.unpack_from("<II", answer, 4)
-        y[:n] = struct.unpack_from(f"<{n}d", answer, 12)
-        y[n:] = 40 * ticks, stack
+    def _sample(self, u: Array, y: Array, first: int | None = None) -> None:
+        rows, n = len(u), len(self._about["outputs"])
+        answer = self._ask(struct.pack("<cI", b"s", rows) + u.astype("<f8").tobytes(), 12 + 8 * rows * (n + 1))
+        _, taken, stack = struct.unpack_from("<III", answer)
+        self._check(answer, "" if first is None else f"sample {first + taken}: ")
+        values = np.frombuffer(answer, "<f8", offset=12).reshape(rows, n + 1)
+        y[:, :n], y[:, n], y[:, n + 1] = values[:, 1:], 40 * values[:, 0], stack
+
+    def save(self) -> Any:
+        """The instance in the emulator's memory, the parameters, inputs and outputs."""
+        return {
+            "firmware": self._firmware_hash,
+            "memory": np.frombuffer(self._ask(b"g", 4 + self._about["state_bytes"]), np.uint8, offset=4),
+            "set": dict(self._set),
+            "parameters": {n: getattr(self, n) for n in self._set},
+            "fresh": self._fresh,
+            "inputs": self._u.copy(),
+            "outputs": self._y.copy(),
+        }
+
+    def restore(self, state: Any) -> None:
+        """Continue from a saved state, also in another emulator.
+
+        Raises:
+            CosimError: the state is not one of this firmware.
+        """
+        sizes = {"inputs": len(self._u), "outputs": len(self._y), "memory": self._about["state_bytes"]}
+        if state["firmware"] != self._firmware_hash or any(len(state[k]) != n for k, n in sizes.items()):
+            raise self._not_own()
+        self._check(self._ask(b"r" + state["memory"].tobytes(), 4))
+        self._u[:], self._y[:] = state["inputs"], state["outputs"]
+        self._set, self._fresh = dict(state["set"]), state["fresh"]
+        vars(self).update(state["parameters"])
+
+    def pack(self, state: Any) -> bytes:
+        """The state as plain data.
+
+        Raises:
+            CosimError: it has addresses, those of a QP solver, which a forged file would turn against the emulator.
+        """
+        if self._about["has_addresses"]:
+            raise CosimError("the state of its QP solver has addresses, which are not taken from files")
+        return plain.encode(state)
+
+    def unpack(self, data: bytes) -> None:
+        """Continue from what `pack` gave.
+
+        Raises:
+            CosimError: it is something else.
+        """
+        try:
+            state = plain.decode(data)
+            kinds = {k: type(v) for k, v in self.save().items()}
+            numbers = [state[k] for k in ("inputs", "outputs")] + [[*state[k].values()] for k in ("set", "parameters")]
+            names = state["set"].keys() == state["parameters"].keys() == self._set.keys()
+            valid = names and {k: type(v) for k, v in state.items()} == kinds and not self._about["has_addresses"]
+            if valid and all(np.isfinite(np.asarray(n, dtype=float)).all() for n in numbers):
+                self.restore(state)
+                return
+        except (plain.NotPlain, KeyError, TypeError, AttributeError, ValueError):
+            pass
+        raise self._not_own()
+
+    def _not_own(self) -> CosimError:
+        return CosimError(f"the state of '{self._name}' is not one of the firmware in {self._folder}; save it again")
+
+    def sampled_states(self) -> dict[str, float]:
+        """Not known: they are in the emulator.
+
+        Raises:
+            CosimError: always.
+        """
+        raise CosimError(f"the states of '{self._name}' are in an emulator: use {self._about['component']}.fmu instead")
 
     def _check(self, answer: bytes, what: str = "") -> None:
         (status,) = struct.unpack_from("<i", answer)
@@ -124,19 +225,21 @@ class EmulatedTarget(PythonComponent):
         if process is None or process.stdin is None or process.stdout is None:
             raise CosimError("the emulator does not run")
         end = time.monotonic() + self._timeout
-        answer = b""
+        answer, to, of = b"", process.stdin.fileno(), process.stdout.fileno()
         try:
-            process.stdin.write(request)
-            process.stdin.flush()
             while len(answer) < n:
-                ready, _, _ = select.select([process.stdout], [], [], max(0.0, end - time.monotonic()))
-                if not ready:
+                left = max(0.0, end - time.monotonic())
+                readable, writable, _ = select.select([of], [to] if request else [], [], left)
+                if not readable and not writable:
                     self.close()
                     raise CosimError(f"no answer of the emulated {self._about['board']} within {self._timeout:g} s")
-                more = os.read(process.stdout.fileno(), n - len(answer))
-                if not more:
-                    raise BrokenPipeError
-                answer += more
+                if writable:
+                    request = request[os.write(to, request) :]
+                if readable:
+                    more = os.read(of, n - len(answer))
+                    if not more:
+                        raise BrokenPipeError
+                    answer += more
         except BrokenPipeError:
             code = process.wait(self._timeout)
             raise CosimError(f"the emulator of {self._about['board']} has ended (exit code {code})") from None
@@ -173,7 +276,8 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
         names = [[n for n, *_ in about[k]] for k in ("inputs", "outputs", "parameters")]
-        if len(about["input_starts"]) == len(names[0]) and {"component", "board", "sample_time"} <= about.keys():
+        known = {"component", "board", "sample_time", "frame", "state_bytes", "has_addresses"} <= about.keys()
+        if known and len(about["input_starts"]) == len(names[0]):
             return dict(about)
     except (ValueError, KeyError, TypeError, AttributeError):
         pass
@@ -189,7 +293,7 @@ def target(
         name: of the component, such as `LqrHmmwv`.
         processor: "cortex-m4f" or "cortex-m7".
         folder: that `build-fmus --target` has written.
-        timeout: for each sample [s].
+        timeout: for each sample, or each request of `take_samples` [s].
 
     Raises:
         CosimError: the firmware is not built.

@@ -230,6 +230,7 @@ def _literals(_folder: Path, *texts: str) -> None:
         assert tokens(literal) == (['""'], [given.replace("\0", "\ufffd").encode("utf-8", "replace").decode()])
         assert tokens(f"a /* {escape.c_comment(given)} */ b")[0] == ["a", "b"]
         assert re.fullmatch(r"[A-Za-z_]\w*", escape.c_identifier(given, [PLAIN]), re.ASCII)
+        assert re.fullmatch(r'"(?:[ !#-\[\]-~]|\\[ -~])*"', escape.a2l(given))
 
 
 # ------------------------------------------------------------------------------------------------------- XML, SVG, HTML

@@ -8,12 +8,17 @@ import numpy as np
 from fmpy import extract, read_model_description
 from fmpy.fmi3 import FMU3Slave
 
-from build_fmus.component import Component, Model
+from build_fmus.component import Component, Model, Variable
 from fmu_sources.catalog import Context, default_catalog
 
 
 def declared(name: str, fmus: Path) -> Component:
     return default_catalog()[name].make(Context(fmus, fmus / ".cache"))
+
+
+def size_of(v: Variable) -> float:
+    """Usual size of a signal, by its unit."""
+    return {"m": 0.05, "N": 3e3, "m/s": 0.5, "m/s2": 3.0, "rad": 0.05, "rad/s": 0.2}.get(v.unit or "", 1.0)
 
 
 def inputs_of(model: Model, n: int, seed: int = 1) -> np.ndarray:
@@ -29,8 +34,7 @@ def inputs_of(model: Model, n: int, seed: int = 1) -> np.ndarray:
         elif v.must_equal is not None:
             columns.append(np.full(n, v.must_equal))
         else:
-            size = {"m": 0.05, "N": 3e3, "m/s": 0.5, "m/s2": 3.0, "rad": 0.05, "rad/s": 0.2}.get(v.unit, 1.0)
-            x = size * (np.sin(0.01 * np.arange(n) + rng.uniform(0, 6)) + 0.5 * rng.normal(size=n))
+            x = size_of(v) * (np.sin(0.01 * np.arange(n) + rng.uniform(0, 6)) + 0.5 * rng.normal(size=n))
             x[rng.random(n) < 0.01] *= 100.0
             columns.append(x)
     return np.array(columns).T.reshape(n, -1)

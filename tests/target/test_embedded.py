@@ -1,4 +1,7 @@
-"""Controllers on emulated processors: bit-identical to the FMU, stack, closed loop, failures (3 min)."""
+"""Controllers on emulated processors: bit-identical to the FMU, stack, closed loop, states, failures (2 min).
+
+`make test-embedded` takes 10^5 samples of each law and filter, and closed loops of the MPCs.
+"""
 
 from __future__ import annotations
 
@@ -6,30 +9,37 @@ import json
 import runpy
 import shutil
 import sys
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from built import FMUS
+from mpc_loops import LOOPS, mpc_loop
 from pages import ROOT, blocks
 from same_samples import declared, fmu_samples, inputs_of
 
+from build_fmus.component import Component
 from build_fmus.generate import ticks
 from build_fmus.target.library import build_library
 from build_fmus.target.toolchain import CFLAGS, TARGETS, Tools, find_tools
-from cosim import CosimError, System
+from cosim import CosimError, System, SystemState
+from cosim.core import plain
 from cosim.fmu.target import EmulatedTarget, target
 
 MISSING = [n for n in ("arm-none-eabi-gcc", "qemu-system-arm") if shutil.which(n) is None]
-pytestmark = [
-    pytest.mark.embedded,
-    pytest.mark.skipif(
-        bool(MISSING),
-        reason=f"{', '.join(MISSING)} not installed (Debian packages gcc-arm-none-eabi, qemu-system-arm)",
-    ),
-]
-SAMPLES = {"Skyhook": 500, "LqrHmmwv": 500, "KalmanHmmwv": 200, "ForceTracking": 500, "GpcImplicit": 500}
-SAMPLES |= {"GpcPreview": 200, "MpcBench": 20}
+pytestmark = pytest.mark.skipif(
+    bool(MISSING), reason=f"{', '.join(MISSING)} not installed (Debian packages gcc-arm-none-eabi, qemu-system-arm)"
+)
+PROCESSORS = ("cortex-m4f", "cortex-m7")
+SHORT = {"Skyhook": 5000, "LqrHmmwv": 5000, "KalmanHmmwv": 500, "ForceTracking": 5000, "GpcPreview": 5000}
+LAWS: tuple[str, ...] = ("Skyhook", "LqrHmmwv", "LqrBench", "LqrThreeAxle", "ForceTracking", "ForceTrackingPhysical")
+LAWS += ("GpcImplicit", "GpcExplicit", "GpcPreview", "PreviewLqComfort")
+FILTERS = ("KalmanHmmwv", "KalmanHmmwvPrinted", "RideComfort", "BenchEncoders", "PreviewSensor", "SensorSuite")
+LONG = 100_000
+AT_MOST = {("PreviewLqComfort", "cortex-m4f"): 5000}  # 3.5 million instructions each, with 1000 states
+MPC_SAMPLES = {"cortex-m4f": 300, "cortex-m7": 2000}
 
 
 @pytest.fixture(scope="module")
@@ -43,25 +53,192 @@ def built(name: str, processor: str, folder: Path, **options: float) -> Emulated
     return target(name, processor, folder=folder, **options)
 
 
-@pytest.mark.parametrize("processor", ["cortex-m4f", "cortex-m7"])
-@pytest.mark.parametrize("name", SAMPLES)
-def test_same_bits_and_stack(name: str, processor: str, folder: Path) -> None:
+@cache
+def samples(name: str, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs, and outputs of the FMU."""
     model = declared(name, FMUS).model()
-    u = inputs_of(model, SAMPLES[name], seed=2)
+    u = inputs_of(model, n, seed=2)
     inputs, outputs = ([e.name for e in model.elements(r)] for r in ("input", "output"))
-    expected = fmu_samples(FMUS / "fmi3" / f"{name}.fmu", u, inputs, outputs, float(ticks(model)))
-    controller = built(name, processor, folder)
+    return u, fmu_samples(FMUS / "fmi3" / f"{name}.fmu", u, inputs, outputs, float(ticks(model)))
+
+
+def running(name: str, processor: str, folder: Path, **options: float) -> EmulatedTarget:
+    controller = built(name, processor, folder, **options)
     controller.instantiate(name)
     controller.begin()
-    y = np.zeros((len(u), len(outputs) + 2))
-    for row, result in zip(u, y, strict=True):
-        controller.step(0.0, 0.0, row, result)
+    return controller
+
+
+def check_same_bits_and_stack(name: str, processor: str, folder: Path, n: int) -> None:
+    u, expected = samples(name, n)
+    controller = running(name, processor, folder, timeout=600.0)
+    y = controller.take_samples(u[: AT_MOST.get((name, processor), n)])
+    controller.close()
+    assert y[:, :-2].tobytes() == expected[: len(y)].tobytes()
+    assert (y[:, -2] > 0).all()
+    predicted = json_of(folder / processor / name / "metrics.json")["stack_bytes"]
+    assert 0.2 * predicted < y[:, -1].max() <= predicted + 16  # the call itself
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+@pytest.mark.parametrize("name", SHORT)
+def test_same_bits_and_stack(name: str, processor: str, folder: Path) -> None:
+    check_same_bits_and_stack(name, processor, folder, SHORT[name])
+
+
+@pytest.mark.embedded
+@pytest.mark.parametrize("name", [*FILTERS, *LAWS])
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_same_bits_of_many_samples(name: str, processor: str, folder: Path) -> None:
+    check_same_bits_and_stack(name, processor, folder, LONG)
+
+
+@pytest.mark.embedded
+@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_same_bits_in_closed_loops_of_mpcs(name: str, processor: str, folder: Path) -> None:
+    n = MPC_SAMPLES[processor]
+    inputs, expected = mpc_loop(name, FMUS, n)
+    _, y = mpc_loop(name, FMUS, n, built(name, processor, folder, timeout=60.0))
+    assert len(y) == n
+    assert np.ptp(inputs, axis=0).max() > 0
+    assert y[:, :-2].tobytes() == expected.tobytes()
+    assert y[:, -1].max() <= json_of(folder / processor / name / "metrics.json")["stack_bytes"] + 16
+
+
+def script(name: str) -> dict[str, Any]:
+    return runpy.run_path(str(ROOT / "docs" / name))
+
+
+def check_worst_sample(name: str, processor: str, folder: Path) -> None:
+    """The longest sample of the committed search: the bits of the FMU and, by the same compiler, the instructions."""
+    worst = json.loads((Path(__file__).parent / "worst_samples.json").read_text(encoding="utf-8"))[name]
+    u, model = np.array(worst["inputs"]), declared(name, FMUS).model()
+    inputs, outputs = ([e.name for e in model.elements(r)] for r in ("input", "output"))
+    expected = fmu_samples(FMUS / "fmi3" / f"{name}.fmu", u, inputs, outputs, float(ticks(model)))
+    controller = running(name, processor, folder, timeout=60.0)
+    y = controller.take_samples(u)
     controller.close()
     assert y[:, :-2].tobytes() == expected.tobytes()
-    predicted = json_of(folder / processor / name / "metrics.json")["stack_bytes"]
-    assert y[:, -1].max() <= predicted + 16  # the call itself
-    if not model.programs:  # whose prediction has the deepest recursion of DAQP in it
-        assert y[:, -1].max() > 0.2 * predicted
+    if "12.2" in find_tools(TARGETS[processor]).version:
+        assert abs(y[-1, -2] - worst["instructions"][processor]) <= 80
+    assert worst["instructions"]["cortex-m7"] == max(worst["most_by_method"].values())
+    assert worst["instructions"]["cortex-m7"] > worst["closed_loop_instructions"]
+
+
+def test_worst_sample(folder: Path) -> None:
+    check_worst_sample("MpcThreeAxle", "cortex-m7", folder)
+
+
+LIBGCC = pytest.mark.xfail(
+    raises=AssertionError, strict=True, reason="libgcc rounds some differences of doubles wrongly, see the page"
+)
+
+
+@pytest.mark.parametrize("processor", [pytest.param("cortex-m4f", marks=LIBGCC), "cortex-m7"])
+def test_sums_are_rounded(processor: str, tmp_path: Path) -> None:
+    """A power of two less a number that is smaller by a factor of 2^33."""
+    c = Component("Sum", kind="discrete", sample_time=0.01, description="A sum", source="none")
+    c.output("sum", c.input("a", "1", "term") + c.input("b", "1", "term"), "1", "sum")
+    build_library(c, TARGETS[processor], tmp_path)
+    controller = target("Sum", processor, folder=tmp_path)
+    controller.instantiate("Sum")
+    controller.begin()
+    a, b = 0.5, -float.fromhex("0x1.8b53467800000p-34")
+    assert controller.take_samples(np.array([[a, b]]))[0, 0] == a + b
+    controller.close()
+
+
+@pytest.mark.embedded
+@pytest.mark.parametrize(
+    ("processor", "name"),
+    [
+        pytest.param(p, n, marks=[LIBGCC] if (p, n) == ("cortex-m4f", "MpcThreeAxle") else [])
+        for p in PROCESSORS
+        for n in LOOPS
+    ],
+)
+def test_worst_samples(name: str, processor: str, folder: Path) -> None:
+    check_worst_sample(name, processor, folder)
+
+
+@pytest.mark.embedded
+def test_search_for_the_worst_sample(folder: Path) -> None:
+    """Few tries of the search: the bits of the FMU, nothing longer than what is committed, changes that help."""
+    searching, controller = script("write_worst_samples.py"), running("MpcBench", "cortex-m7", folder, timeout=60.0)
+    model = declared("MpcBench", FMUS).model()
+    search = searching["Search"](model, controller)
+    search.run(60)
+    controller.close()
+    searching["check"]("MpcBench", model, search)
+    committed = json.loads(searching["FILE"].read_text(encoding="utf-8"))["MpcBench"]["most_by_method"]
+    assert {k: n <= committed[k] for k, n in search.most.items()} == dict.fromkeys(committed, True)
+    assert search.most["adversarial"] >= max(search.most["random"], search.most["extreme"])
+
+
+def test_single_steps_as_many_samples(folder: Path) -> None:
+    """More samples than one request has; the instructions are those of single steps, but for the timer."""
+    controller = running("Skyhook", "cortex-m7", folder)
+    u, _ = samples("Skyhook", SHORT["Skyhook"])
+    u = u[: 2 * controller._about["frame"] + 3]
+    y = controller.take_samples(u)
+    controller.begin()
+    single = np.zeros_like(y)
+    for row, result in zip(u, single, strict=True):
+        controller.step(0.0, 0.0, row, result)
+    controller.close()
+    assert single[:, :-2].tobytes() == y[:, :-2].tobytes()
+    assert np.abs(single[:, -2] - y[:, -2]).max() <= 80
+
+
+@pytest.mark.parametrize("name", ["KalmanHmmwv", "MpcBench"])
+def test_saved_states(name: str, folder: Path) -> None:
+    """Back to a saved state, there and in another emulator, samples have the same bits as before."""
+    u = inputs_of(declared(name, FMUS).model(), 12, seed=3)
+    controller, other = running(name, "cortex-m7", folder), running(name, "cortex-m7", folder)
+    controller.take_samples(u[:6])
+    state = controller.save()
+    first = controller.take_samples(u[6:])
+    differs = controller.take_samples(u[6:])
+    other.restore(state)
+    controller.restore(state)
+    again, elsewhere = controller.take_samples(u[6:]), other.take_samples(u[6:])
+    n = len(controller._about["outputs"])
+    assert again[:, :n].tobytes() == elsewhere[:, :n].tobytes() == first[:, :n].tobytes()
+    assert differs[:, :n].tobytes() != first[:, :n].tobytes()
+    if name == "MpcBench":
+        with pytest.raises(CosimError, match="the state of its QP solver has addresses"):
+            controller.pack(state)
+        with pytest.raises(CosimError, match="not one of the firmware"):
+            controller.unpack(b"{}")
+    else:
+        other.unpack(controller.pack(state))
+        assert other.take_samples(u[6:])[:, :n].tobytes() == first[:, :n].tobytes()
+        for forged in ({"memory": state["memory"][1:]}, {"inputs": state["inputs"] * np.nan}, {"set": {}}):
+            with pytest.raises(CosimError, match="not one of the firmware"):
+                other.unpack(plain.encode(state | forged))
+    with pytest.raises(CosimError, match=f"use {name}.fmu instead"):
+        controller.sampled_states()
+    with pytest.raises(CosimError, match="is not one of the firmware in"):
+        running("Skyhook", "cortex-m7", folder).restore(state)
+
+
+def test_rollback_of_a_system(folder: Path) -> None:
+    system = bumps(built("LqrHmmwv", "cortex-m7", folder))
+    with system.initialize(record=["controller.force.fl", "car.body.z"]) as simulation:
+        simulation.advance(0.5)
+        state = simulation.save()
+        simulation.advance(0.9)
+        first = simulation.recording["controller.force.fl"].copy()
+        simulation.restore(state)
+        simulation.advance(0.9)
+        assert simulation.recording["controller.force.fl"].tobytes() == first.tobytes()
+        continued = SystemState.from_bytes(state.to_bytes())
+    with system.initialize(record=["controller.force.fl"], state=continued) as simulation:
+        simulation.advance(0.9)
+        rest = simulation.recording["controller.force.fl"]
+    assert rest[1:].tobytes() == first[-len(rest) + 1 :].tobytes()
+    assert np.ptp(rest) > 0
 
 
 def json_of(path: Path) -> dict[str, int]:
@@ -69,7 +246,7 @@ def json_of(path: Path) -> dict[str, int]:
     return found
 
 
-def closed_loop(controller: EmulatedTarget | str) -> np.ndarray:
+def bumps(controller: EmulatedTarget | str) -> System:
     system = System()
     system.add("speed", "SpeedProfile")
     system.add("road", "RoadBumps")
@@ -79,7 +256,11 @@ def closed_loop(controller: EmulatedTarget | str) -> np.ndarray:
     system.connect_matching("road", "car")
     system.connect_matching("car", "controller")
     system.connect_matching("controller", "car")
-    recording = system.run(0.9, record=["car.body.z", "controller.force.fl"])
+    return system
+
+
+def closed_loop(controller: EmulatedTarget | str) -> np.ndarray:
+    recording = bumps(controller).run(0.9, record=["car.body.z", "controller.force.fl"])
     return np.array([recording["car.body.z"], recording["controller.force.fl"]])
 
 
@@ -99,6 +280,8 @@ def test_failures_have_names(folder: Path) -> None:
     u[0] = np.nan
     with pytest.raises(ValueError, match="an input or a value is not finite"):
         controller.step(0.0, 0.0, u, y)
+    with pytest.raises(ValueError, match="sample 500: an input or a value is not finite"):
+        controller.take_samples(np.array([*np.zeros((500, len(u))), u]))
     assert controller._process is not None
     controller._process.kill()
     with pytest.raises(CosimError, match="the emulator of mps2-an500 has ended"):
@@ -133,16 +316,25 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
     assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("processor", ["cortex-m4f", "cortex-m7"])
+def test_search_in_the_page() -> None:
+    writer = script("write_targets.py")
+    found = json.loads(writer["WORST"].read_text(encoding="utf-8"))
+    assert found.keys() == LOOPS.keys()
+    page = writer["PAGE"].read_text(encoding="utf-8")
+    assert [name for name, worst in found.items() if writer["loop_row"](name, worst) not in page] == []
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("name", ["Skyhook", "LqrHmmwv", "ForceTracking"])
 def test_rows_of_the_page(name: str, processor: str) -> None:
     if "12.2" not in find_tools(TARGETS[processor]).version:
         pytest.skip("the page has the numbers of arm-none-eabi-gcc 12.2, and this is another version")
-    writer = runpy.run_path(str(ROOT / "docs" / "write_targets.py"))
+    writer = script("write_targets.py")
     made = [cell.strip() for cell in writer["row"](name, processor).split("|")]
     page = writer["PAGE"].read_text(encoding="utf-8").splitlines()
     (told,) = (
         [cell.strip() for cell in line.split("|")] for line in page if f"| {name} | {made[2]} | {processor} |" in line
     )
-    assert told[:7] == made[:7]
-    assert abs(int(told[7].replace(",", "")) - int(made[7].replace(",", ""))) <= 40  # the timer counts in steps of 40
+    instructions = [int(cells[7].replace(",", "")) for cells in (told, made)]
+    assert abs(instructions[0] - instructions[1]) <= 80  # the timer counts in steps of 40
+    assert (told[:7], told[9:]) == (made[:7], made[9:])

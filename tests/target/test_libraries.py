@@ -17,6 +17,7 @@ from build_fmus.compile import find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.generate import ticks
 from build_fmus.target.assemble import TargetError
+from build_fmus.target.cycles import core_of
 from build_fmus.target.library import build_library
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import TARGETS, Tools
@@ -133,8 +134,22 @@ def test_cross_compiler_measures(target: str, tmp_path: Path) -> None:
     assert 300 < metrics["flash_bytes"] < 5000
     assert metrics["ram_bytes"] == 8 * (2 + 1 + 9 + 1) + 16  # parameters, results, 9 arrays, samples, three flags
     assert 32 < metrics["stack_bytes"] < 600
+    core = core_of(target)
+    assert metrics["cycles_estimate"] == (core.estimate(0.01) if core else None)
     if target == "cortex-m7":  # with a unit for double precision
         assert not [n for n in metrics["needs"] if n.startswith("__aeabi_d")]
+
+
+def test_cycles_and_verdicts() -> None:
+    core = core_of("cortex-m7")
+    assert core is not None
+    assert core.cycles(1000) == (500.0, 31000.0)
+    assert core.available(0.01) == 4.8e6
+    verdicts = [core.verdict(n, 0.01) for n in (154838, 154839, 9_600_000, 9_600_001)]
+    assert verdicts == ["fits", "may fit", "may fit", "does not fit"]
+    limits = core.estimate(0.01)
+    assert (limits["instructions_that_fit"], limits["instructions_that_may_fit"]) == (154838, 9_600_000)
+    assert core_of("cortex-r5") is None
 
 
 def test_worst_stack_of_a_graph() -> None:
