@@ -15,7 +15,7 @@ size_t qp_aligned(size_t bytes) { return (bytes + 15u) & ~(size_t)15u; }
 static double *own_part(const Qp *qp, void *scratch, size_t *bytes) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m;
     *bytes = qp_aligned((2 * n + 3 * m) * sizeof(double));
-    return scratch;
+    return (double *)scratch;
 }
 
 size_t qp_scratch_size(const Qp *qp) {

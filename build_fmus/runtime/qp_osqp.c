@@ -98,15 +98,15 @@ static void reduced_start(LinSysSolver *self, const OSQPVectorf *x) {
 }
 
 static void setup(const Qp *qp, void *scratch) {
-    const QpOsqpSettings *chosen = qp->settings;
+    const QpOsqpSettings *chosen = (const QpOsqpSettings *)qp->settings;
     const int n = qp->n, m = qp->m;
-    Scratch *s = scratch;
-    double *at = (void *)((char *)scratch + qp_aligned(sizeof *s));
+    Scratch *s = (Scratch *)scratch;
+    double *at = (double *)(void *)((char *)scratch + qp_aligned(sizeof *s));
     s->vectors = at;
     s->bytes = vector_bytes(qp);
     if (qp->fallback) {
         char *theirs = (char *)scratch + qp_aligned(sizeof *s) + s->bytes;
-        s->fallback_memory = (void *)theirs;
+        s->fallback_memory = (double *)(void *)theirs;
         s->fallback_scratch = theirs + memory_bytes(qp->fallback);
         qp->fallback->backend->setup(qp->fallback, s->fallback_scratch);
     }
@@ -222,9 +222,9 @@ static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *
 
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations) {
-    const QpOsqpFactors *f = data->factors;
+    const QpOsqpFactors *f = (const QpOsqpFactors *)data->factors;
     const int n = qp->n, m = qp->m;
-    Scratch *s = scratch;
+    Scratch *s = (Scratch *)scratch;
     connect(qp, s);
     s->P_csc = by_columns(n, n, f->p_columns, f->p_rows, f->p_values);
     s->A_csc = by_columns(m, n, f->a_columns, f->a_rows, f->a_values);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,10 @@ from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, libra
 FUNCTIONS = ("init", "set_parameter", "step")
 # Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
 _ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
+
+
+class SourceWarning(UserWarning):
+    """A component whose C code has warnings of the compiler."""
 
 
 def build_library(component: Component, target: Target, out: Path) -> Path:
@@ -55,10 +60,13 @@ def _compile(library: Library, tools: Tools, tmp: Path) -> dict[str, bytes]:
     (tmp / source).write_text(library.code)
     tools.compile(source, "all.o", tmp)
     defined = tools.tool("nm", "-g", "--defined-only", "all.o", folder=tmp)
-    (tmp / source).write_text(
-        rename_externals(library, (line.split()[-1].lstrip("_") for line in defined.splitlines()))
-    )
-    tools.compile(source, "all.o", tmp, *(("-fstack-usage", "-fcallgraph-info=su") if tools.is_gcc else ()))
+    names, known = {line.split()[-1] for line in defined.splitlines()}, set(re.findall(r"\w+", library.code))
+    # Some platforms put an underscore in front of every name.
+    (tmp / source).write_text(rename_externals(library, (n if n in known else n.removeprefix("_") for n in names)))
+    graph = ("-fstack-usage", "-fcallgraph-info=su") if tools.is_gcc else ()
+    if found := tools.compile(source, "all.o", tmp, *graph):
+        more = f" ({len(found)} different warnings)" if found[1:] else ""
+        warnings.warn(f"{name}: the compiler warns of its C code: {found[0]}{more}", SourceWarning, stacklevel=3)
     keep = [f"{name}_{f}" for f in FUNCTIONS]
     needed = [f"-u{k}" for k in keep]
     tools.tool("ld", "-r", "--gc-sections", *needed, "all.o", "-o", f"{name}.o", folder=tmp)
