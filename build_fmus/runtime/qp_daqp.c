@@ -142,7 +142,7 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     Scratch *s = (Scratch *)scratch;
     DAQPWorkspace *w = &s->work;
     const QpDaqpFactors *f = (const QpDaqpFactors *)data->factors;
-    memset(s->vectors, 0, s->bytes);
+    (void)memset(s->vectors, 0, s->bytes);
     (void)lay_out(qp, w, (char *)s->vectors); /* DAQP exchanges pointers */
     w->Rinv = (c_float *)f->rinv;     /* DAQP only reads these */
     w->M = (c_float *)f->rows;
@@ -161,7 +161,7 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     if (flag == DAQP_EXIT_INFEASIBLE) return QP_INFEASIBLE;
     ldp2qp_solution(w);
     if (flag > 0) daqp_refine_primal(w);
-    memcpy(z, w->x, (size_t)qp->n * sizeof(double));
+    (void)memcpy(z, w->x, (size_t)qp->n * sizeof(double));
     for (int k = 0; k < w->n_active; k++) y[w->WS[k]] = w->lam_star[k];
     memory[0] = (double)w->n_active;
     for (int k = 0; k < w->n_active; k++)

@@ -128,6 +128,9 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
         "-Werror",
     ]
     Tools.run([*compiler, f"-I{library}", "-c", "firmware.c"], tmp_path)
+    (tmp_path / "firmware.cpp").write_text("\n".join(blocks(page, "cpp")))
+    plus = ["arm-none-eabi-g++", *TARGETS["cortex-m7"].flags, "-std=c++17", "-Wall", "-Wextra", "-Werror"]
+    Tools.run([*plus, f"-I{library}", "-fsyntax-only", "firmware.cpp"], tmp_path)
     for code in blocks(page, "python"):
         exec(compile(code, page.name, "exec"), {"__name__": "page"})
     assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import subprocess
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +13,13 @@ from pathlib import Path
 import casadi as ca
 import pytest
 from built import FMUS
+from components import optimizer
+from pages import ROOT
 from same_samples import declared
 
 from build_fmus.component import Component
 from build_fmus.mathematics import FOLDER, THIRD_PARTY
+from build_fmus.qp import Daqp, Osqp
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
 from build_fmus.target import library as library_module
 from build_fmus.target.assemble import Library, assemble, third_party_changes
@@ -26,6 +32,7 @@ COMPILERS = {
     n: [f"{TARGETS[n].prefix}gcc", *CFLAGS, *TARGETS[n].flags, "-Werror"]
     for n in ("cortex-m4f", "cortex-m7", "host-static")
 }
+CHECKED = ["LqrHmmwv", "GpcPreview", "ForceTracking", "KalmanHmmwvPrinted", "TrenchCrossing", "RideComfort"]
 COMPILERS["C++"] = ["g++", "-std=c++17", "-x", "c++", "-O1", "-Wall", "-Wextra", "-Werror"]
 
 
@@ -92,3 +99,33 @@ def test_changed_texts_are_in_third_party_sources() -> None:
         files |= solver().files
     texts = {path: files[path].decode() for path in third_party_changes()}
     assert [(p, old) for p, changes in third_party_changes().items() for old, _ in changes if old not in texts[p]] == []
+
+
+@pytest.mark.embedded
+def test_deviations_from_misra_are_those_listed(tmp_path: Path) -> None:
+    """Rules of MISRA C:2012 that sources break, found by cppcheck's addon (2 min).
+
+    The sources are those of a few components that contain all of the runtime, of the mathematics and of the solvers.
+    """
+    if shutil.which("cppcheck") is None:
+        pytest.skip("cppcheck is not installed (Debian package cppcheck)")
+    found: dict[str, set[str]] = {"own": set(), "third_party": set()}
+    solvers = optimizer("Solvers", Osqp(rho=1.0, fallback=Daqp()))
+    for component in (mathematics(), solvers, *(declared(n, FMUS) for n in CHECKED)):
+        source = assemble(component.model())
+        (tmp_path / f"{source.name}.h").write_text(source.header)
+        (tmp_path / f"{source.name}.c").write_text(source.code)
+        for rule, line in findings(f"{source.name}.c", tmp_path):
+            file = re.findall(r"^/\* -{60} (\S+) \*/$", "\n".join(source.code.splitlines()[:line]), re.MULTILINE)
+            found["third_party" if file and "/" in file[-1] else "own"].add(rule)
+    listed = tomllib.loads((ROOT / "build_fmus" / "target" / "misra.toml").read_text(encoding="utf-8"))
+    assert {part: sorted(rules) for part, rules in found.items()} == {p: sorted(rules) for p, rules in listed.items()}
+    assert all(len(reason) > 10 for rules in listed.values() for reason in rules.values())
+
+
+def findings(source: str, folder: Path) -> list[tuple[str, int]]:
+    """Rules that a file breaks, and the lines; one configuration, that of GCC."""
+    command = ["cppcheck", "--addon=misra", "-q", "-D__GNUC__=12", "--template={id} {line}", source]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    lines = [line.split() for line in done.stderr.splitlines()]
+    return [(rule.removeprefix("misra-c2012-"), int(line)) for rule, line in lines]
