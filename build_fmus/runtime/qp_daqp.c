@@ -165,7 +165,7 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     for (int k = 0; k < w->n_active; k++) y[w->WS[k]] = w->lam_star[k];
     memory[0] = (double)w->n_active;
     for (int k = 0; k < w->n_active; k++)
-        memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + w->WS[k]);
+        memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + (double)w->WS[k]);
     return flag > 0 ? QP_SOLVED : QP_LIMIT_REACHED;
 }
 

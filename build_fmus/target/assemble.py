@@ -23,6 +23,7 @@ from build_fmus.equations.names import identifier
 from build_fmus.mathematics import copyright_notice
 from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.qp_sources import license_file
+from build_fmus.target.single import MATHEMATICS, exact_time, to_single
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
 COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
@@ -53,6 +54,7 @@ class Library:
     Attributes:
         header: text of the header.
         code: text of the C file, before `rename_externals`.
+        precision: "double" or "single".
         notices: copyright notices by file name.
     """
 
@@ -60,9 +62,10 @@ class Library:
     header: str
     code: str
     notices: dict[str, bytes]
+    precision: str = "double"
 
 
-def assemble(component: Model) -> Library:
+def assemble(component: Model, precision: str = "double") -> Library:
     """The C file and the header of a component.
 
     Raises:
@@ -84,10 +87,20 @@ def assemble(component: Model) -> Library:
     files = generate.solver_files(component) | {path: text.encode() for path, text in own.items()}
     files = generate.with_mathematics(files)
     files |= {n: (generate.RUNTIME_DIR / n).read_bytes() for n in ("equations.h", "fmu_model.h")}
-    code = _one_file(component, {path: _changed(path, data.decode()) for path, data in files.items()})
+    texts = {path: _changed(path, data.decode()) for path, data in files.items()}
+    header = _header(component)
+    if precision == "single":
+        texts["target.c"] = exact_time(texts["target.c"], component)
+        stay = ("fmu_math.h", *(n for n in texts if n.startswith("musl/")))
+        texts = {path: text if path in stay else to_single(text) for path, text in texts.items()}
+        header = to_single(header).replace("All values are double", "All values are float")
+        header = header.replace("float program_work[", "double program_work[")  # memory of solvers, aligned
+        if "musl/__rem_pio2_large.c" not in texts:  # which alone calls them
+            texts = {path: text for path, text in texts.items() if path not in ("musl/floor.c", "musl/ceil.c")}
+    code = _one_file(component, texts, MATHEMATICS if precision == "single" else "")
     notices = {"LICENSE.txt": license_file("suspension-fmus"), "LICENSE-musl.txt": copyright_notice()}
     notices |= {f"LICENSE-{p.name}.txt": p.license for p in generate.third_party(component)}
-    return Library(name, _header(component), code, notices)
+    return Library(name, header, code, notices, precision)
 
 
 @lru_cache
@@ -177,8 +190,8 @@ def rename_externals(library: Library, names: Iterable[str]) -> str:
     return library.code.replace("/* RENAMED */\n", "\n".join([*lines, "", ""]) if lines else "")
 
 
-def _one_file(component: Model, files: Mapping[str, str]) -> str:
-    """All C files one after the other, headers where they are first included."""
+def _one_file(component: Model, files: Mapping[str, str], after_musl: str) -> str:
+    """All C files one after the other, headers where they are first included; `after_musl` before those not of musl."""
     sources = [n for n in files if n.endswith(".c")]
     sources.sort(key=lambda n: (n == "target.c", n == "model.c", not n.startswith("musl/"), n))
     last_of_musl = max((n for n in sources if n.startswith("musl/")), default="")
@@ -191,7 +204,7 @@ def _one_file(component: Model, files: Mapping[str, str]) -> str:
         f" * Equations: {c_comment(component.source)}.\n{papers} */",
         f'#include "{component.name}.h"\n\n#include <float.h>\n#include <math.h>\n#include <stddef.h>\n'
         f"#include <stdint.h>\n#include <stdlib.h>\n#include <string.h>\n\n{_AS_C}",
-        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT,
+        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT + ("" if last_of_musl else after_musl),
     ]
     for name in sources:
         headers, body = _split(name, files, seen)
@@ -202,6 +215,7 @@ def _one_file(component: Model, files: Mapping[str, str]) -> str:
         parts.append("\n".join([f"/* {'-' * 60} {name} */", headers, body.rstrip(), *after, ""]))
         if name == last_of_musl:
             parts.append("\n".join(f"#undef {n}" for n in _MACRO.findall(files["musl/libm.h"])[1:]) + "\n")
+            parts.append(after_musl)
     parts.append(_END_EXTERN_C)
     # OSQP's tables of messages are constants that it does not call so.
     return re.sub(r"const char \* ?(OSQP_\w+\[\])", r"const char *const \1", "\n".join(parts))

@@ -13,6 +13,7 @@ from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
 from build_fmus.generate import RUNTIME_DIR, references, ticks
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
+from build_fmus.target.errors import single_errors
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
 
@@ -25,8 +26,14 @@ class SourceWarning(UserWarning):
     """A component whose C code has warnings of the compiler."""
 
 
-def build_library(component: Component, target: Target, out: Path) -> Path:
+def build_library(component: Component, target: Target, out: Path, precision: str = "double") -> Path:
     """Write the folder of a component to `out`, and return it. Two builds with one compiler are byte-identical.
+
+    Args:
+        component: what is built.
+        target: the processor.
+        out: folder with one folder per target; single precision has others, such as `cortex-m4f-single`.
+        precision: "double" or "single".
 
     Raises:
         TargetError: the component cannot become a library, or the library breaks a rule: it calls another one, has
@@ -37,15 +44,18 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     if failed := model.failed_checks():
         raise TargetError(f"{model.name}: its own start values fail a check: {failed[0]}")
     model.dimensions.check()
-    tools, library = find_tools(target), assemble(model)
+    tools, library = find_tools(target), assemble(model, precision)
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
+        if precision == "single":
+            metrics["single_errors"] = single_errors(model, assemble(model), library, Path(tmp))
         if target.board:
             content["firmware.elf"] = _firmware(library.name, tools, Path(tmp))
-            content["interface.json"] = (json.dumps(_interface(model, target), indent=1) + "\n").encode()
+            interface = _interface(model, target) | {"precision": precision}
+            content["interface.json"] = (json.dumps(interface, indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
-    folder = out / target.name / library.name
+    folder = out / (target.name if precision == "double" else f"{target.name}-{precision}") / library.name
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in content.items():
         safe_files.write(folder / name, data)
@@ -110,7 +120,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         "target": tools.target.name,
         "compiler": tools.version,
         "flags": [*CFLAGS, *tools.target.flags],
-        "precision": "double",
+        "precision": library.precision,
         "sample_time_s": component.sample_time,
         "flash_bytes": flash,
         "ram_bytes": size,

@@ -15,6 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim.core.component import PythonComponent
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
@@ -106,10 +108,11 @@ class EmulatedTarget(PythonComponent):
 
     def _sample(self, u: Array, y: Array) -> None:
         n = len(self._about["outputs"])
-        answer = self._ask(b"s" + u.astype("<f8").tobytes(), 12 + 8 * n)
+        number = np.dtype("<f4" if self._about.get("precision") == "single" else "<f8")
+        answer = self._ask(b"s" + u.astype(number).tobytes(), 12 + number.itemsize * n)
         self._check(answer)
         ticks, stack = struct.unpack_from("<II", answer, 4)
-        y[:n] = struct.unpack_from(f"<{n}d", answer, 12)
+        y[:n] = np.frombuffer(answer, number, n, 12)
         y[n:] = 40 * ticks, stack
 
     def _check(self, answer: bytes, what: str = "") -> None:
