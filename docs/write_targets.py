@@ -1,4 +1,4 @@
-"""Write the table of docs/how-to/microcontroller.md: what seven controllers need on two processors.
+"""Write the tables of docs/how-to/microcontroller.md: needs of seven controllers, single precision.
 
 Run `python docs/write_targets.py` after `make fmus`, with gcc-arm-none-eabi and qemu-system-arm.
 """
@@ -27,6 +27,11 @@ CLOCKS_MHZ = {"cortex-m4f": 168, "cortex-m7": 480}
 AT_BEST = {"cortex-m4f": 1, "cortex-m7": 2}  # instructions per cycle
 SAMPLES = 50
 MARKS = ("<!-- table: written by docs/write_targets.py -->", "<!-- end of table -->")
+SINGLE_MARKS = ("<!-- single: written by docs/write_targets.py -->", "<!-- end of single -->")
+SINGLE_HEAD = (
+    "| component | double [instructions] | single [instructions] | ratio | largest relative error |\n"
+    "|---|---|---|---|---|\n"
+)
 HEAD = (
     "| component | sample time [ms] | processor | flash [bytes] | RAM [bytes] | worst stack [bytes] | instructions"
     " | at least [% of the sample time] |\n"
@@ -64,12 +69,29 @@ def row(name: str, processor: str) -> str:
     return f"| {' | '.join(cells)} |\n"
 
 
+def single_row(name: str) -> str:
+    """A line of the table of single precision: the Cortex-M4F, whose unit has single precision only."""
+    component = declared(name, FMUS)
+    inputs = inputs_of(component.model(), SAMPLES)
+    folders = [build_library(component, TARGETS["cortex-m4f"], FMUS / "target", p) for p in ("double", "single")]
+    double, single = (instructions(name, folder.parent.name, inputs) for folder in folders)
+    metrics = json.loads((folders[1] / "metrics.json").read_text(encoding="utf-8"))
+    errors = [e["relative"] for n, e in metrics["single_errors"]["outputs"].items() if not n.startswith("solver.")]
+    cells = (f"{double:,}", f"{single:,}", f"{double / single:.1f}", f"{max(errors):.1e}")
+    return f"| {name} | {' | '.join(cells)} |\n"
+
+
+def write_table(marks: tuple[str, str], table: str) -> None:
+    """Write a table of the page again."""
+    before, rest = PAGE.read_text(encoding="utf-8").split(marks[0])
+    _, after = rest.split(marks[1])
+    PAGE.write_text(f"{before}{marks[0]}\n\n{table}\n{marks[1]}{after}", encoding="utf-8")
+
+
 def main() -> None:
-    """Write the page with a new table."""
-    before, rest = PAGE.read_text(encoding="utf-8").split(MARKS[0])
-    _, after = rest.split(MARKS[1])
-    table = HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in CLOCKS_MHZ)
-    PAGE.write_text(f"{before}{MARKS[0]}\n\n{table}\n{MARKS[1]}{after}", encoding="utf-8")
+    """Write the page with new tables."""
+    write_table(MARKS, HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in CLOCKS_MHZ))
+    write_table(SINGLE_MARKS, SINGLE_HEAD + "".join(single_row(name) for name in CONTROLLERS))
 
 
 if __name__ == "__main__":

@@ -94,7 +94,8 @@ def assemble(component: Model, precision: str = "double") -> Library:
         stay = ("fmu_math.h", *(n for n in texts if n.startswith("musl/")))
         texts = {path: text if path in stay else to_single(text) for path, text in texts.items()}
         header = to_single(header).replace("All values are double", "All values are float")
-        header = header.replace("float program_work[", "double program_work[")  # memory of solvers, aligned
+        if component.programs:  # memory of solvers, aligned
+            header = header.replace("float program_work[", "double program_work[")
         if "musl/__rem_pio2_large.c" not in texts:  # which alone calls them
             texts = {path: text for path, text in texts.items() if path not in ("musl/floor.c", "musl/ceil.c")}
     code = _one_file(component, texts, MATHEMATICS if precision == "single" else "")

@@ -30,8 +30,8 @@ def single_errors(
     """
     names = [e.name for e in component.elements("output")]
     inputs = _reference_inputs(component, steps)
-    exact, n = _run(double, inputs, len(names), np.dtype(np.float64), folder)
-    rounded, m = _run(single, inputs, len(names), np.dtype(np.float32), folder)
+    exact, n = run_library(double, inputs, len(names), folder)
+    rounded, m = run_library(single, inputs, len(names), folder)
     if min(n, m) < steps:
         return {"samples": min(n, m), "outputs": {}}
     errors = np.abs(rounded - exact).max(axis=0)
@@ -65,10 +65,18 @@ int run(const NUMBER *inputs, NUMBER *outputs, int n_inputs, int n_outputs, int 
 """
 
 
-def _run(library: Library, inputs: np.ndarray, n_outputs: int, kind: np.dtype, folder: Path) -> tuple[np.ndarray, int]:
-    """Outputs of each sample (steps, outputs), and the number of samples until one was refused."""
+def run_library(library: Library, inputs: np.ndarray, n_outputs: int, folder: Path) -> tuple[np.ndarray, int]:
+    """Outputs of each sample (steps, `n_outputs`) of a library for this machine, and how many samples it has taken.
+
+    Args:
+        library: sources, in either precision.
+        inputs: of each sample (steps, inputs).
+        n_outputs: number of outputs.
+        folder: that is written to.
+    """
+    kind = np.dtype(np.float32 if library.precision == "single" else np.float64)
     tools, name, number = find_tools(TARGETS["host-static"]), library.name, {4: "float", 8: "double"}[kind.itemsize]
-    place = folder / number
+    place = folder / f"{name}-{number}"
     place.mkdir()
     (place / f"{name}.h").write_text(library.header)
     (place / f"{name}.c").write_text(rename_externals(library, ()))

@@ -90,5 +90,4 @@ def _constant(value: float) -> str:
     near = np.float32(min(max(abs(value), _SMALLEST), _LARGEST))
     if value.is_integer() and float(near) > abs(value):
         near = np.nextafter(near, np.float32(0.0))
-    text = f"{float(near):.9g}"
-    return f"{text}f" if re.search(r"[.e]", text) else f"{text}.0f"
+    return f"{near!s}f"

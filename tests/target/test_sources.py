@@ -37,14 +37,15 @@ COMPILERS["C++"] = ["g++", "-std=c++17", "-x", "c++", "-O1", "-Wall", "-Wextra",
 
 
 def mathematics() -> Component:
-    """A component that calls every mathematical function."""
+    """A component that calls every mathematical function: `z` is for those that need a number of at least 1."""
     c = Component("Mathematics", kind="discrete", sample_time=0.01, description="Every function */", source="none")
-    x, y = c.input("x", "1", "x"), c.input("y", "1", "y")
-    of_one = ["acos", "acosh", "asin", "asinh", "atan", "atanh", "ceil", "cos", "cosh", "erf", "exp", "expm1", "fabs"]
+    x, y, z = (c.input(n, "1", n, start=1.0) for n in "xyz")
+    of_one = ["acos", "asin", "asinh", "atan", "atanh", "ceil", "cos", "cosh", "erf", "exp", "expm1", "fabs"]
     of_one += ["floor", "log", "log1p", "sign", "sin", "sinh", "sqrt", "tan", "tanh"]
     of_two = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "power", "remainder")
     for name in of_one:
         c.output(name, getattr(ca, name)(x), "1", name)
+    c.output("acosh", ca.acosh(z), "1", "acosh")
     for name in of_two:
         c.output(name, getattr(ca, name)(x, y), "1", name)
     return c
