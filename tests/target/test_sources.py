@@ -62,8 +62,9 @@ def compiled(source: Library, compiler: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("make", [lambda: declared("Skyhook", FMUS), mathematics], ids=["Skyhook", "mathematics"])
-def test_no_warnings(compiler: str, make: Callable[[], Component], tmp_path: Path) -> None:
-    compiled(assemble(make().model()), compiler, tmp_path)
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_no_warnings(compiler: str, make: Callable[[], Component], precision: str, tmp_path: Path) -> None:
+    compiled(assemble(make().model(), precision), compiler, tmp_path)
 
 
 @pytest.mark.embedded
@@ -88,7 +89,7 @@ def test_a_warning_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     build_library(component, TARGETS["host-static"], tmp_path)
     source = assemble(component.model())
     code = f"{source.code}\nint Skyhook_count(double x);\nint Skyhook_count(double x) {{ return x; }}\n"
-    monkeypatch.setattr(library_module, "assemble", lambda _: replace(source, code=code))
+    monkeypatch.setattr(library_module, "assemble", lambda *_: replace(source, code=code))
     with pytest.warns(SourceWarning, match=r"^Skyhook: the compiler warns of its C code: .*\[-Wfloat-conversion\]$"):
         build_library(component, TARGETS["host-static"], tmp_path)
     assert set(WARNINGS) < set(CFLAGS)
