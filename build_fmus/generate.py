@@ -161,7 +161,7 @@ def _start(component: Model, structs: Mapping[str, Struct]) -> str:
     if not kinds:
         return ""
     head = ["static const struct {", *kinds]
-    return "\n".join([*head, "} start = {", *values, "};", ""] if values else [*head, "} start;", ""])
+    return "\n".join([*head, "} start = {", *values, "};", ""] if values else [*head, "} start = {0};", ""])
 
 
 def _initial(values: np.ndarray, shape: tuple[int, ...]) -> str:

@@ -1,4 +1,4 @@
-"""Write the table of docs/how-to/microcontroller.md: what controllers need on two processors.
+"""Write the tables of docs/how-to/microcontroller.md: what controllers need on two processors, single precision.
 
 Run `python docs/write_targets.py` after `make fmus`, with gcc-arm-none-eabi and qemu-system-arm.
 """
@@ -29,7 +29,13 @@ CONTROLLERS = (*LAWS, "MpcBench", "MpcHmmwv", "MpcThreeAxle")
 PROCESSORS = ("cortex-m4f", "cortex-m7")
 WORST = ROOT / "tests" / "target" / "worst_samples.json"
 SAMPLES = 1000
+SINGLE, SINGLE_SAMPLES = (*LAWS, "MpcBench", "MpcHmmwv"), 50
 MARKS = ("<!-- table: written by docs/write_targets.py -->", "<!-- end of table -->")
+SINGLE_MARKS = ("<!-- single: written by docs/write_targets.py -->", "<!-- end of single -->")
+SINGLE_HEAD = (
+    "| component | double [instructions] | single [instructions] | ratio | largest relative error |\n"
+    "|---|---|---|---|---|\n"
+)
 HEAD = (
     "| component | sample time [ms] | processor | flash [bytes] | RAM [bytes] | worst stack [bytes] | instructions"
     " | cycles, estimate | in its sample time |\n"
@@ -89,14 +95,31 @@ def loop_row(name: str, worst: dict[str, Any]) -> str:
     return f"| {' | '.join(cells)} |\n"
 
 
+def single_row(name: str) -> str:
+    """A line of the table of single precision: the Cortex-M4F, whose unit has single precision only."""
+    component = declared(name, FMUS)
+    inputs = inputs_of(component.model(), SINGLE_SAMPLES)
+    folders = [build_library(component, TARGETS["cortex-m4f"], FMUS / "target", p) for p in ("double", "single")]
+    double, single = (instructions(name, folder.parent.name, inputs) for folder in folders)
+    metrics = json.loads((folders[1] / "metrics.json").read_text(encoding="utf-8"))
+    errors = [e["relative"] for n, e in metrics["single_errors"]["outputs"].items() if not n.startswith("solver.")]
+    cells = (f"{double:,}", f"{single:,}", f"{double / single:.1f}", f"{max(errors):.1e}")
+    return f"| {name} | {' | '.join(cells)} |\n"
+
+
+def write_table(marks: tuple[str, str], table: str) -> None:
+    """Write a table of the page again."""
+    before, rest = PAGE.read_text(encoding="utf-8").split(marks[0])
+    _, after = rest.split(marks[1])
+    PAGE.write_text(f"{before}{marks[0]}\n\n{table}\n{marks[1]}{after}", encoding="utf-8")
+
+
 def main() -> None:
-    """Write the page with a new table."""
-    before, rest = PAGE.read_text(encoding="utf-8").split(MARKS[0])
-    _, after = rest.split(MARKS[1])
+    """Write the page with new tables."""
     table = HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in PROCESSORS)
     worst = json.loads(WORST.read_text(encoding="utf-8"))
-    table += "\n" + LOOPS_HEAD + "".join(loop_row(name, worst[name]) for name in worst)
-    PAGE.write_text(f"{before}{MARKS[0]}\n\n{table}\n{MARKS[1]}{after}", encoding="utf-8")
+    write_table(MARKS, table + "\n" + LOOPS_HEAD + "".join(loop_row(name, worst[name]) for name in worst))
+    write_table(SINGLE_MARKS, SINGLE_HEAD + "".join(single_row(name) for name in SINGLE))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from build_fmus.compile import PLATFORMS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
 from build_fmus.target.toolchain import TARGETS
 
+PRECISIONS = ("double", "single")
 FMI = {"2": (2,), "3": (3,), "both": (2, 3)}
 
 
@@ -103,10 +104,12 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
             safe_files.write(options.target(name, fmi), data)
 
 
-def build_libraries(names: Sequence[str], target: str, options: Options, user: UserFiles | None = None) -> list[Path]:
+def build_libraries(
+    names: Sequence[str], target: str, options: Options, user: UserFiles | None = None, precision: str = "double"
+) -> list[Path]:
     """Build the C libraries of catalog entries for a target (all of a user's file when `names` is empty).
 
-    Returns their folders, `OUT/target/TARGET/NAME`.
+    Returns their folders, `OUT/target/TARGET/NAME`, in single precision `OUT/target/TARGET-single/NAME`.
     """
     from build_fmus.target.library import build_library
     from fmu_sources.catalog import PAPERS, Context, find
@@ -122,7 +125,7 @@ def build_libraries(names: Sequence[str], target: str, options: Options, user: U
         component.bibliography = PAPERS
         if options.qp is not None:
             component.choose_backend(options.qp)
-        folders.append(build_library(component, TARGETS[target], options.out / "target"))
+        folders.append(build_library(component, TARGETS[target], options.out / "target", precision))
     return folders
 
 
@@ -211,6 +214,12 @@ def code_of_makers() -> Callable[[builder.Buildable], str]:
     help="build C libraries for this processor instead of FMUs, with their measurements",
 )
 @click.option(
+    "--precision",
+    type=Names(PRECISIONS),
+    default="double",
+    help="numbers of the C libraries of --target",
+)
+@click.option(
     "--force/--no-force", default=False, help="build everything from scratch, without caches, even if up to date"
 )
 @click.option("--list", "list_", is_flag=True, help="list the catalog and stop")
@@ -231,6 +240,7 @@ def app(
     clocks: bool,
     qp: str | None,
     target: str | None,
+    precision: str,
     force: bool,
     list_: bool,
 ) -> None:
@@ -274,8 +284,12 @@ def app(
     if target is not None:
         if target not in TARGETS:
             raise ValueError(f"--target {target}: choose {_or(TARGETS)}")
-        show_libraries(build_libraries(names, target, options, user))
+        if precision not in PRECISIONS:
+            raise ValueError(f"--precision {precision}: choose {_or(PRECISIONS)}")
+        show_libraries(build_libraries(names, target, options, user, precision))
         return
+    if precision != "double":
+        raise ValueError(f"--precision {precision} applies to --target only; FMUs have double precision")
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")

@@ -81,9 +81,9 @@ def _definitions(code: str) -> dict[str, str]:
 
 
 def _safe(code: str) -> str:
-    """With every conversion of a number to an index defined for every number."""
+    """With every conversion of a number to an index defined for every number, and every argument used."""
     safe = re.sub(_CAST + r"(?:(\*cr\+\+)|(?=\())", lambda m: f"index_of({m[1]})" if m[1] else "index_of", code)
     left = re.search(_CAST + ".{0,40}", safe)
     if left:
         raise RuntimeError(f"generated code converts numbers in a way this version does not know: {left[0]}")
-    return safe
+    return re.sub(r"(int\* iw, double\* w, int mem\) \{)", r"\1\n  (void)iw;\n  (void)w;\n  (void)mem;", safe)

@@ -13,51 +13,19 @@ from build_fmus.base.escape import c_comment
 from build_fmus.equations.operators import FUNCTIONS, HELPERS
 
 WIDTH = 120
+# Of C, of C++ (headers of firmware), of headers and compilers.
 _KEYWORDS = frozenset(
-    (
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-        "while",
-        "I",
-        "INFINITY",
-        "NAN",
-        "NULL",
-        "linux",
-        "unix",
-        "i386",
-        "near",
-        "far",  # of headers and compilers
+    re.findall(
+        r"\w+",
+        """
+    auto break case char const continue default do double else enum extern float for goto if inline int long
+    register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+    alignas alignof and and_eq asm bitand bitor bool catch char16_t char32_t class compl const_cast constexpr
+    decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr
+    operator or or_eq private protected public reinterpret_cast static_assert static_cast template this
+    thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
+    I INFINITY NAN NULL linux unix i386 near far
+    """,
     )
 )
 # What generated functions call their own: arguments, pointers to vectors, indices.

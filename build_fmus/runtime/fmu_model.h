@@ -100,11 +100,11 @@ typedef struct {
     const int *velocity_of; /* semi_implicit: for each state the index of its derivative among the states, or -1 */
     const FmuPoint *points;                /* continuous components */
     int n_points;
+    FmuFunction program_data;              /* t, x, u, p -> data of the quadratic programs */
     FmuFunction checks;                    /* t, x, u, p -> values that must be > 0 after initialization */
     const char *const *check_messages;
     int n_checks;
     const FmuQpFunctions *qp;
-    FmuFunction program_data;              /* t, x, u, p -> data of the quadratic programs */
     int n_qp_data, n_qp_solution, n_qp_memory;
 } FmuModel;
 

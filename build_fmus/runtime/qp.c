@@ -15,7 +15,7 @@ size_t qp_aligned(size_t bytes) { return (bytes + 15u) & ~(size_t)15u; }
 static double *own_part(const Qp *qp, void *scratch, size_t *bytes) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m;
     *bytes = qp_aligned((2 * n + 3 * m) * sizeof(double));
-    return scratch;
+    return (double *)scratch;
 }
 
 size_t qp_scratch_size(const Qp *qp) {
@@ -44,7 +44,7 @@ static double residual(const Qp *qp, const QpCase *data, const double *q, const 
     const double *z, const double *y, double *ay) {
     const int n = qp->n, m = qp->m;
     double primal = 0.0, primal_size = 1.0, gap = 0.0, gap_size = 1.0, dual = 0.0, dual_size = 1.0;
-    memset(ay, 0, (size_t)n * sizeof(double));
+    (void)memset(ay, 0, (size_t)n * sizeof(double));
     for (int i = 0; i < m; i++) {
         const double *a = data->constraints + (size_t)i * (size_t)n;
         double az = 0.0;
@@ -95,8 +95,8 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     const QpCase *c = qp->cases;
     int iterations = 0;
 
-    memcpy(z, memory, (size_t)n * sizeof(double));
-    memset(y, 0, (size_t)m * sizeof(double));
+    (void)memcpy(z, memory, (size_t)n * sizeof(double));
+    (void)memset(y, 0, (size_t)m * sizeof(double));
     QpStatus status = prepare_bounds(qp, data + n, data + n + m, l, u);
     if (!all_finite(q, n) || !isfinite(choice)) status = QP_BAD_DATA;
     if (status != QP_BAD_DATA) {
@@ -109,12 +109,12 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     const int finite = all_finite(z, n) && all_finite(y, m) && all_finite(memory + n, qp->n_memory);
     if (usable && !finite) status = QP_LIMIT_REACHED;
     if (!usable || !finite) { /* the last solution, and a cold start next time */
-        memcpy(z, memory, (size_t)n * sizeof(double));
-        memset(y, 0, (size_t)m * sizeof(double));
-        memset(memory + n, 0, (size_t)qp->n_memory * sizeof(double));
-    } else if (status == QP_SOLVED) memcpy(memory, z, (size_t)n * sizeof(double));
-    memcpy(result, z, (size_t)n * sizeof(double));
-    memcpy(multipliers, y, (size_t)m * sizeof(double));
+        (void)memcpy(z, memory, (size_t)n * sizeof(double));
+        (void)memset(y, 0, (size_t)m * sizeof(double));
+        (void)memset(memory + n, 0, (size_t)qp->n_memory * sizeof(double));
+    } else if (status == QP_SOLVED) (void)memcpy(memory, z, (size_t)n * sizeof(double));
+    (void)memcpy(result, z, (size_t)n * sizeof(double));
+    (void)memcpy(multipliers, y, (size_t)m * sizeof(double));
     report[0] = (double)status;
     report[1] = (double)iterations;
     report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, c, q, l, u, z, y, ay);

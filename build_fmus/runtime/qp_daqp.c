@@ -63,10 +63,10 @@ static size_t lay_out(const Qp *qp, DAQPWorkspace *w, char *base) {
 static size_t scratch_size(const Qp *qp) { return qp_aligned(sizeof(Scratch)) + lay_out(qp, NULL, NULL); }
 
 static void setup(const Qp *qp, void *scratch) {
-    const QpDaqpSettings *chosen = qp->settings;
-    Scratch *s = scratch;
+    const QpDaqpSettings *chosen = (const QpDaqpSettings *)qp->settings;
+    Scratch *s = (Scratch *)scratch;
     s->vectors = (char *)scratch + qp_aligned(sizeof *s);
-    s->bytes = lay_out(qp, &s->work, s->vectors);
+    s->bytes = lay_out(qp, &s->work, (char *)s->vectors);
     s->settings.primal_tol = chosen->tolerance;
     s->settings.iter_limit = chosen->max_iterations;
     s->settings.dual_tol = DAQP_DEFAULT_DUAL_TOL;
@@ -139,11 +139,11 @@ static int memory_ok(const Qp *qp, const double *memory) {
 
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations) {
-    Scratch *s = scratch;
+    Scratch *s = (Scratch *)scratch;
     DAQPWorkspace *w = &s->work;
-    const QpDaqpFactors *f = data->factors;
-    memset(s->vectors, 0, s->bytes);
-    (void)lay_out(qp, w, s->vectors); /* DAQP exchanges pointers */
+    const QpDaqpFactors *f = (const QpDaqpFactors *)data->factors;
+    (void)memset(s->vectors, 0, s->bytes);
+    (void)lay_out(qp, w, (char *)s->vectors); /* DAQP exchanges pointers */
     w->Rinv = (c_float *)f->rinv;     /* DAQP only reads these */
     w->M = (c_float *)f->rows;
     w->scaling = (c_float *)f->scaling;
@@ -161,11 +161,11 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     if (flag == DAQP_EXIT_INFEASIBLE) return QP_INFEASIBLE;
     ldp2qp_solution(w);
     if (flag > 0) daqp_refine_primal(w);
-    memcpy(z, w->x, (size_t)qp->n * sizeof(double));
+    (void)memcpy(z, w->x, (size_t)qp->n * sizeof(double));
     for (int k = 0; k < w->n_active; k++) y[w->WS[k]] = w->lam_star[k];
     memory[0] = (double)w->n_active;
     for (int k = 0; k < w->n_active; k++)
-        memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + w->WS[k]);
+        memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + (double)w->WS[k]);
     return flag > 0 ? QP_SOLVED : QP_LIMIT_REACHED;
 }
 

@@ -98,15 +98,15 @@ static void reduced_start(LinSysSolver *self, const OSQPVectorf *x) {
 }
 
 static void setup(const Qp *qp, void *scratch) {
-    const QpOsqpSettings *chosen = qp->settings;
+    const QpOsqpSettings *chosen = (const QpOsqpSettings *)qp->settings;
     const int n = qp->n, m = qp->m;
-    Scratch *s = scratch;
-    double *at = (void *)((char *)scratch + qp_aligned(sizeof *s));
+    Scratch *s = (Scratch *)scratch;
+    double *at = (double *)(void *)((char *)scratch + qp_aligned(sizeof *s));
     s->vectors = at;
     s->bytes = vector_bytes(qp);
     if (qp->fallback) {
         char *theirs = (char *)scratch + qp_aligned(sizeof *s) + s->bytes;
-        s->fallback_memory = (void *)theirs;
+        s->fallback_memory = (double *)(void *)theirs;
         s->fallback_scratch = theirs + memory_bytes(qp->fallback);
         qp->fallback->backend->setup(qp->fallback, s->fallback_scratch);
     }
@@ -156,9 +156,9 @@ static void setup(const Qp *qp, void *scratch) {
 /* OSQP exchanges pointers to vectors while it runs: put them back, so that a solve depends on its arguments alone. */
 static void connect(const Qp *qp, Scratch *s) {
     OSQPWorkspace *w = &s->work;
-    memset(s->vectors, 0, s->bytes);
-    memset(w, 0, sizeof *w);
-    memset(&s->info, 0, sizeof s->info);
+    (void)memset(s->vectors, 0, s->bytes);
+    (void)memset(w, 0, sizeof *w);
+    (void)memset(&s->info, 0, sizeof s->info);
     s->data.n = qp->n;
     s->data.m = qp->m;
     s->data.P = &s->P;
@@ -208,23 +208,23 @@ static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *
     const double *l, const double *u, double *z, double *y, int *iterations) {
     const Qp *f = qp->fallback;
     int more = 0;
-    memset(s->fallback_memory, 0, memory_bytes(f));
-    memset(y, 0, (size_t)qp->m * sizeof(double));
+    (void)memset(s->fallback_memory, 0, memory_bytes(f));
+    (void)memset(y, 0, (size_t)qp->m * sizeof(double));
     const QpStatus status = f->backend->solve(
         f, f->cases + (data - qp->cases), s->fallback_scratch, s->fallback_memory, q, l, u, z, y, &more);
     *iterations += more;
     if (status == QP_SOLVED) {
-        memcpy(memory, z, (size_t)qp->n * sizeof(double));
-        memcpy(memory + qp->n, y, (size_t)qp->m * sizeof(double));
+        (void)memcpy(memory, z, (size_t)qp->n * sizeof(double));
+        (void)memcpy(memory + qp->n, y, (size_t)qp->m * sizeof(double));
     }
     return status;
 }
 
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations) {
-    const QpOsqpFactors *f = data->factors;
+    const QpOsqpFactors *f = (const QpOsqpFactors *)data->factors;
     const int n = qp->n, m = qp->m;
-    Scratch *s = scratch;
+    Scratch *s = (Scratch *)scratch;
     connect(qp, s);
     s->P_csc = by_columns(n, n, f->p_columns, f->p_rows, f->p_values);
     s->A_csc = by_columns(m, n, f->a_columns, f->a_rows, f->a_values);
@@ -253,13 +253,13 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
         case OSQP_SOLVED_INACCURATE:
         case OSQP_MAX_ITER_REACHED: break;
         default: /* no solution in the workspace: the start value */
-            memset(memory, 0, (size_t)(n + m) * sizeof(double));
+            (void)memset(memory, 0, (size_t)(n + m) * sizeof(double));
             return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
     }
     multiply(f->transform, 0, n, s->solution.x, z);
     for (int i = 0; i < m; i++) y[i] = e[i] * s->solution.y[i];
-    memcpy(memory, z, (size_t)n * sizeof(double));
-    memcpy(memory + n, y, (size_t)m * sizeof(double));
+    (void)memcpy(memory, z, (size_t)n * sizeof(double));
+    (void)memcpy(memory + n, y, (size_t)m * sizeof(double));
     if (s->info.status_val == OSQP_SOLVED) return QP_SOLVED;
     return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
 }

@@ -37,7 +37,7 @@ void Component_init(Component *self) {
 }
 
 Component_status Component_set_parameter(Component *self, Component_parameter parameter, int element, double value) {
-    if ((int)parameter < 0 || (int)parameter >= M->n_variables) return Component_UNKNOWN_PARAMETER;
+    if ((size_t)parameter >= (size_t)M->n_variables) return Component_UNKNOWN_PARAMETER;
     const FmuVariable *v = &M->variables[parameter];
     if (v->role != FMU_PARAMETER || element < 0 || element >= v->size) return Component_UNKNOWN_PARAMETER;
     if (self->started && !v->is_tunable) return Component_NOT_TUNABLE;
@@ -74,8 +74,8 @@ Component_status Component_step(Component *self, const Component_inputs *inputs,
         for (int j = 0; v->role == FMU_INPUT && j < v->size; j++)
             if (!is_legal(v, u[v->slot + j])) return Component_OUT_OF_RANGE;
     }
-    FmuArguments at = {.x = self->states, .u = u, .p = (const double *)&self->parameters, .s = self->program_solution,
-                       .f = self->fixed, .w = self->work};
+    FmuArguments at = {.x = self->states, .u = u, .p = (const double *)&self->parameters, .f = self->fixed,
+                       .s = self->program_solution, .w = self->work};
     if (M->prepare && !self->prepared) M->prepare(&at, self->fixed);
     self->prepared = 1;
     const Component_status status = self->started ? Component_OK : start_component(self, &at);

@@ -10,10 +10,13 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from build_fmus.base import escape
 from build_fmus.component import Model, Variable
 
-_BYTES = 8  # of a number
+_BITS = {"double": 64, "single": 32}  # of a number
+_MOST = {64: sys.float_info.max, 32: float(np.finfo(np.float32).max)}
 
 
 def example_program(name: str) -> str:
@@ -21,7 +24,7 @@ def example_program(name: str) -> str:
     return f'#include "{name}.h"\n{name} {name}_example;\n{name}_inputs {name}_example_inputs;\n'
 
 
-def a2l(component: Model, addresses: Mapping[str, int], prepared: int) -> str:
+def a2l(component: Model, addresses: Mapping[str, int], prepared: int, precision: str = "double") -> str:
     """The text of the file.
 
     Tunable parameters are characteristics, inputs and outputs are measurements. So is `prepared` a characteristic: a
@@ -31,17 +34,18 @@ def a2l(component: Model, addresses: Mapping[str, int], prepared: int) -> str:
         component: that the library was made from.
         addresses: of the global variables of `example_program`.
         prepared: offset of this field in an instance [bytes].
+        precision: of its numbers, "double" or "single".
     """
-    name = component.name
+    name, bits = component.name, _BITS[precision]
     parts = [
         "ASAP2_VERSION 1 71",
         f"/begin PROJECT {name} {escape.a2l(component.description)}",
         f'/begin MODULE {name} ""',
-        '/begin MOD_COMMON ""\n  BYTE_ORDER MSB_LAST\n  ALIGNMENT_FLOAT64_IEEE 8\n/end MOD_COMMON',
-        "/begin RECORD_LAYOUT NUMBERS\n  FNC_VALUES 1 FLOAT64_IEEE ROW_DIR DIRECT\n/end RECORD_LAYOUT",
+        f'/begin MOD_COMMON ""\n  BYTE_ORDER MSB_LAST\n  ALIGNMENT_FLOAT{bits}_IEEE {bits // 8}\n/end MOD_COMMON',
+        f"/begin RECORD_LAYOUT NUMBERS\n  FNC_VALUES 1 FLOAT{bits}_IEEE ROW_DIR DIRECT\n/end RECORD_LAYOUT",
         "/begin RECORD_LAYOUT FLAG\n  FNC_VALUES 1 SLONG ROW_DIR DIRECT\n/end RECORD_LAYOUT",
     ]
-    listed = list(_variables(component))
+    listed = list(_variables(component, bits // 8))
     units = {v.unit or "": f"UNIT_{k}" for k, v in enumerate({v.unit or "": v for v, _, _ in listed}.values())}
     for unit, method in units.items():
         text = escape.a2l(unit)
@@ -54,7 +58,8 @@ def a2l(component: Model, addresses: Mapping[str, int], prepared: int) -> str:
     )
     for v, symbol, offset in listed:
         about, method = escape.a2l(v.description), units[v.unit or ""]
-        address, low, high = f"0x{addresses[symbol] + offset:08X}", _limit(v.min, -1), _limit(v.max, 1)
+        address = f"0x{addresses[symbol] + offset:08X}"
+        low, high = (_limit(x, s * _MOST[bits]) for x, s in ((v.min, -1), (v.max, 1)))
         link = f'  SYMBOL_LINK "{symbol}" {offset}\n'
         size = f"  MATRIX_DIM {' '.join(str(n) for n in (*v.shape, 1, 1)[:3])}\n" if v.shape else ""
         if v.role == "parameter":
@@ -62,21 +67,24 @@ def a2l(component: Model, addresses: Mapping[str, int], prepared: int) -> str:
             head = f"CHARACTERISTIC {v.name} {about}\n  {kind} {address} NUMBERS 0 {method} {low} {high}\n"
             parts.append(f"/begin {head}{size}{link}/end CHARACTERISTIC")
         else:
-            head = f"MEASUREMENT {v.name} {about}\n  FLOAT64_IEEE {method} 0 0 {low} {high}\n"
+            head = f"MEASUREMENT {v.name} {about}\n  FLOAT{bits}_IEEE {method} 0 0 {low} {high}\n"
             parts.append(f"/begin {head}{size}  ECU_ADDRESS {address}\n{link}/end MEASUREMENT")
     return "\n".join([*parts, "/end MODULE", "/end PROJECT", ""])
 
 
-def _variables(component: Model) -> Iterator[tuple[Variable, str, int]]:
-    """Variables with the global variable that they are in and their offset there [bytes]."""
-    results = _BYTES * max(1, component.size("parameter"))  # parameters, then results: the first fields of an instance
+def _variables(component: Model, size: int) -> Iterator[tuple[Variable, str, int]]:
+    """Variables with the global variable that they are in and their offset there [bytes].
+
+    `size` [bytes] of a number.
+    """
+    results = size * max(1, component.size("parameter"))  # parameters, then results: the first fields of an instance
     instance = f"{component.name}_example"
     places = {"parameter": (instance, 0), "output": (instance, results), "input": (f"{instance}_inputs", 0)}
     for v in component.variables:
         if v.role in places and (v.role != "parameter" or v.tunable):
             symbol, begin = places[v.role]
-            yield v, symbol, begin + _BYTES * v.slot
+            yield v, symbol, begin + size * v.slot
 
 
-def _limit(x: float | None, sign: int) -> str:
-    return repr(sign * sys.float_info.max if x is None or math.isinf(x) else float(x))
+def _limit(x: float | None, most: float) -> str:
+    return repr(most if x is None or math.isinf(x) else float(x))

@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import posixpath
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 from build_fmus import generate
+from build_fmus.base.escape import c_comment
 from build_fmus.component import Model
 from build_fmus.equations.names import identifier
 from build_fmus.mathematics import copyright_notice
 from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.qp_sources import license_file
+from build_fmus.target.single import MATHEMATICS, exact_time, to_single
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
 COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
@@ -49,6 +54,7 @@ class Library:
     Attributes:
         header: text of the header.
         code: text of the C file, before `rename_externals`.
+        precision: "double" or "single".
         notices: copyright notices by file name.
     """
 
@@ -56,9 +62,10 @@ class Library:
     header: str
     code: str
     notices: dict[str, bytes]
+    precision: str = "double"
 
 
-def assemble(component: Model) -> Library:
+def assemble(component: Model, precision: str = "double") -> Library:
     """The C file and the header of a component.
 
     Raises:
@@ -80,10 +87,34 @@ def assemble(component: Model) -> Library:
     files = generate.solver_files(component) | {path: text.encode() for path, text in own.items()}
     files = generate.with_mathematics(files)
     files |= {n: (generate.RUNTIME_DIR / n).read_bytes() for n in ("equations.h", "fmu_model.h")}
-    code = _one_file(component, {path: data.decode() for path, data in files.items()})
+    texts = {path: _changed(path, data.decode()) for path, data in files.items()}
+    header = _header(component)
+    if precision == "single":
+        texts["target.c"] = exact_time(texts["target.c"], component)
+        stay = ("fmu_math.h", *(n for n in texts if n.startswith("musl/")))
+        texts = {path: text if path in stay else to_single(text) for path, text in texts.items()}
+        header = to_single(header).replace("All values are double", "All values are float")
+        if component.programs:  # memory of solvers, aligned
+            header = header.replace("float program_work[", "double program_work[")
+        if "musl/__rem_pio2_large.c" not in texts:  # which alone calls them
+            texts = {path: text for path, text in texts.items() if path not in ("musl/floor.c", "musl/ceil.c")}
+    code = _one_file(component, texts, MATHEMATICS if precision == "single" else "")
     notices = {"LICENSE.txt": license_file("suspension-fmus"), "LICENSE-musl.txt": copyright_notice()}
     notices |= {f"LICENSE-{p.name}.txt": p.license for p in generate.third_party(component)}
-    return Library(name, _header(component), code, notices)
+    return Library(name, header, code, notices, precision)
+
+
+@lru_cache
+def third_party_changes() -> dict[str, list[tuple[str, str]]]:
+    """Changes to third-party sources, by file: texts and what they become."""
+    return tomllib.loads((Path(__file__).parent / "third_party.toml").read_text(encoding="utf-8"))
+
+
+def _changed(path: str, text: str) -> str:
+    changes = third_party_changes().get(path, [])
+    for old, new in changes:
+        text = text.replace(old, new)
+    return f"/* Changed by suspension-fmus: explicit conversions. */\n{text}" if changes else text
 
 
 def _header(component: Model) -> str:
@@ -91,10 +122,10 @@ def _header(component: Model) -> str:
     name, structs = component.name, generate.written_functions(component).structs
     guard = f"{name.upper()}_H"
     parts = [
-        f"/* {name}: {component.description.split('. ')[0].rstrip('.')}. Call {name}_step every"
+        f"/* {name}: {c_comment(component.description.split('. ')[0].rstrip('.'))}. Call {name}_step every"
         f" {component.sample_time:.9g} s.\n *\n"
         f" * All values are double; a Boolean is 0 or 1. An instance must not be moved after {name}_init. */",
-        f"#ifndef {guard}\n#define {guard}\n",
+        f"#ifndef {guard}\n#define {guard}\n\n{_EXTERN_C}",
     ]
     for part, pointer, role in _ROLES:
         struct = structs.get(pointer)
@@ -142,9 +173,15 @@ def _header(component: Model) -> str:
         f"{name}_status {name}_set_parameter({name} *self, {name}_parameter parameter, int element, double value);\n",
         "/* Take one sample: outputs from inputs. */",
         f"{name}_status {name}_step({name} *self, const {name}_inputs *inputs, {name}_outputs *outputs);\n",
-        "#endif\n",
+        f"{_END_EXTERN_C}\n#endif\n",
     ]
     return "\n".join(parts)
+
+
+_EXTERN_C = '#ifdef __cplusplus\nextern "C" {\n#endif\n'
+_END_EXTERN_C = "#ifdef __cplusplus\n}\n#endif\n"
+# C++ warns of fields that an initializer leaves at 0 by not naming them, which C does not.
+_AS_C = f'#ifdef __cplusplus\n#pragma GCC diagnostic ignored "-Wmissing-field-initializers"\n#endif\n{_EXTERN_C}'
 
 
 def rename_externals(library: Library, names: Iterable[str]) -> str:
@@ -154,21 +191,21 @@ def rename_externals(library: Library, names: Iterable[str]) -> str:
     return library.code.replace("/* RENAMED */\n", "\n".join([*lines, "", ""]) if lines else "")
 
 
-def _one_file(component: Model, files: Mapping[str, str]) -> str:
-    """All C files one after the other, headers where they are first included."""
+def _one_file(component: Model, files: Mapping[str, str], after_musl: str) -> str:
+    """All C files one after the other, headers where they are first included; `after_musl` before those not of musl."""
     sources = [n for n in files if n.endswith(".c")]
     sources.sort(key=lambda n: (n == "target.c", n == "model.c", not n.startswith("musl/"), n))
     last_of_musl = max((n for n in sources if n.startswith("musl/")), default="")
     own = {n: _own_names(files[n]) for n in sources}
     count = Counter(name for names in own.values() for name in names)
     seen: set[str] = set()
-    papers = "".join(f" * {k}: {title}\n" for k, title in generate.cited(component).items())
+    papers = "".join(f" * {c_comment(f'{k}: {title}')}\n" for k, title in generate.cited(component).items())
     parts = [
         f"/* {component.name} for firmware. Generated from its declaration and the sources of its FMU; do not edit.\n"
-        f" * Equations: {component.source}.\n{papers} */",
+        f" * Equations: {c_comment(component.source)}.\n{papers} */",
         f'#include "{component.name}.h"\n\n#include <float.h>\n#include <math.h>\n#include <stddef.h>\n'
-        "#include <stdint.h>\n#include <stdlib.h>\n#include <string.h>\n",
-        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT,
+        f"#include <stdint.h>\n#include <stdlib.h>\n#include <string.h>\n\n{_AS_C}",
+        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT + ("" if last_of_musl else after_musl),
     ]
     for name in sources:
         headers, body = _split(name, files, seen)
@@ -179,6 +216,8 @@ def _one_file(component: Model, files: Mapping[str, str]) -> str:
         parts.append("\n".join([f"/* {'-' * 60} {name} */", headers, body.rstrip(), *after, ""]))
         if name == last_of_musl:
             parts.append("\n".join(f"#undef {n}" for n in _MACRO.findall(files["musl/libm.h"])[1:]) + "\n")
+            parts.append(after_musl)
+    parts.append(_END_EXTERN_C)
     # OSQP's tables of messages are constants that it does not call so.
     return re.sub(r"const char \* ?(OSQP_\w+\[\])", r"const char *const \1", "\n".join(parts))
 
@@ -189,7 +228,7 @@ _SQUARE_ROOT = """
 #undef sqrt
 #define sqrt(x) soft_sqrt(x)
 /* Correctly rounded: the root of the significand, bit by bit. */
-static double soft_sqrt(double x) {
+static __attribute__((unused)) double soft_sqrt(double x) {
     if (!(x > 0.0) || x > DBL_MAX) return x == 0.0 || x > 0.0 ? x : NAN;
     int shift = 0;
     union { double number; uint64_t bits; } v = {x};

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from build_fmus.generate import RUNTIME_DIR, references, ticks
 from build_fmus.target.a2l import a2l, example_program
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
 from build_fmus.target.cycles import core_of
+from build_fmus.target.errors import single_errors
 from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
 
@@ -23,8 +25,18 @@ _REQUEST = 32768  # bytes of samples in one request of the host at most, if one 
 _ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
 
 
-def build_library(component: Component, target: Target, out: Path) -> Path:
+class SourceWarning(UserWarning):
+    """A component whose C code has warnings of the compiler."""
+
+
+def build_library(component: Component, target: Target, out: Path, precision: str = "double") -> Path:
     """Write the folder of a component to `out`, and return it. Two builds with one compiler are byte-identical.
+
+    Args:
+        component: what is built.
+        target: the processor.
+        out: folder with one folder per target; single precision has others, such as `cortex-m4f-single`.
+        precision: "double" or "single".
 
     Raises:
         TargetError: the component cannot become a library, or the library breaks a rule: it calls another one, has
@@ -35,18 +47,20 @@ def build_library(component: Component, target: Target, out: Path) -> Path:
     if failed := model.failed_checks():
         raise TargetError(f"{model.name}: its own start values fail a check: {failed[0]}")
     model.dimensions.check()
-    tools, library = find_tools(target), assemble(model)
+    tools, library = find_tools(target), assemble(model, precision)
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         content = _compile(library, tools, Path(tmp))
         metrics = _measure(model, library, tools, Path(tmp))
+        if precision == "single":
+            metrics["single_errors"] = single_errors(model, assemble(model), library, Path(tmp))
         if target.prefix:
-            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, Path(tmp))
+            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, Path(tmp), precision)
         if target.board:
-            interface = _interface(model, target) | {"state_bytes": metrics["ram_bytes"]}
+            interface = _interface(model, target) | {"precision": precision, "state_bytes": metrics["ram_bytes"]}
             content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, Path(tmp))
             content["interface.json"] = (json.dumps(interface, indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
-    folder = out / target.name / library.name
+    folder = out / (target.name if precision == "double" else f"{target.name}-{precision}") / library.name
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in content.items():
         safe_files.write(folder / name, data)
@@ -61,10 +75,13 @@ def _compile(library: Library, tools: Tools, tmp: Path) -> dict[str, bytes]:
     (tmp / source).write_text(library.code)
     tools.compile(source, "all.o", tmp)
     defined = tools.tool("nm", "-g", "--defined-only", "all.o", folder=tmp)
-    (tmp / source).write_text(
-        rename_externals(library, (line.split()[-1].lstrip("_") for line in defined.splitlines()))
-    )
-    tools.compile(source, "all.o", tmp, *(("-fstack-usage", "-fcallgraph-info=su") if tools.is_gcc else ()))
+    names, known = {line.split()[-1] for line in defined.splitlines()}, set(re.findall(r"\w+", library.code))
+    # Some platforms put an underscore in front of every name.
+    (tmp / source).write_text(rename_externals(library, (n if n in known else n.removeprefix("_") for n in names)))
+    graph = ("-fstack-usage", "-fcallgraph-info=su") if tools.is_gcc else ()
+    if found := tools.compile(source, "all.o", tmp, *graph):
+        more = f" ({len(found)} different warnings)" if found[1:] else ""
+        warnings.warn(f"{name}: the compiler warns of its C code: {found[0]}{more}", SourceWarning, stacklevel=3)
     keep = [f"{name}_{f}" for f in FUNCTIONS]
     needed = [f"-u{k}" for k in keep]
     tools.tool("ld", "-r", "--gc-sections", *needed, "all.o", "-o", f"{name}.o", folder=tmp)
@@ -108,7 +125,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         "target": tools.target.name,
         "compiler": tools.version,
         "flags": [*CFLAGS, *tools.target.flags],
-        "precision": "double",
+        "precision": library.precision,
         "sample_time_s": component.sample_time,
         "flash_bytes": flash,
         "ram_bytes": size,
@@ -128,7 +145,7 @@ def _frames(name: str, undefined: set[str], tools: Tools, tmp: Path) -> dict[str
     return library_frames(tools.tool("objdump", "-d", "all.elf", folder=tmp), symbols)
 
 
-def _example(component: Model, tools: Tools, tmp: Path) -> tuple[bytes, bytes]:
+def _example(component: Model, tools: Tools, tmp: Path, precision: str) -> tuple[bytes, bytes]:
     """A program with an instance, which is linked but does nothing, and the A2L file with its addresses."""
     name = component.name
     (tmp / "example.c").write_text(example_program(name))
@@ -140,7 +157,7 @@ def _example(component: Model, tools: Tools, tmp: Path) -> tuple[bytes, bytes]:
     tools.link(["example.o", f"{name}.o", *place], "example.elf", tmp)
     symbols = (line.split() for line in tools.tool("nm", "example.elf", folder=tmp).splitlines())
     addresses = {words[-1]: int(words[0], 16) for words in symbols if len(words) == 3}
-    return (tmp / "example.elf").read_bytes(), a2l(component, addresses, prepared).encode("ascii")
+    return (tmp / "example.elf").read_bytes(), a2l(component, addresses, prepared, precision).encode("ascii")
 
 
 def _firmware(name: str, frame: int, tools: Tools, tmp: Path) -> bytes:

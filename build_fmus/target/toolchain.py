@@ -38,7 +38,8 @@ TARGETS = {
         Target("host-static", "", ("-fPIC", "-fvisibility=hidden")),
     )
 }
-CFLAGS = (*SOURCE_FLAGS, "-std=c99", "-g0", "-ffunction-sections", "-fdata-sections")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
+CFLAGS = (*SOURCE_FLAGS, "-std=c99", "-g0", "-ffunction-sections", "-fdata-sections", *WARNINGS)
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,12 @@ class Tools:
         """Whether the compiler tells the stack of each function and who calls whom."""
         return "clang" not in self.version and "zig" not in self.version
 
-    def compile(self, source: str, output: str, folder: Path, *more: str) -> None:
-        """One C file to one object file."""
-        self.run([*self.compiler, *CFLAGS, *self.target.flags, *more, "-c", source, "-o", output], folder)
+    def compile(self, source: str, output: str, folder: Path, *more: str) -> list[str]:
+        """One C file to one object file; returns the warnings, without their places."""
+        more = more if self.is_gcc else (*more, "-Wno-unused-function")  # Clang means inline functions, too
+        command = [*self.compiler, *CFLAGS, *self.target.flags, *more, "-c", source, "-o", output]
+        found = re.findall(r"^\S+: warning: (.*)", self._run(command, folder).stderr, re.MULTILINE)
+        return list(dict.fromkeys(found))
 
     def link(self, arguments: Sequence[str], output: str, folder: Path) -> None:
         """Anything that the compiler links."""
@@ -73,10 +77,14 @@ class Tools:
         Raises:
             CompileError: the command failed.
         """
+        return Tools._run(command, folder).stdout
+
+    @staticmethod
+    def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise CompileError(f"{' '.join(command)}\n{done.stderr.strip()}")
-        return done.stdout
+        return done
 
 
 def find_tools(target: Target) -> Tools:

@@ -141,11 +141,14 @@ class EmulatedTarget(PythonComponent):
 
     def _sample(self, u: Array, y: Array, first: int | None = None) -> None:
         rows, n = len(u), len(self._about["outputs"])
-        answer = self._ask(struct.pack("<cI", b"s", rows) + u.astype("<f8").tobytes(), 12 + 8 * rows * (n + 1))
+        number = np.dtype("<f4" if self._about.get("precision") == "single" else "<f8")
+        row = np.dtype([("ticks", "<f8"), ("outputs", number, (n,))], align=True)  # as in firmware.c
+        request = struct.pack("<cI", b"s", rows) + u.astype(number).tobytes()
+        answer = self._ask(request, 12 + row.itemsize * rows)
         _, taken, stack = struct.unpack_from("<III", answer)
         self._check(answer, "" if first is None else f"sample {first + taken}: ")
-        values = np.frombuffer(answer, "<f8", offset=12).reshape(rows, n + 1)
-        y[:, :n], y[:, n], y[:, n + 1] = values[:, 1:], 40 * values[:, 0], stack
+        found = np.frombuffer(answer, row, rows, 12)
+        y[:, :n], y[:, n], y[:, n + 1] = found["outputs"], 40 * found["ticks"], stack
 
     def save(self) -> Any:
         """The instance in the emulator's memory, the parameters, inputs and outputs."""

@@ -64,6 +64,8 @@ def test_mistakes_in_a_road_file(road: str, tmp_path: Path, sentence) -> None:
         ["NoSuchFmu"],
         ["--fmi", "4"],
         ["--qp", "gurobi"],
+        ["Skyhook", "--precision", "single"],
+        ["Skyhook", "--target", "cortex-m7", "--precision", "half"],
         ["SpeedProfile", "--platform", "amiga"],
         ["--vehicle", "none.toml"],
         ["--vehicle", "."],

@@ -22,6 +22,8 @@ from same_samples import declared, fmu_samples, inputs_of
 
 from build_fmus.component import Component
 from build_fmus.generate import ticks
+from build_fmus.target.assemble import assemble
+from build_fmus.target.errors import run_library
 from build_fmus.target.library import build_library
 from build_fmus.target.toolchain import CFLAGS, TARGETS, Tools, find_tools
 from cosim import CosimError, System, SystemState
@@ -241,6 +243,27 @@ def test_rollback_of_a_system(folder: Path) -> None:
     assert np.ptp(rest) > 0
 
 
+@pytest.mark.parametrize("name", ["Skyhook", "ForceTracking", "GpcPreview", "MpcBench"])
+def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: str, folder: Path) -> None:
+    model = declared(name, FMUS).model()
+    u = inputs_of(model, 20, seed=2)
+    n = len(model.elements("output"))
+    expected, _ = run_library(assemble(model, "single"), u, n, folder)
+    build_library(declared(name, FMUS), TARGETS["cortex-m4f"], folder, "single")
+    results = []
+    for processor in ("cortex-m4f-single", "cortex-m4f"):
+        controller = built(name, processor, folder)
+        controller.instantiate(name)
+        controller.begin()
+        y = np.zeros((len(u), n + 2))
+        for row, result in zip(u, y, strict=True):
+            controller.step(0.0, 0.0, row, result)
+        controller.close()
+        results.append(y)
+    assert results[0][:, :n].tobytes() == expected.tobytes()
+    assert results[0][:, n].max() < 0.5 * results[1][:, n].max()  # instructions
+
+
 def json_of(path: Path) -> dict[str, int]:
     found: dict[str, int] = json.loads(path.read_text())
     return found
@@ -296,7 +319,7 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
     """The how-to page as a reader follows it."""
     page = ROOT / "docs" / "how-to" / "microcontroller.md"
     monkeypatch.chdir(ROOT)
-    for command in "\n".join(blocks(page, "shell")).strip().splitlines():
+    for command in filter(None, "\n".join(blocks(page, "shell")).splitlines()):
         program, *arguments = command.split()
         Tools.run([str(Path(sys.executable).parent / program), *arguments], ROOT)
     library = ROOT / "fmus" / "target" / "cortex-m7" / "LqrHmmwv"
@@ -311,9 +334,14 @@ def test_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.Ca
         "-Werror",
     ]
     Tools.run([*compiler, f"-I{library}", "-c", "firmware.c"], tmp_path)
+    (tmp_path / "firmware.cpp").write_text("\n".join(blocks(page, "cpp")))
+    plus = ["arm-none-eabi-g++", *TARGETS["cortex-m7"].flags, "-std=c++17", "-Wall", "-Wextra", "-Werror"]
+    Tools.run([*plus, f"-I{library}", "-fsyntax-only", "firmware.cpp"], tmp_path)
     for code in blocks(page, "python"):
         exec(compile(code, page.name, "exec"), {"__name__": "page"})
-    assert "bit-identical: True\ninstructions of a sample: " in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "bit-identical: True\ninstructions of a sample: " in printed
+    assert "".join(blocks(page, "text")).splitlines()[-1] in printed
 
 
 def test_search_in_the_page() -> None:
