@@ -13,7 +13,7 @@ import pytest
 from built import FMUS
 from same_samples import declared
 from test_libraries import NOT_FINITE, NOT_TUNABLE, OK, OUT_OF_RANGE, counter
-from test_sources import mathematics
+from test_target_sources import mathematics
 
 from build_fmus.compile import find_toolchain, host
 from build_fmus.component import Component
