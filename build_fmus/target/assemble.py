@@ -86,12 +86,12 @@ def assemble(component: Model, precision: str = "double") -> Library:
     own = {"model.c": model, "target.c": re.sub(r"\bComponent(?=_|\b)", name, target)}
     files = generate.solver_files(component) | {path: text.encode() for path, text in own.items()}
     files = generate.with_mathematics(files)
-    files |= {n: (generate.RUNTIME_DIR / n).read_bytes() for n in ("equations.h", "fmu_model.h")}
+    files |= {n: (generate.RUNTIME_DIR / n).read_bytes() for n in ("equations.h", "fmu_model.h", "soft_double.h")}
     texts = {path: _changed(path, data.decode()) for path, data in files.items()}
     header = _header(component)
     if precision == "single":
         texts["target.c"] = exact_time(texts["target.c"], component)
-        stay = ("fmu_math.h", *(n for n in texts if n.startswith("musl/")))
+        stay = ("fmu_math.h", "soft_double.h", *(n for n in texts if n.startswith("musl/")))
         texts = {path: text if path in stay else to_single(text) for path, text in texts.items()}
         header = to_single(header).replace("All values are double", "All values are float")
         if component.programs:  # memory of solvers, aligned
@@ -186,7 +186,7 @@ _AS_C = f'#ifdef __cplusplus\n#pragma GCC diagnostic ignored "-Wmissing-field-in
 
 def rename_externals(library: Library, names: Iterable[str]) -> str:
     """The C file, with the component's name in front of all `names` that the linker would see."""
-    own = [n for n in sorted(names) if not n.startswith(f"{library.name}_")]
+    own = [n for n in sorted(names) if not n.startswith((f"{library.name}_", "__aeabi_"))]
     lines = [f"#define {n} {library.name}_{n}" for n in own]
     return library.code.replace("/* RENAMED */\n", "\n".join([*lines, "", ""]) if lines else "")
 
@@ -205,7 +205,10 @@ def _one_file(component: Model, files: Mapping[str, str], after_musl: str) -> st
         f" * Equations: {c_comment(component.source)}.\n{papers} */",
         f'#include "{component.name}.h"\n\n#include <float.h>\n#include <math.h>\n#include <stddef.h>\n'
         f"#include <stdint.h>\n#include <stdlib.h>\n#include <string.h>\n\n{_AS_C}",
-        "/* RENAMED */\n" + _expand("fmu_math.h", files, seen) + _SQUARE_ROOT + ("" if last_of_musl else after_musl),
+        "/* RENAMED */\n"
+        + _expand("fmu_math.h", files, seen)
+        + _expand("soft_double.h", files, seen)
+        + ("" if last_of_musl else after_musl),
     ]
     for name in sources:
         headers, body = _split(name, files, seen)
@@ -220,33 +223,6 @@ def _one_file(component: Model, files: Mapping[str, str], after_musl: str) -> st
     parts.append(_END_EXTERN_C)
     # OSQP's tables of messages are constants that it does not call so.
     return re.sub(r"const char \* ?(OSQP_\w+\[\])", r"const char *const \1", "\n".join(parts))
-
-
-# A processor without a unit for double precision would call a library's square root.
-_SQUARE_ROOT = """
-#if defined(__ARM_FP) && !(__ARM_FP & 8)
-#undef sqrt
-#define sqrt(x) soft_sqrt(x)
-/* Correctly rounded: the root of the significand, bit by bit. */
-static __attribute__((unused)) double soft_sqrt(double x) {
-    if (!(x > 0.0) || x > DBL_MAX) return x == 0.0 || x > 0.0 ? x : NAN;
-    int shift = 0;
-    union { double number; uint64_t bits; } v = {x};
-    if (x < DBL_MIN) { v.number = x * 18014398509481984.0; shift = -27; } /* 2^54 */
-    const int exponent = (int)(v.bits >> 52) - 1023, odd = exponent & 1;
-    uint64_t rest = ((v.bits & 0xfffffffffffffull) | 0x10000000000000ull) << odd << 1, root = 0, trial = 0;
-    for (uint64_t bit = 0x20000000000000ull; bit; bit >>= 1) {
-        const uint64_t t = trial + bit;
-        if (t <= rest) { trial = t + bit; rest -= t; root += bit; }
-        rest <<= 1;
-    }
-    root += rest != 0 ? root & 1 : 0;
-    v.bits = (root >> 1) + ((uint64_t)((exponent - odd) / 2 + shift + 1022) << 52);
-    return v.number;
-}
-#endif
-
-"""
 
 
 def _split(name: str, files: Mapping[str, str], seen: set[str]) -> tuple[str, str]:
