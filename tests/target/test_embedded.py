@@ -134,7 +134,7 @@ def test_worst_sample(folder: Path) -> None:
 
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_sums_are_rounded(processor: str, tmp_path: Path) -> None:
-    """A power of two less a number that is smaller by a factor of 2^33, where libgcc 12.2 rounds wrongly; and others."""
+    """Among others a power of two less a number smaller by a factor of 2^33, which libgcc 12.2 rounds wrongly."""
     c = Component("Sum", kind="discrete", sample_time=0.01, description="A sum", source="none")
     c.output("sum", c.input("a", "1", "term") + c.input("b", "1", "term"), "1", "sum")
     build_library(c, TARGETS[processor], tmp_path)
