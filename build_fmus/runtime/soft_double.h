@@ -1,5 +1,5 @@
-/* Double precision on a processor whose unit has none: what the library of its compiler does not have, or rounds wrongly.
- * All results are correctly rounded. */
+/* Double precision on a processor whose unit has none: what the library of its compiler does not have, or rounds
+ * wrongly. All results are correctly rounded. */
 #ifndef SOFT_DOUBLE_H
 #define SOFT_DOUBLE_H
 
@@ -35,8 +35,8 @@ static __attribute__((unused)) double soft_sqrt(double x) {
 }
 
 /* The sum of two doubles. The significands are moved to the left by three bits, of which the last one tells whether
- * anything was lost behind it. (libgcc 12.2 rounds wrongly where the larger one is a power of two, the other one has the
- * opposite sign, and their exponents differ by 33.) */
+ * anything was lost behind it. (libgcc 12.2 rounds wrongly where the larger one is a power of two, the other one has
+ * the opposite sign, and their exponents differ by 33.) */
 static uint64_t soft_sum(uint64_t a, uint64_t b) {
     if ((a << 1) < (b << 1)) { /* a is the larger one */
         const uint64_t larger = b;
