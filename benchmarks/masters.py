@@ -310,9 +310,9 @@ class Result:
 
 
 def errors(run: Mapping[str, Any] | Recording, true: Recording) -> dict[str, float]:
-    """Largest differences, relative to the largest value, by real signal; of those that are 0 throughout there is none.
+    """Largest difference of each real signal, relative to its largest value; signals that are always 0 are left out.
 
-    An infinite one where the run has ended early.
+    It is infinite if the run has ended early.
     """
     names = [n for n in true if n not in true.types and np.abs(true[n]).max() > 0.0]
     if any(len(run[n]) < len(true) for n in names):

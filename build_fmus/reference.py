@@ -187,6 +187,16 @@ class Evaluator:
             raise ArithmeticError(f"{c.name}: the matrix of solver ros2 is singular at time {t:.9g} s") from None
 
 
+def sampled_inputs(
+    component: Model, h: float, n: int, signals: Mapping[str, Callable[[float], float]] | None = None
+) -> np.ndarray:
+    """Inputs (n, inputs) at the times 0, h, ... [s]: `signals` (the reference inputs by default), else start values."""
+    moving = component.reference_inputs if signals is None else signals
+    base, elements = component.vector("input"), component.elements("input")
+    rows = [[moving[e.name](k * h) if e.name in moving else base[e.slot] for e in elements] for k in range(n)]
+    return np.array(rows, dtype=float).reshape(n, len(elements))
+
+
 def simulate(
     component: Model,
     *,
@@ -200,24 +210,20 @@ def simulate(
     Row k holds the inputs that act from t_k on and the outputs at t_k, read before those inputs are set (row 0: after
     initialization with the first inputs), which is what a tool sees that sets inputs, steps, and reads.
     """
-    signals = component.reference_inputs if signals is None else signals
     h = step or component.sample_time or component.exchange_step
     names = [e.name for e in component.elements("input")]
     slots = [e.slot for e in component.elements("input")]
     run = Evaluator(component, parameters)
-    inputs, outputs = np.zeros((steps + 1, len(names))), np.zeros((steps + 1, len(component.output_elements())))
-    base = run.u.copy()
-
-    def set_inputs(t: float) -> None:
-        for n, s in zip(names, slots, strict=True):
-            run.u[s] = signals[n](t) if n in signals else base[s]
+    inputs, outputs = (
+        sampled_inputs(component, h, steps + 1, signals),
+        np.zeros((steps + 1, len(component.output_elements()))),
+    )
 
     for k in range(steps + 1):
         t = k * h
         if k:
             outputs[k] = run.outputs()
-        set_inputs(t)
-        inputs[k] = run.u[slots]
+        run.u[slots] = inputs[k]
         if k == 0:
             outputs[0] = run.outputs()
         if k < steps:

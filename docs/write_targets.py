@@ -15,7 +15,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]  # the project first: tests/ has a folder cosim, too
 
-from target.same_samples import declared, inputs_of, size_of  # noqa: E402
+from target.same_samples import declared, inputs_of, metrics_of, size_of  # noqa: E402
 
 from build_fmus.target.cycles import core_of  # noqa: E402
 from build_fmus.target.library import build_library  # noqa: E402
@@ -28,6 +28,7 @@ LAWS = ("Skyhook", "LqrHmmwv", "KalmanHmmwv", "ForceTracking", "GpcPreview")
 CONTROLLERS = (*LAWS, "MpcBench", "MpcHmmwv", "MpcThreeAxle")
 PROCESSORS = ("cortex-m4f", "cortex-m7")
 WORST = ROOT / "tests" / "target" / "worst_samples.json"
+SOURCES = ROOT / "tests" / "target" / "measured_sources.json"
 SAMPLES = 1000
 SINGLE, SINGLE_SAMPLES = (*LAWS, "MpcBench", "MpcHmmwv"), 10
 MARKS = ("<!-- table: written by docs/write_targets.py -->", "<!-- end of table -->")
@@ -69,7 +70,7 @@ def row(name: str, processor: str) -> str:
     """A line of the table."""
     component = declared(name, FMUS)
     folder = build_library(component, TARGETS[processor], FMUS / "target")
-    m = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+    m = metrics_of(folder)
     worst = json.loads(WORST.read_text(encoding="utf-8")).get(name)
     if worst:
         most = worst["instructions"][processor]
@@ -101,8 +102,11 @@ def single_row(name: str) -> str:
     inputs = inputs_of(component.model(), SINGLE_SAMPLES)
     folders = [build_library(component, TARGETS["cortex-m4f"], FMUS / "target", p) for p in ("double", "single")]
     double, single = (instructions(name, folder.parent.name, inputs) for folder in folders)
-    metrics = json.loads((folders[1] / "metrics.json").read_text(encoding="utf-8"))
-    errors = [e["relative"] for n, e in metrics["single_errors"]["outputs"].items() if not n.startswith("solver.")]
+    errors = [
+        e["relative"]
+        for n, e in metrics_of(folders[1])["single_errors"]["outputs"].items()
+        if not n.startswith("solver.")
+    ]
     cells = (f"{double:,}", f"{single:,}", f"{double / single:.1f}", f"{max(errors):.1e}")
     return f"| {name} | {' | '.join(cells)} |\n"
 
@@ -118,6 +122,8 @@ def main() -> None:
     """Write the page with new tables."""
     table = HEAD + "".join(row(name, processor) for name in CONTROLLERS for processor in PROCESSORS)
     worst = json.loads(WORST.read_text(encoding="utf-8"))
+    sources = {n: metrics_of(FMUS / "target" / PROCESSORS[0] / n)["source_sha256"] for n in CONTROLLERS}
+    SOURCES.write_text(json.dumps(sources, indent=1) + "\n", encoding="utf-8")
     write_table(MARKS, table + "\n" + LOOPS_HEAD + "".join(loop_row(name, worst[name]) for name in worst))
     write_table(SINGLE_MARKS, SINGLE_HEAD + "".join(single_row(name) for name in SINGLE))
 

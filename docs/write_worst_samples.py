@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "target")]  # tests/ has a folder cosim, too
 
 from mpc_loops import LOOPS, mpc_loop  # noqa: E402
-from same_samples import declared, fmu_samples, inputs_of, size_of  # noqa: E402
+from same_samples import declared, fmu_samples, inputs_of, metrics_of, size_of  # noqa: E402
 
 from build_fmus.component import Model  # noqa: E402
 from build_fmus.generate import ticks  # noqa: E402
@@ -141,6 +141,7 @@ def entry(name: str) -> dict[str, Any]:
         "instructions": dict(sorted(instructions.items())),
         "closed_loop_samples": CLOSED_LOOP,
         "closed_loop_instructions": int(loop[:, -2].max()),
+        "source_sha256": metrics_of(FMUS / "target" / "cortex-m7" / name)["source_sha256"],
         "solver": {k: v for k, v in outputs.items() if k.startswith("solver.")},
         "inputs": u.tolist(),
     }

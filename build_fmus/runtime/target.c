@@ -11,6 +11,10 @@
 
 static const FmuModel *const M = &fmu_model;
 
+#ifndef TIME_OF /* [s], as in the FMU */
+#define TIME_OF(sample) ((double)(sample) * M->sample_time)
+#endif
+
 static int all_finite_numbers(const double *values, int n) {
     int finite = 1;
     for (int i = 0; i < n; i++) finite &= fabs(values[i]) <= DBL_MAX;
@@ -81,7 +85,7 @@ Component_status Component_step(Component *self, const Component_inputs *inputs,
     const Component_status status = self->started ? Component_OK : start_component(self, &at);
     if (status != Component_OK) return status;
 
-    at.t = (double)self->sample * M->sample_time;
+    at.t = TIME_OF(self->sample);
     if (M->qp) {
         M->program_data(&at, self->program_data);
         M->qp->solve(self->program_work, self->program_memory, self->program_data, self->program_solution);

@@ -90,7 +90,7 @@ def assemble(component: Model, precision: str = "double") -> Library:
     texts = {path: _changed(path, data.decode()) for path, data in files.items()}
     header = _header(component)
     if precision == "single":
-        texts["target.c"] = exact_time(texts["target.c"], component)
+        texts["target.c"] = exact_time(component) + texts["target.c"]
         stay = ("fmu_math.h", "soft_double.h", *(n for n in texts if n.startswith("musl/")))
         texts = {path: text if path in stay else to_single(text) for path, text in texts.items()}
         header = to_single(header).replace("All values are double", "All values are float")

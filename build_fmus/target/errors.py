@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.component import Model
+from build_fmus.reference import sampled_inputs
 from build_fmus.target.assemble import Library, rename_externals
 from build_fmus.target.toolchain import TARGETS, find_tools
 
@@ -29,7 +30,7 @@ def single_errors(
         steps: samples, one after the other.
     """
     names = [e.name for e in component.elements("output")]
-    inputs = _reference_inputs(component, steps)
+    inputs = sampled_inputs(component, component.sample_time or 0.0, steps)
     exact, n = run_library(double, inputs, len(names), folder)
     rounded, m = run_library(single, inputs, len(names), folder)
     if min(n, m) < steps:
@@ -41,14 +42,6 @@ def single_errors(
         for name, e, s in zip(names, errors, sizes, strict=True)
     }
     return {"samples": steps, "outputs": found}
-
-
-def _reference_inputs(component: Model, steps: int) -> np.ndarray:
-    """Inputs of each sample (steps, inputs)."""
-    base, signals = component.vector("input"), component.reference_inputs
-    elements, h = component.elements("input"), component.sample_time or 0.0
-    rows = [[signals[e.name](k * h) if e.name in signals else base[e.slot] for e in elements] for k in range(steps)]
-    return np.array(rows, dtype=float).reshape(steps, len(elements))
 
 
 _RUN = """#include "NAME.h"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import tempfile
@@ -20,8 +21,8 @@ from build_fmus.target.stack import worst_stack
 from build_fmus.target.toolchain import CFLAGS, Target, Tools, find_tools, library_frames
 
 FUNCTIONS = ("init", "set_parameter", "step")
-# Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
 _REQUEST = 32768  # bytes of samples in one request of the host at most, if one sample is not larger
+# Every C environment has these functions, which compilers call on their own, and arithmetic of the processor's family.
 _ALLOWED = re.compile(r"mem(cpy|set|move|cmp)|__aeabi_\w+|_GLOBAL_OFFSET_TABLE_")
 
 
@@ -126,6 +127,7 @@ def _measure(component: Model, library: Library, tools: Tools, tmp: Path) -> dic
         "compiler": tools.version,
         "flags": [*CFLAGS, *tools.target.flags],
         "precision": library.precision,
+        "source_sha256": hashlib.sha256((tmp / f"{name}.c").read_bytes()).hexdigest(),
         "sample_time_s": component.sample_time,
         "flash_bytes": flash,
         "ram_bytes": size,

@@ -18,7 +18,6 @@ _TOKEN = re.compile(
 )
 _WORDS = {"double": "float", **{f"DBL_{n}": f"FLT_{n}" for n in ("MAX", "MIN", "EPSILON")}}
 _LARGEST, _SMALLEST = float(np.finfo(np.float32).max), float(np.finfo(np.float32).tiny)
-_TIME = "(double)self->sample * M->sample_time"
 _FUNCTIONS = {
     1: "acos acosh asin asinh atan atanh cos cosh erf erfc exp expm1 log log1p sin sinh tan tanh",
     2: "atan2 fmod hypot pow remainder",
@@ -75,12 +74,12 @@ def to_single(text: str) -> str:
     return _TOKEN.sub(changed, text)
 
 
-def exact_time(code: str, component: Model) -> str:
-    """The time of a sample from its number in whole numbers, which does not drift."""
+def exact_time(component: Model) -> str:
+    """C code by which the time of a sample follows from its number in whole numbers, so that it does not drift."""
     every = ticks(component)
     n, d = (f"{k}LL" for k in (every.numerator, every.denominator))
-    number = f"self->sample * {n}"
-    return code.replace(_TIME, f"(double)({number} / {d}) + (double)({number} % {d}) / (double){d}")
+    number = f"(sample) * {n}"
+    return f"#define TIME_OF(sample) ((double)({number} / {d}) + (double)({number} % {d}) / (double){d})\n"
 
 
 def _constant(value: float) -> str:

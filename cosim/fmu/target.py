@@ -141,7 +141,7 @@ class EmulatedTarget(PythonComponent):
 
     def _sample(self, u: Array, y: Array, first: int | None = None) -> None:
         rows, n = len(u), len(self._about["outputs"])
-        number = np.dtype("<f4" if self._about.get("precision") == "single" else "<f8")
+        number = np.dtype("<f4" if self._about["precision"] == "single" else "<f8")
         row = np.dtype([("ticks", "<f8"), ("outputs", number, (n,))], align=True)  # as in firmware.c
         request = struct.pack("<cI", b"s", rows) + u.astype(number).tobytes()
         answer = self._ask(request, 12 + row.itemsize * rows)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from fmpy import extract, read_model_description
@@ -14,6 +16,12 @@ from fmu_sources.catalog import Context, default_catalog
 
 def declared(name: str, fmus: Path) -> Component:
     return default_catalog()[name].make(Context(fmus, fmus / ".cache"))
+
+
+def metrics_of(folder: Path) -> dict[str, Any]:
+    """What was measured of a library."""
+    found: dict[str, Any] = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+    return found
 
 
 def size_of(v: Variable) -> float:

@@ -48,7 +48,7 @@ typedef struct {
 
 /* The last step of a component that repeats it. */
 typedef struct {
-    void *state; /* at its begin, NULL: there is none to repeat */
+    void *state; /* at the beginning of the step; NULL if no step can be repeated */
     double t;
 } LastStep;
 
