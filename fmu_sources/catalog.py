@@ -81,6 +81,7 @@ PUBLISHED = {
     "hmmwv_public": Published("HmmwvPublic", radius=0.0),
     "hmmwv": Published("Hmmwv"),
     "hmmwv_modified": Published("HmmwvModified"),
+    "hmmwv_tires": Published("HmmwvTires", about=", tires by file"),
 }
 """By name of the vehicle file, in the order of the catalog."""
 

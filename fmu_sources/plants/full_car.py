@@ -29,12 +29,13 @@ from fmu_sources.plants.free_body import (
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.registration import component
+from fmu_sources.tires.magic_formula import Forces, tire_of
 from fmu_sources.vehicles import FullCar, declare
 
 EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
 
 
-@component("FullCar{v}", "nonlinear full car, vehicle file {file}", of="hmmwv hmmwv_modified")
+@component("FullCar{v}", "nonlinear full car, vehicle file {file}", of="hmmwv hmmwv_modified hmmwv_tires")
 def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     """Full car of a vehicle file; the structure is that of paper 000, section III (vehicle model).
 
@@ -50,7 +51,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         solver_step=5e-4,
         notes=(*_NOTES, SEAT_NOTE),
     )
-    p = declare(c, vehicle)
+    p = declare(c, vehicle, leave_out=_REPLACED if vehicle.tire.file else ())
+    tire = tire_of(c, vehicle.tire.file)
     start_x = start_position(c)
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
@@ -139,32 +141,39 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         compression, compression_rate = k.road - k.z, gradient * hub_velocity[0] - k.vz
         k.load = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
 
-        # Tire, horizontal: slips lag by a relaxation length; forces grow with slip and load up to the friction ellipse.
+        # Tire, horizontal: slips lag by a relaxation length.
         forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
         rolling = ca.dot(hub_velocity, forward)
         sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
         pace = ca.sqrt(rolling**2 + low_speed**2)
-        k.slip_x_rate = (k.spin * p.wheel.radius - rolling - pace * k.slip_x) / p.tire.longitudinal_relaxation
-        k.slip_y_rate = (-sliding - pace * k.slip_y) / p.tire.lateral_relaxation
-        drive, corner = p.tire.slip_stiffness * k.slip_x, p.tire.cornering_stiffness * k.slip_y  # per load
-        grip = k.load / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
-        c.value(f"drive_force_{k}", grip * drive, source="grows with slip and load up to the friction ellipse")
-        c.value(f"side_force_{k}", grip * corner, source="grows with slip angle and load up to the friction ellipse")
+        on_road = k.spin * p.wheel.radius - rolling  # what slides backwards [m/s]
+        if tire is None:
+            ground, law = _within_ellipse(p.tire, k), "grows with slip and load up to the friction ellipse"
+        else:
+            ground = tire.forces(k.load, k.slip_x, -k.slip_y, body.angles[0], rolling, k.side)
+            ground = tire.parked(ground, k.load, rolling, -on_road, sliding)
+            law = "Magic Formula"
+        k.slip_x_rate = (on_road - pace * k.slip_x) / ground.relaxation_x
+        k.slip_y_rate = (-sliding - pace * k.slip_y) / ground.relaxation_y
+        drive, corner = ground.fx, ground.fy
+        c.value(f"drive_force_{k}", drive, source=law)
+        c.value(f"side_force_{k}", corner, source=law)
 
         # Wheel; torque is reduced where it makes the wheel slip.
         torque = ca.fmax(0, limited) * _eased(k.slip_x) + ca.fmin(0, limited) * _eased(-k.slip_x)
         c.value(f"wheel_torque_{k}", torque, source="reduced where it makes the wheel slip")
         applied += torque
         k.wheel_force = k.load - strut - p.wheel.mass * g
-        k.spin_torque = torque - grip * drive * p.wheel.radius
+        k.spin_torque = torque - drive * p.wheel.radius + ground.my
 
         # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
         # mounted on the body, so the reaction of the wheel torque turns it.
-        at_hub = grip * drive * forward - k.load * gradient * ca.vertcat(1, 0, 0)
-        at_patch = grip * corner * sideways
+        at_hub = drive * forward - k.load * gradient * ca.vertcat(1, 0, 0)
+        at_patch = corner * sideways
         body_force += strut * up + at_hub + at_patch
         body_moment += ca.cross(top, strut * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
         body_moment -= torque * turn[:, 1]
+        body_moment += ground.mx * forward + ground.mz * up
     c.value("body_force", body_force, source="all forces on the body, road axes")
     c.value("body_moment", body_moment, source="about the CG, road axes: struts, tires, reaction of the wheel torques")
 
@@ -263,6 +272,25 @@ def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
         body = z - k.x * slope + k.y * twist
         k.rest = (p.tire.stiffness * k.road + k.rate * body) / (p.tire.stiffness + k.rate)
     return _Rest(z, roll, pitch)
+
+
+_REPLACED = (
+    "tire.slip_stiffness",
+    "tire.cornering_stiffness",
+    "tire.friction",
+    "tire.longitudinal_relaxation",
+    "tire.lateral_relaxation",
+)
+"""What a tire property file takes the place of."""
+
+
+def _within_ellipse(tire: Any, k: Any) -> Forces:
+    """Forces that grow with slip and load up to the friction ellipse."""
+    drive, corner = tire.slip_stiffness * k.slip_x, tire.cornering_stiffness * k.slip_y  # per load
+    grip = k.load / ca.sqrt(1 + (drive**2 + corner**2) / tire.friction**2)
+    return Forces(
+        grip * drive, grip * corner, relaxation_x=tire.longitudinal_relaxation, relaxation_y=tire.lateral_relaxation
+    )
 
 
 def _eased(slip: Any) -> Any:

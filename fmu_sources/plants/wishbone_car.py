@@ -51,6 +51,7 @@ from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.tables import check_increasing, linear_table
 from fmu_sources.registration import component
+from fmu_sources.tires.magic_formula import Forces, tire_of
 from fmu_sources.vehicles import WishboneCar, declare
 
 _NEWTON = 5  # steps to the rest position from that of the vehicle file
@@ -62,6 +63,18 @@ _LEFT_OUT = (
     "lower_arm",
     *(f"suspension.{axle}.{what}" for axle in ("front", "rear") for what in ("reference", "travel", "points")),
 )
+_REPLACED = tuple(
+    f"tire.{name}"
+    for name in (
+        "slip_stiffness",
+        "cornering_stiffness",
+        "longitudinal_friction",
+        "lateral_friction",
+        "rolling_resistance",
+        "relaxation",
+    )
+)
+"""What a tire property file takes the place of."""
 _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle file"
 
 
@@ -84,7 +97,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         solver_step=5e-4,
         notes=(*_NOTES, SEAT_NOTE),
     )
-    p = declare(c, vehicle, leave_out=_LEFT_OUT)
+    p = declare(c, vehicle, leave_out=_LEFT_OUT + (_REPLACED if vehicle.tire.file else ()))
+    tire = p.tire.formula = tire_of(c, vehicle.tire.file)
     _declare_computed(c, p, vehicle)
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
@@ -142,6 +156,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         ),
         slip_x=lambda k: c.state(f"tire.{k}.slip", "1", "lagged slip, positive driving", nominal=0.1),
     )
+    if tire:
+        corners.each(slip_y=lambda k: c.state(f"tire.{k}.slip_angle", "rad", "lagged slip angle", nominal=0.1))
     speed_error = c.state("driver.speed_error", "m", "integral of the speed error")
 
     # -------------------------------------------------------------------------------------------------- kinematics
@@ -199,8 +215,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         )
         k.load = ca.if_else(k.depth > 0, ca.fmax(0, bearing), 0)
 
-        # Tire, horizontal: the longitudinal slip lags by a short length; forces grow with slip and load up to the
-        # friction ellipse.
+        # Tire, horizontal: slips lag, that of a friction ellipse only along the wheel and by a short length.
         heading = k.lean[2] + (steer if k.axle == "front" else 0)
         forward = ca.cos(heading) * body.ahead + ca.sin(heading) * body.left
         sideways = ca.cos(heading) * body.left - ca.sin(heading) * body.ahead
@@ -212,22 +227,40 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         patch_rate = v + ca.cross(w, k.center + below) + patch_d * k.dq
         rolling = ca.dot(hub_velocity, forward)
         pace = ca.sqrt(rolling**2 + low_speed**2)
-        k.slip_x_rate = (k.spin * (p.tire.radius - k.depth / 3) - rolling - pace * k.slip_x) / p.tire.relaxation
-        drive = p.tire.slip_stiffness * k.slip_x  # per load
-        side = -p.tire.cornering_stiffness * ca.dot(turn @ patch_rate, sideways) / pace
-        grip = k.load / _saturation(p, drive, side)
-        c.value(f"drive_force_{k}", grip * drive, source="grows with slip and load up to the friction ellipse")
-        c.value(f"side_force_{k}", grip * side, source="grows with slip angle and load up to the friction ellipse")
+        on_road = k.spin * (p.tire.radius - k.depth / 3) - rolling  # what slides backwards [m/s]
+        sliding = ca.dot(turn @ patch_rate, sideways)
+        if tire is None:
+            drive, side = p.tire.slip_stiffness * k.slip_x, -p.tire.cornering_stiffness * sliding / pace  # per load
+            grip, law = k.load / _saturation(p, drive, side), "grows with slip and load up to the friction ellipse"
+            resistance = p.tire.rolling_resistance * k.load * p.tire.radius
+            ground = Forces(
+                grip * drive,
+                grip * side,
+                p.tire.relaxation,
+                0.0,
+                my=-resistance * ca.tanh(k.spin * p.tire.radius / low_speed),
+            )
+        else:
+            inclination, law = ca.asin((turn @ k.spindle)[2] / ca.norm_2(k.spindle)), "Magic Formula"
+            ground = tire.forces(k.load, k.slip_x, -k.slip_y, inclination, rolling, k.side)
+            ground = tire.parked(ground, k.load, rolling, -on_road, sliding)
+            k.slip_y_rate = (-sliding - pace * k.slip_y) / ground.relaxation_y
+        k.slip_x_rate = (on_road - pace * k.slip_x) / ground.relaxation_x
+        c.value(f"drive_force_{k}", ground.fx, source=law)
+        c.value(f"side_force_{k}", ground.fy, source=law)
 
         # The drive force acts at the hub, since the wheel turns on its bearing; what the road presses and holds acts
         # below it.
-        at_hub = turn.T @ (grip * drive * forward)
-        at_patch = turn.T @ (k.load * normal + grip * side * sideways)
+        at_hub = turn.T @ (ground.fx * forward)
+        at_patch = turn.T @ (k.load * normal + ground.fy * sideways)
         force += at_hub + at_patch
         moment += ca.cross(k.center, at_hub) + ca.cross(k.center + below, at_patch)
         k.along += ca.dot(k.center_d, at_hub) + ca.dot(patch_d, at_patch)
-        resistance = p.tire.rolling_resistance * k.load * p.tire.radius * ca.tanh(k.spin * p.tire.radius / low_speed)
-        k.spin_torque = torque - grip * drive * (p.tire.radius - k.depth) - resistance
+        if tire:
+            turned = turn.T @ (ground.mx * forward + ground.mz * normal)  # the upright takes it
+            moment += turned
+            k.along += ca.dot(k.turning, turned)
+        k.spin_torque = torque - ground.fx * (p.tire.radius - k.depth) + ground.my
     c.value("body_force", force, source="all forces from outside, body axes")
     c.value("body_moment", moment, source="of these about the CG, body axes")
 
@@ -268,6 +301,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         c.derivative(k.dq, k.ddq, source="Lagrange")
         c.derivative(k.spin, k.spin_torque / (p.wheel.spin_inertia + p.wheel.shaft_inertia))
         c.derivative(k.slip_x, k.slip_x_rate, source="slip lags by a relaxation length")
+        if tire:
+            c.derivative(k.slip_y, k.slip_y_rate, source="slip lags by a relaxation length")
     winding_up = ca.logic_and(ca.fabs(requested) > p.speed_control.max_force, requested * error > 0)
     c.derivative(speed_error, ca.if_else(winding_up, 0, error))
 
@@ -693,9 +728,13 @@ def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
         patch_d = k.center_d + ca.cross(k.turning, below)
         force += 2 * (load - k.mass * g)
         moment += 2 * (ca.cross(k.center + below, load * up)[1] + ca.cross(k.first, -g * up)[1])
-        side = p.tire.cornering_stiffness * ca.sin(k.lean[2]) * speed / ca.sqrt(speed**2 + 1)
-        sideways = load * side / _saturation(p, 0, side) * patch_d[1]
-        along.append(k.strut - g * ca.dot(k.first_d, up) + load * ca.dot(patch_d, up) + sideways)
+        if p.tire.formula:
+            slip_angle = -ca.tan(k.lean[2]) * speed / ca.sqrt(speed**2 + 1)
+            toeing = p.tire.formula.forces(load, 0, slip_angle, k.lean[0], 0).fy
+        else:
+            side = p.tire.cornering_stiffness * ca.sin(k.lean[2]) * speed / ca.sqrt(speed**2 + 1)
+            toeing = load * side / _saturation(p, 0, side)
+        along.append(k.strut - g * ca.dot(k.first_d, up) + load * ca.dot(patch_d, up) + toeing * patch_d[1])
         wheels.append(center)
         depths.append(depth)
     return ca.vertcat(force, moment, *along), ca.vertcat(*wheels), depths

@@ -155,14 +155,23 @@ def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
     Raises:
         VehicleError: as `load_vehicle`, as far as the files can be read at all.
     """
-    path: Path | None = _find(name_or_path)
-    found: list[Path] = []
+    parsed = _chain(_find(name_or_path))
+    tires = (data["tire"]["file"] for data in parsed.values() if _names_tire(data))
+    return (*parsed, *(Path(tire) for tire in tires))
+
+
+def _chain(path: Path | None) -> dict[Path, dict[str, Any]]:
+    """What a vehicle file and those that it builds on say themselves, from the file on."""
+    found: dict[Path, dict[str, Any]] = {}
     while path is not None:
         if path.resolve() in [f.resolve() for f in found]:
             raise VehicleError(f"{path}: base = leads back to this file; a vehicle cannot be based on itself")
-        found.append(path)
-        _, path = _parse(path)
-    return tuple(found)
+        found[path], path = _parse(path)
+    return found
+
+
+def _names_tire(data: Mapping[str, Any]) -> bool:
+    return isinstance(data.get("tire"), dict) and "file" in data["tire"]
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -171,8 +180,8 @@ def _read(path: Path) -> dict[str, Any]:
     A file without a name is called as the file is, not as what it builds on.
     """
     data: dict[str, Any] = {}
-    for file in reversed(vehicle_files(path)):
-        data = _merge(data, {"name": file.stem, **_parse(file)[0]} if data else _parse(file)[0])
+    for file, said in reversed(_chain(path).items()):
+        data = _merge(data, {"name": file.stem, **said} if data else said)
     return data
 
 
@@ -184,6 +193,10 @@ def _parse(path: Path) -> tuple[dict[str, Any], Path | None]:
         raise VehicleError(f"{path}: not a TOML file: {error}") from None
     except OSError as error:
         raise VehicleError(f"{path}: cannot be read: {error.strerror}") from None
+    if _names_tire(data):
+        if not isinstance(tire := data["tire"]["file"], str):
+            raise VehicleError(f"{path}: tire.file = {tire!r} must be the path of a tire property file (.tir)")
+        data["tire"]["file"] = str(path.parent / tire)
     base = data.pop("base", None)
     if base is None:
         return data, None

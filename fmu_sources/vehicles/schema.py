@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -19,6 +20,7 @@ from build_fmus.base import units
 from build_fmus.component import source_fault, text_fault
 from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
 from fmu_sources.models.double_wishbone import POINTS, DoubleWishbone, HardpointError, WheelMotion, wheel_motion
+from fmu_sources.tires.tir_file import Tire, TireError, read_tire
 
 
 @dataclass(frozen=True)
@@ -415,7 +417,21 @@ class _Suspension(Section):
     stop: _Stop
 
 
-class _RollingTire(_Tire):
+class _FormulaTire(Section):
+    """Part of a tire: a tire property file in the place of slip stiffness, friction and relaxation."""
+
+    file: Tire | None = None
+
+    @field_validator("file", mode="before")
+    @classmethod
+    def _read(cls, given: Any) -> Any:
+        try:
+            return read_tire(Path(given)) if isinstance(given, str) else given
+        except TireError as error:
+            raise PydanticCustomError("row", "{text}", {"text": str(error)}) from None
+
+
+class _RollingTire(_FormulaTire, _Tire):
     slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
     cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
     friction: Quantity = quantity("1", "friction coefficient", min=0.01, max=5.0)
@@ -648,7 +664,7 @@ class _Solid(Section):
     )
 
 
-class _TableTire(_Table):
+class _TableTire(_FormulaTire, _Table):
     radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
     deflection: Numbers = quantity(
         "m",

@@ -1,0 +1,174 @@
+"""Read a tire property file (`.tir`); every mistake in it becomes one sentence with the file, the line and the remedy.
+
+Magic Formula 5.2 (`FITTYP` 5, 51 or 52, and `PROPERTY_FILE_FORMAT = 'PAC2002'` or `'MF_05'`) and 6.1 (`FITTYP` 6, 60 or
+61) are read. SI units are needed, as vendors write them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from build_fmus.base.checks import did_you_mean, plain
+from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, ONLY
+
+_UNITS = {"LENGTH": ("meter", "m"), "FORCE": ("newton", "n"), "ANGLE": ("radians", "radian", "rad"),
+          "MASS": ("kg",), "TIME": ("second", "s", "sec"), "PRESSURE": ("pascal", "pa")}  # fmt: skip
+_FIT_TYPES = {5: 5, 51: 5, 52: 5, 6: 6, 60: 6, 61: 6}
+_FORMATS = {"PAC2002": 5, "MF_05": 5, "MF_52": 5, "MF05": 5, "MF52": 5, "MF_61": 6, "MF61": 6}
+_MOST = 1_000_000  # bytes; a tire file has some ten thousand
+_ENTRY = re.compile(r"\s*([A-Za-z_][\w.]*)\s*=\s*(.*)")
+
+
+class TireError(ValueError):
+    """A tire file that cannot be used. The message names the file, the line and what to do."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(plain(message))
+
+
+@dataclass(frozen=True)
+class Tire:
+    """A tire of a file.
+
+    Attributes:
+        version: of the Magic Formula: 5 for 5.2 and PAC2002, 6 for 6.1.
+        side: on which side of a car it was measured, 1 left, -1 right; on the other side its forces are mirrored.
+        values: coefficients by name, with the defaults of those that the file does not give.
+        name: of the file.
+    """
+
+    version: int
+    side: int
+    values: Mapping[str, float]
+    name: str
+
+
+def read_tire(path: Path) -> Tire:
+    """Read a tire file.
+
+    Raises:
+        TireError: no such file, no such format, other units than SI, an entry that is missing, unknown among the
+            coefficients of forces, given twice, no finite number, or out of limits.
+    """
+    entries = _entries(path)
+    for name, known in _UNITS.items():
+        line, given = entries.get(("UNITS", name), (0, known[0]))
+        if _text(given).lower() not in known:
+            raise TireError(f"{path}:{line}: {name} = {given}: only SI units are read; export the file with {known[0]}")
+    version = _version(path, entries)
+    found: dict[str, float] = {}
+    for (section, name), (line, given) in entries.items():
+        if name in COEFFICIENTS and (section == COEFFICIENTS[name].section or section not in FORCE_SECTIONS):
+            if name in found:
+                raise TireError(f"{path}:{line}: {name} is given a second time, in [{section}]; remove one")
+            found[name] = _number(path, line, name, given)
+        elif section in FORCE_SECTIONS:
+            near = did_you_mean(name, [n for n, c in COEFFICIENTS.items() if c.section == section])
+            raise TireError(f"{path}:{line}: {name}: no coefficient of [{section}] is called so{near}")
+    for name in ONLY[version]:
+        if found.get(name, COEFFICIENTS[name].default) != COEFFICIENTS[name].default:
+            line = next(n for (_, key), (n, _) in entries.items() if key == name)
+            other = "6.1" if version == 5 else "5.2"
+            raise TireError(f"{path}:{line}: {name} belongs to Magic Formula {other}; see FITTYP in this file")
+    missing = [n for n, c in COEFFICIENTS.items() if c.default is None and n not in found]
+    if missing:
+        raise TireError(f"{path}: {', '.join(missing)} missing; a Magic Formula tire needs them")
+    pressure = found.get("NOMPRES") or found.get("INFLPRES")
+    if pressure:
+        found = {"INFLPRES": pressure, "NOMPRES": pressure, **found}
+    values = {n: found.get(n, c.default or 0.0) for n, c in COEFFICIENTS.items()}
+    _check(path, values)
+    line, side = entries.get(("MODEL", "TYRESIDE"), (0, "LEFT"))
+    sides = {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}
+    if _text(side).upper() not in sides:
+        raise TireError(f"{path}:{line}: TYRESIDE = {side}: must be 'LEFT' or 'RIGHT'")
+    return Tire(version, sides[_text(side).upper()], values, path.name)
+
+
+def _entries(path: Path) -> dict[tuple[str, str], tuple[int, str]]:
+    """Section and name in capitals -> line and value as written."""
+    try:
+        if path.stat().st_size > _MOST:
+            raise TireError(f"{path}: more than {_MOST // 1000} kB; this is no tire property file")
+        text = path.read_bytes().decode("utf-8", "replace")  # comments may be in any encoding
+    except OSError as error:
+        raise TireError(f"{path}: cannot be read: {error.strerror}") from None
+    entries: dict[tuple[str, str], tuple[int, str]] = {}
+    section = ""
+    for number, raw in enumerate(text.splitlines(), 1):
+        line = raw.split("$")[0].split("!")[0].strip()
+        if line.startswith("["):
+            section = line.strip("[]").strip().upper()
+        elif entry := _ENTRY.fullmatch(line):
+            key = section, entry[1].upper()
+            if key in entries:
+                raise TireError(
+                    f"{path}:{number}: {key[1]} is given a second time, after line {entries[key][0]}; remove one"
+                )
+            entries[key] = number, entry[2].strip()
+    if not entries:
+        raise TireError(f"{path}: no line has the form NAME = VALUE; this is no tire property file")
+    return entries
+
+
+def _version(path: Path, entries: Mapping[tuple[str, str], tuple[int, str]]) -> int:
+    """Version of the Magic Formula."""
+    if fit := entries.get(("MODEL", "FITTYP")):
+        value = _number(path, fit[0], "FITTYP", fit[1])
+        if value in _FIT_TYPES:
+            return _FIT_TYPES[int(value)]
+        what = f"{path}:{fit[0]}: FITTYP = {fit[1]}"
+    elif given := entries.get(("MODEL", "PROPERTY_FILE_FORMAT")):
+        if (format_ := _text(given[1]).upper()) in _FORMATS:
+            return _FORMATS[format_]
+        what = f"{path}:{given[0]}: PROPERTY_FILE_FORMAT = {given[1]}"
+    else:
+        what = f"{path}: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]"
+    raise TireError(f"{what}: Magic Formula 5.2 (FITTYP 5, 51 or 52, PAC2002) and 6.1 (FITTYP 6, 60 or 61) are read")
+
+
+def _text(given: str) -> str:
+    return given.strip().strip("'\"").strip()
+
+
+def _number(path: Path, line: int, name: str, given: str) -> float:
+    try:
+        value = float(_text(given))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or abs(value) > 1e12:
+        raise TireError(f"{path}:{line}: {name} = {given or 'nothing'}: must be a finite number")
+    return value
+
+
+def _check(path: Path, values: Mapping[str, float]) -> None:
+    """Refuse what makes forces undefined or of the wrong sign."""
+    positive = ["FNOMIN", "UNLOADED_RADIUS", "LONGVL", "LFZO", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"]
+    positive += [
+        "INFLPRES",
+        "NOMPRES",
+        "LONGITUDINAL_STIFFNESS",
+        "LATERAL_STIFFNESS",
+        "LMUX",
+        "LMUY",
+        *(["PTY2"] if values["PTY1"] else []),
+    ]
+    for name in positive:
+        if values[name] <= 0:
+            raise TireError(f"{path}: {name} = {values[name]:g}: must be above 0")
+    if values["PDY1"] * values["PKY1"] >= 0:
+        raise TireError(
+            f"{path}: PKY1 = {values['PKY1']:g} and PDY1 = {values['PDY1']:g}: their signs must differ, so that the"
+            " side force opposes the slip (ISO)"
+        )
+    for least, most in (("KPUMIN", "KPUMAX"), ("ALPMIN", "ALPMAX"), ("CAMMIN", "CAMMAX")):
+        if not values[least] < 0 < values[most]:
+            raise TireError(f"{path}: {least} = {values[least]:g}, {most} = {values[most]:g}: 0 must lie between them")
+    if max(abs(values["ALPMIN"]), values["ALPMAX"]) >= math.pi / 2:
+        raise TireError(f"{path}: ALPMIN, ALPMAX: slip angles must stay within 90 degrees")
+    if not 0 <= values["FZMIN"] < values["FZMAX"]:
+        raise TireError(f"{path}: FZMIN = {values['FZMIN']:g} must be at least 0 and below FZMAX")

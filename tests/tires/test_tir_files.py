@@ -1,0 +1,114 @@
+"""Tire property files: what is read, and the sentence for everything that is not."""
+
+import pytest
+
+from fmu_sources.tires.coefficients import COEFFICIENTS
+from fmu_sources.tires.tir_file import TireError, read_tire
+from fmu_sources.vehicles import VehicleError, load_vehicle, loader, vehicle_files
+
+FOLDER = loader._HERE.parent / "tires"
+SEDAN = (FOLDER / "sedan.tir").read_text()
+
+
+def file(tmp_path, text, name="own.tir"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(("name", "version"), [("hmmwv", 6), ("sedan", 5), ("truck", 5)])
+def test_own_files(name, version):
+    tire = read_tire(FOLDER / f"{name}.tir")
+    assert (tire.version, tire.side) == (version, 1)
+    assert set(tire.values) == set(COEFFICIENTS)
+
+
+def test_as_vendors_write_them(tmp_path):
+    """Comments of either kind and any encoding, quotes, lower case, tables without names, other sections."""
+    text = SEDAN.replace("PCX1 = 1.65", "pcx1   =  1.65E+00   $ shape factor")
+    text = text.replace("TYRESIDE = 'LEFT'", "TYRESIDE = 'Right'  ! side")
+    text += "[SHAPE]\n{radial width}\n 1.0 0.0\n[TURNSLIP_COEFFICIENTS]\nPDXP1 = 0.4\n[CONTACT_PATCH]\nQRA1 = 0.7\n"
+    tire = read_tire(file(tmp_path, text.encode() + "! Größe\r\n".encode("latin-1")))
+    assert tire.values["PCX1"] == 1.65
+    assert tire.side == -1
+
+
+@pytest.mark.parametrize(("fit", "version"), [("5", 5), ("51", 5), ("6", 6), ("61", 6)])
+def test_versions(tmp_path, fit, version):
+    text = SEDAN.replace("FITTYP   = 52", f"FITTYP = {fit}")
+    if version == 6:
+        text = "\n".join(
+            line for line in text.splitlines() if line.split(" ")[0] not in ("PHY3", "QBZ4", "LGAX", "LGAY", "LGAZ")
+        )
+    assert read_tire(file(tmp_path, text)).version == version
+
+
+def test_pressure_that_is_not_given_has_no_influence(tmp_path):
+    only = read_tire(file(tmp_path, SEDAN + "[OPERATING_CONDITIONS]\nINFLPRES = 230000\n"))
+    assert only.values["NOMPRES"] == 230000
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (("PCX1 = 1.65", ""), "own.tir: PCX1 missing; a Magic Formula tire needs them"),
+    (("PCX1 = 1.65", "PCX1 = 1.6.5"), "own.tir:42: PCX1 = 1.6.5: must be a finite number"),
+    (("PCX1 = 1.65", "PCX1 = nan"), "own.tir:42: PCX1 = nan: must be a finite number"),
+    (("PCX1 = 1.65", "PCX1 ="), "own.tir:42: PCX1 = nothing: must be a finite number"),
+    (("PCX1 = 1.65", "PCX1 = 1\nPCX1 = 2"), "own.tir:43: PCX1 is given a second time, after line 42; remove one"),
+    (("PDX2", "PDXX2"), "own.tir:44: PDXX2: no coefficient of [LONGITUDINAL_COEFFICIENTS] is called so"),
+    (("PDX1 = 1.12", "PDX1 = -1"), "own.tir: PDX1 = -1: must be above 0"),
+    (("PKY1 = -19.0", "PKY1 = 19"), "own.tir: PKY1 = 19 and PDY1 = 1: their signs must differ"),
+    (("'meter'", "'mm'"), "own.tir:7: LENGTH = 'mm': only SI units are read; export the file with meter"),
+    (("FITTYP   = 52", "FITTYP = 62"), "own.tir:13: FITTYP = 62: Magic Formula 5.2"),
+    (("FITTYP   = 52", "PROPERTY_FILE_FORMAT = 'FIALA'"), "own.tir:13: PROPERTY_FILE_FORMAT = 'FIALA': Magic"),
+    (("FITTYP   = 52", ""), "own.tir: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]: Magic"),
+    (("FITTYP   = 52", "FITTYP = 61"), "LGAX"),
+    (("TYRESIDE = 'LEFT'", "TYRESIDE = 'TOP'"), "own.tir:14: TYRESIDE = 'TOP': must be 'LEFT' or 'RIGHT'"),
+    (("KPUMIN = -1.0", "KPUMIN = 0.1"), "own.tir: KPUMIN = 0.1, KPUMAX = 1: 0 must lie between them"),
+    (("ALPMAX = 0.7", "ALPMAX = 2"), "own.tir: ALPMIN, ALPMAX: slip angles must stay within 90 degrees"),
+    (("FZMAX = 12000", "FZMAX = 100"), "own.tir: FZMIN = 150 must be at least 0 and below FZMAX"),
+])  # fmt: skip
+def test_mistakes_have_a_sentence(tmp_path, change, sentence):
+    assert change[0] in SEDAN
+    with pytest.raises(TireError) as error:
+        read_tire(file(tmp_path, SEDAN.replace(*change, 1)))
+    if sentence == "LGAX":  # its default is what the file says; PHY3 is not
+        sentence = "PHY3 belongs to Magic Formula 5.2; see FITTYP in this file"
+    assert sentence in str(error.value)
+
+
+@pytest.mark.parametrize("text", [b"", b"hello", b"\x00\xff" * 100, b"[MODEL]\n" * 1000])
+def test_what_is_no_tire_file(tmp_path, text):
+    with pytest.raises(TireError, match="no tire property file"):
+        read_tire(file(tmp_path, text))
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(TireError, match="cannot be read"):
+        read_tire(tmp_path / "none.tir")
+    with pytest.raises(TireError, match="more than 1000 kB"):
+        read_tire(file(tmp_path, b" " * 2_000_000))
+
+
+# ------------------------ in vehicle files
+
+
+def vehicle(tmp_path, tire):
+    return file(tmp_path, f'base = "hmmwv_modified"\n[tire]\nfile = {tire}\n', "own.toml")
+
+
+def test_a_vehicle_names_a_file_beside_it(tmp_path):
+    tire = file(tmp_path, SEDAN)
+    path = vehicle(tmp_path, '"own.tir"')
+    assert load_vehicle(path).tire.file == read_tire(tire)
+    assert tire in vehicle_files(path)  # an FMU is built again when it changes
+    heir = file(tmp_path, 'base = "own.toml"\n', "heir.toml")
+    assert load_vehicle(heir).tire.file == read_tire(tire)
+
+
+@pytest.mark.parametrize(("tire", "sentence"), [
+    ('"none.tir"', "tire.file: .*none.tir: cannot be read"),
+    ("5", "tire.file = 5 must be the path of a tire property file"),
+])  # fmt: skip
+def test_a_vehicle_that_names_no_tire_file(tmp_path, tire, sentence):
+    with pytest.raises(VehicleError, match=sentence):
+        load_vehicle(vehicle(tmp_path, tire))
