@@ -239,3 +239,9 @@ FORCE_SECTIONS = {c.section for c in COEFFICIENTS.values() if c.section.endswith
 ONLY = {5: ("PKY4", "PKY5", "PKY6", "PKY7", "PEY5", "QBZ6", "QDZ10", "QDZ11", "RBX3", "RBY4"),
         6: ("LGAX", "LGAY", "LGAZ", "PHY3", "QBZ4")}  # fmt: skip
 """By version: coefficients of the other one, which this one has not."""
+
+POSITIVE = (
+    *("FNOMIN", "UNLOADED_RADIUS", "LONGVL", "INFLPRES", "NOMPRES", "LONGITUDINAL_STIFFNESS", "LATERAL_STIFFNESS"),
+    *("LFZO", "LMUX", "LMUY", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"),
+)
+"""Coefficients that must be above 0."""

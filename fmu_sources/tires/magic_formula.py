@@ -24,7 +24,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.tires.coefficients import COEFFICIENTS, ONLY
+from fmu_sources.tires.coefficients import COEFFICIENTS, ONLY, POSITIVE
 from fmu_sources.tires.tir_file import Tire
 
 LEAST_LOAD = 0.01  # by the nominal load; below it the coefficients stay those of this load
@@ -34,7 +34,7 @@ _CONSTANTS = {
     "parking_damping": (770.0, "N.s/m", "at standstill and the nominal load"),
     "slow": (1.0, "m/s", "within it of standstill, moments that have the sign of the speed are less"),
 }
-_TINY = 1e-20
+_TINY, _LEAST = 1e-20, 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ def tire_of(c: Component, tire: Tire | None) -> MagicFormula | None:
             k.unit,
             f"{k.section.lower().replace('_', ' ')}: {k.text}",
             source=f"tire file {tire.name}",
+            min=_LEAST if name in POSITIVE else None,
             nominal=max(1.0, abs(tire.values[name])),
         )
         for name, k in COEFFICIENTS.items()
@@ -182,7 +183,8 @@ class MagicFormula:
         slope = (p.RBY1 + p.RBY4 * gamma**2) * _cos_atan(p.RBY2 * (s.alpha - p.RBY3)) * p.LYKA
         of.weight = _weight(slope, p.RCY1, p.REY1 + p.REY2 * s.dfz, s.kappa, p.RHY1 + p.RHY2 * s.dfz)
         most = peak * (p.RVY1 + p.RVY2 * s.dfz + p.RVY3 * gamma) * _cos_atan(p.RVY4 * s.alpha)
-        of.induced = ca.if_else(p.RVY5 == 0, 0, most * ca.sin(p.RVY5 * ca.atan(p.RVY6 * s.kappa)) * p.LVYKA)
+        induced = most * ca.sin(p.RVY5 * ca.atan(p.RVY6 * s.kappa)) * p.LVYKA
+        of.induced = _unless_zero((p.RVY5, p.RVY6), induced)
         return of
 
     def _aligning(self, s: Any, lateral: Any, fy: Any) -> Any:
@@ -215,7 +217,7 @@ class MagicFormula:
             on_trail = fy - lateral.induced
         else:
             upright = self._lateral(s, 0)  # the book takes the side force of an upright wheel
-            on_trail = ca.if_else(p.RBY4 == 0, lateral.weight, upright.weight) * upright.pure
+            on_trail = upright.weight * upright.pure
         return residual - trail * on_trail + p.UNLOADED_RADIUS * lever * p.LS * s.fx
 
     def _overturning(self, s: Any, fy: Any) -> Any:
@@ -226,8 +228,9 @@ class MagicFormula:
             return p.UNLOADED_RADIUS * s.load * (shift + p.LMX * whole)
         by_load = p.QSX4 * ca.cos(p.QSX5 * ca.atan(p.QSX6 * s.load / s.nominal) ** 2)
         by_both = by_load * ca.sin(p.QSX7 * s.gamma + p.QSX8 * ca.atan(p.QSX9 * side))
-        whole += ca.if_else(p.QSX4 == 0, 0, by_both)
-        whole += ca.if_else(p.QSX10 == 0, 0, p.QSX10 * ca.atan(p.QSX11 * s.load / s.nominal) * s.gamma)
+        whole += _unless_zero((p.QSX4, p.QSX7, p.QSX8), by_both)
+        by_load = p.QSX10 * ca.atan(p.QSX11 * s.load / s.nominal)
+        whole += _unless_zero((p.QSX10, p.QSX11), by_load * s.gamma)
         return p.UNLOADED_RADIUS * s.load * p.LMX * (shift + whole)
 
     def _rolling_resistance(self, s: Any, speed: Any) -> Any:
@@ -235,7 +238,7 @@ class MagicFormula:
         p, pace, load = self._p, ca.fabs(speed / self._p.LONGVL), s.load / s.nominal
         whole = p.QSY1 + p.QSY2 * s.fx / s.nominal + p.QSY3 * pace + p.QSY4 * pace**4
         whole += (p.QSY5 + p.QSY6 * load) * s.gamma**2
-        by_load = ca.if_else(p.QSY7 == 0, 1, load**p.QSY7) * (1 + s.dpi) ** p.QSY8
+        by_load = load**p.QSY7 * (1 + s.dpi) ** p.QSY8
         return -s.load * p.UNLOADED_RADIUS * p.LMY * whole * s.rolling * by_load
 
     def _relaxation(self, s: Any, lateral: Any) -> tuple[Any, Any]:
@@ -267,6 +270,14 @@ def _weight(slope: Any, shape: Any, curvature: Any, x: Any, shift: Any) -> Any:
     """What a slip leaves of the force across it, never negative."""
     of_slip, without = (ca.cos(_phase(slope, shape, curvature, v)) for v in (x + shift, shift))
     return ca.fmax(0, of_slip / ca.if_else(shift == 0, 1, without))
+
+
+def _unless_zero(coefficients: tuple[Any, ...], value: Any) -> Any:
+    """A value that is 0, with all derivatives, where all these coefficients are: files without them pay nothing."""
+    without = coefficients[0] == 0
+    for other in coefficients[1:]:
+        without = ca.logic_and(without, other == 0)
+    return ca.if_else(without, 0, value)
 
 
 def _cos_atan(x: Any) -> Any:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from build_fmus.base.checks import did_you_mean, plain
-from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, ONLY
+from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, ONLY, POSITIVE
 
 _UNITS = {"LENGTH": ("meter", "m"), "FORCE": ("newton", "n"), "ANGLE": ("radians", "radian", "rad"),
           "MASS": ("kg",), "TIME": ("second", "s", "sec"), "PRESSURE": ("pascal", "pa")}  # fmt: skip
@@ -147,17 +147,7 @@ def _number(path: Path, line: int, name: str, given: str) -> float:
 
 def _check(path: Path, values: Mapping[str, float]) -> None:
     """Refuse what makes forces undefined or of the wrong sign."""
-    positive = ["FNOMIN", "UNLOADED_RADIUS", "LONGVL", "LFZO", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"]
-    positive += [
-        "INFLPRES",
-        "NOMPRES",
-        "LONGITUDINAL_STIFFNESS",
-        "LATERAL_STIFFNESS",
-        "LMUX",
-        "LMUY",
-        *(["PTY2"] if values["PTY1"] else []),
-    ]
-    for name in positive:
+    for name in (*POSITIVE, *(["PTY2"] if values["PTY1"] else [])):
         if values[name] <= 0:
             raise TireError(f"{path}: {name} = {values[name]:g}: must be above 0")
     if values["PDY1"] * values["PKY1"] >= 0:

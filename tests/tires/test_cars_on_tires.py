@@ -1,13 +1,9 @@
 """Cars on tires of a file: rest, symmetry, grip, rolling, standstill, steps; of either suspension."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from named import Named
 
-from cosim import Record, System
-from cosim.fmu import fmu_states  # noqa: F401
 from fmu_sources.plants import full_car, wishbone_car
 from fmu_sources.tires.tir_file import read_tire
 from fmu_sources.vehicles import load_full_car, load_wishbone_car, loader
@@ -84,7 +80,7 @@ def test_keeps_straight_and_at_rest(car):
 
 
 def test_coasts_by_rolling_resistance():
-    """m a = -sum of |My| / r, with the wheels' inertia in the mass."""
+    """M a = -sum of |My| / r, with the wheels' inertia in the mass."""
     car = model("full_car", "truck")
     p = {"speed_control.gain": 0.0, "speed_control.integral_gain": 0.0}
     found = run(car, 2.0, parameters=p, target__speed=20.0)
@@ -103,15 +99,15 @@ def test_grip_limits_the_deceleration(tire):
     """Braked from 20 m/s as hard as the driver can, the car does not slow down faster than friction lets it."""
     car = model("full_car", tire)
     found = run(car, 1.5, target__speed=lambda t: 20.0 if t < 0.1 else 0.0)
-    deceleration = -np.gradient(found["speed"], 1e-3)[300:].max(initial=0), -np.diff(found["speed"][200:]).min() / 1e-3
+    deceleration = -np.diff(found["speed"][200:]).min() / 1e-3
     friction = read_tire(FOLDER / f"{tire}.tir").values["PDX1"]
-    assert 0.3 * G < deceleration[1] < 1.3 * friction * G
+    assert 0.3 * G < deceleration < 1.3 * friction * G
 
 
 def test_stands_still_without_chatter(car):
     """Braked to a standstill, the car comes to rest, and its wheels do not swing."""
-    found = run(car, 3.0, target__speed=lambda t: 3.0 if t < 0.1 else 0.0)
-    last = slice(2500, None)
+    found = run(car, 20.0, target__speed=lambda t: 3.0 if t < 0.1 else 0.0)
+    last = slice(-1000, None)
     assert np.abs(found["speed"][last]).max() < 0.02
     for k in SWAPPED:
         spin = found[f"wheel.{k}.spin"][last]
@@ -128,12 +124,10 @@ def test_takes_a_corner_as_its_tires_allow(car):
     assert found["body.roll"][300:700].max() > 0  # turning left, the left side rises
 
 
-def test_half_the_step_changes_little():
+def test_halving_the_step_changes_little():
+    """Steps of 1 ms hold two of the solver, those of 0.25 ms half of one."""
     car = model("full_car")
     inputs = {"target__speed": 15.0, "target__y": lambda t: 0.0 if t < 0.1 else 2.0}
-    errors = []
-    fine = run(car, 1.0, 1.25e-4, **inputs)
-    for step in (1e-3, 5e-4):
-        errors.append(abs(run(car, 1.0, step, **inputs)["body.yaw"][-1] - fine["body.yaw"][-1]))
-    assert errors[1] < errors[0]
-    assert errors[0] < 2e-3 * np.abs(fine["body.yaw"]).max()
+    fine, coarse = (run(car, 1.0, step, **inputs)["body.yaw"][-1] for step in (2.5e-4, 1e-3))
+    assert abs(fine) > 0.02
+    assert coarse == pytest.approx(fine, rel=1e-4)
