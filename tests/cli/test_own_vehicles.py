@@ -101,7 +101,7 @@ def test_what_a_file_of_each_kind_makes(base: str, tmp_path: Path) -> None:
 
 
 def test_every_published_vehicle_can_be_a_base() -> None:
-    of_the_same_kind = {"hmmwv_modified": "hmmwv", "actuator_hmmwv_physical": "actuator_hmmwv"}
+    of_the_same_kind = {"hmmwv_modified": "hmmwv", "hmmwv_tires": "hmmwv", "actuator_hmmwv_physical": "actuator_hmmwv"}
     assert {of_the_same_kind.get(n, n) for n in vehicle_names()} == set(MADE)
 
 

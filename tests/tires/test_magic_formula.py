@@ -217,6 +217,18 @@ def test_pneumatic_trail_is_the_lever_of_small_side_forces(tire, part):
     )
 
 
+def test_trail_over_the_slip_angle(tire):
+    """Slope, shape, shift and curvature of the trail, written out, at no residual moment."""
+    v, angle = tire.values, 0.06
+    own = with_(centered(tire), QHZ1=0.004, QEZ1=-1.4, QEZ4=0.3, QDZ8=0.0, QDZ9=0.0)
+    x = (tan(angle) if tire.version == 6 else angle) + 0.004
+    curvature = -1.4 * (1 + 0.3 * 2 / pi * atan(v["QBZ1"] * v["QCZ1"] * x))
+    bx = v["QBZ1"] * x
+    trail = v["UNLOADED_RADIUS"] * v["QDZ1"] * cos(v["QCZ1"] * atan(bx - curvature * (bx - atan(bx)))) * cos(angle)
+    found = forces(own, angle=angle)
+    assert found["mz"] == pytest.approx(-trail * found["fy"], rel=1e-12)
+
+
 def test_aligning_moment_turns_the_wheel_into_its_velocity(tire):
     """The contact slides to the left, the wheel turns to the left."""
     assert forces(centered(tire), angle=0.02)["mz"] > 0
