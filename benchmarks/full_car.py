@@ -1,18 +1,30 @@
-"""The full car alone at 1 ms: simulated time per wall time."""
+"""Full cars alone at 1 ms: simulated time per processor time, on tires of a friction ellipse and of a file."""
 
 from __future__ import annotations
 
+import time
 import warnings
 
 from cosim import Record, System
 from cosim.experiments.gpc.runs import PLANT
 from cosim.study import FmuSet
 
+LENGTH, TURNS = 50.0, 3  # s, and how often each car runs; the fastest run counts
+
 
 def measure() -> dict[str, float]:
-    """Simulated time per wall time."""
+    """Simulated time per processor time of either car, and their ratio."""
     warnings.simplefilter("ignore")
-    with System() as system:
-        system.add("car", FmuSet().path(PLANT), step="1 ms")
-        recording = system.run(20.0, record=Record(["car.x"], "100 ms"))
-    return {"simulated time / wall time": recording.real_time_factor}
+    found: dict[str, float] = {PLANT: 0.0, "FullCarHmmwvTires": 0.0}
+    for _ in range(TURNS):
+        for name in found:
+            with System() as system:
+                system.add("car", FmuSet().path(name), step="1 ms")
+                start = time.process_time()
+                system.run(LENGTH, record=Record(["car.x"], "100 ms"))
+                found[name] = max(found[name], LENGTH / (time.process_time() - start))
+    ellipse, file = found.values()
+    return {
+        **{f"{n}, simulated time / processor time": v for n, v in found.items()},
+        "cost of a tire file": ellipse / file,
+    }
