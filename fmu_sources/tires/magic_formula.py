@@ -102,14 +102,15 @@ class MagicFormula:
         nominal = p.LFZO * p.FNOMIN
         known = ca.fmax(ca.fmax(load, p.FZMIN), LEAST_LOAD * nominal)
         known = ca.fmin(known, p.FZMAX)
-        s = SimpleNamespace(load=known, nominal=nominal, dfz=(known - nominal) / nominal)
+        s = SimpleNamespace(load=known, nominal=nominal, ratio=known * (1 / nominal))
+        s.dfz = s.ratio - 1
         s.dpi = p.INFLPRES / p.NOMPRES - 1
         s.kappa = _within(slip, p.KPUMIN, p.KPUMAX)
         s.tan = side * _within(slip_angle, ca.tan(p.ALPMIN), ca.tan(p.ALPMAX))
         s.alpha = ca.atan(s.tan) if self._old else s.tan
         s.cos = _cos_atan(s.tan)
-        angle = side * _within(inclination, p.CAMMIN, p.CAMMAX)
-        s.gamma = angle if self._old else ca.sin(angle)
+        angle = _within(inclination, p.CAMMIN, p.CAMMAX)
+        s.gamma = side * (angle if self._old else ca.sin(angle))
         pace = speed / p.slow
         s.rolling = ca.if_else(ca.fabs(pace) < 20, ca.tanh(pace), ca.sign(pace))  # equal beyond, without a function
         self._longitudinal(s)
@@ -166,19 +167,20 @@ class MagicFormula:
         peak, shape = of.friction * s.load, p.PCY1 * p.LCY
         top = (p.PKY2 + p.PKY5 * gamma**2) * (1 + p.PPY2 * s.dpi)
         of.stiffness = p.PKY1 * s.nominal * (1 + p.PPY1 * s.dpi) * (1 - p.PKY3 * ca.fabs(leaning)) * p.LKY
-        of.stiffness *= ca.sin(p.PKY4 * ca.atan(s.load / s.nominal / top))
+        of.stiffness *= ca.sin(p.PKY4 * ca.atan(s.ratio / top))
+        softness = 1 / of.stiffness  # quotients are dear
         camber_lift = s.load * (p.PVY3 + p.PVY4 * s.dfz) * leaning * p.LMUY * (1 if self._old else p.LKYC)
         of.lift = s.load * (p.PVY1 + p.PVY2 * s.dfz) * p.LVY * p.LMUY + camber_lift
         if self._old:
             camber_shift = p.PHY3 * leaning
         else:
             camber = s.load * (p.PKY6 + p.PKY7 * s.dfz) * (1 + p.PPY5 * s.dpi) * p.LKYC
-            camber_shift = (camber * gamma - camber_lift) / of.stiffness
+            camber_shift = (camber * gamma - camber_lift) * softness
         of.shift = (p.PHY1 + p.PHY2 * s.dfz) * p.LHY + camber_shift
         x = s.alpha + of.shift
         curvature = (p.PEY1 + p.PEY2 * s.dfz) * p.LEY
         curvature *= 1 + p.PEY5 * gamma**2 - (p.PEY3 + p.PEY4 * leaning) * ca.sign(x)
-        of.slope, of.shape = of.stiffness / (shape * peak), shape
+        of.softness, of.slope, of.shape = softness, of.stiffness / (shape * peak), shape
         of.pure = peak * ca.sin(_phase(of.slope, shape, curvature, x)) + of.lift
         slope = (p.RBY1 + p.RBY4 * gamma**2) * _cos_atan(p.RBY2 * (s.alpha - p.RBY3)) * p.LYKA
         of.weight = _weight(slope, p.RCY1, p.REY1 + p.REY2 * s.dfz, s.kappa, p.RHY1 + p.RHY2 * s.dfz)
@@ -193,14 +195,14 @@ class MagicFormula:
         gamma = s.gamma * p.LGAZ if old else s.gamma
         size = ca.fabs(gamma)
         # Slip angles that stand for the whole slip.
-        by_slip = (s.stiffness / lateral.stiffness * s.kappa) ** 2
+        by_slip = (s.stiffness * lateral.softness * s.kappa) ** 2
         at = s.alpha + p.QHZ1 + p.QHZ2 * s.dfz + (p.QHZ3 + p.QHZ4 * s.dfz) * gamma
-        ar = s.alpha + lateral.shift + lateral.lift / lateral.stiffness
+        ar = s.alpha + lateral.shift + lateral.lift * lateral.softness
         at, ar = (ca.sign(x) * ca.sqrt(x**2 + by_slip + _TINY) for x in (at, ar))
         # Pneumatic trail.
         slope = (p.QBZ1 + p.QBZ2 * s.dfz + p.QBZ3 * s.dfz**2) * p.LKY / p.LMUY
         slope *= 1 + p.QBZ5 * size + (p.QBZ4 * gamma if old else p.QBZ6 * gamma**2)
-        peak = s.load * p.UNLOADED_RADIUS / s.nominal * (p.QDZ1 + p.QDZ2 * s.dfz) * (1 - p.PPZ1 * s.dpi) * p.LTR
+        peak = s.ratio * p.UNLOADED_RADIUS * (p.QDZ1 + p.QDZ2 * s.dfz) * (1 - p.PPZ1 * s.dpi) * p.LTR
         peak *= (1 + p.QDZ3 * (gamma if old else size) + p.QDZ4 * gamma**2) * s.rolling
         curvature = p.QEZ1 + p.QEZ2 * s.dfz + p.QEZ3 * s.dfz**2
         curvature *= 1 + (p.QEZ4 + p.QEZ5 * gamma) * 2 / ca.pi * ca.atan(slope * p.QCZ1 * at)
@@ -212,7 +214,7 @@ class MagicFormula:
         most = s.load * p.UNLOADED_RADIUS * ((p.QDZ6 + p.QDZ7 * s.dfz) * p.LRES + camber) * p.LMUY * s.rolling
         residual_slope = p.QBZ9 * p.LKY / p.LMUY + p.QBZ10 * lateral.slope * lateral.shape
         residual = most * _cos_atan(residual_slope * ar) * s.cos
-        lever = p.SSZ1 + p.SSZ2 * fy / s.nominal + (p.SSZ3 + p.SSZ4 * s.dfz) * gamma
+        lever = p.SSZ1 + p.SSZ2 * (fy * (1 / s.nominal)) + (p.SSZ3 + p.SSZ4 * s.dfz) * gamma
         if old:
             on_trail = fy - lateral.induced
         else:
@@ -222,21 +224,21 @@ class MagicFormula:
 
     def _overturning(self, s: Any, fy: Any) -> Any:
         """Mx [N.m]: (4.E69)."""
-        p, side = self._p, fy / s.nominal
+        p, side = self._p, fy * (1 / s.nominal)
         shift, whole = p.QSX1 * p.LVMX, p.QSX3 * side - p.QSX2 * s.gamma * (1 + p.PPMX1 * s.dpi)
         if self._old:
             return p.UNLOADED_RADIUS * s.load * (shift + p.LMX * whole)
-        by_load = p.QSX4 * ca.cos(p.QSX5 * ca.atan(p.QSX6 * s.load / s.nominal) ** 2)
+        by_load = p.QSX4 * ca.cos(p.QSX5 * ca.atan(p.QSX6 * s.ratio) ** 2)
         by_both = by_load * ca.sin(p.QSX7 * s.gamma + p.QSX8 * ca.atan(p.QSX9 * side))
         whole += _unless_zero((p.QSX4, p.QSX7, p.QSX8), by_both)
-        by_load = p.QSX10 * ca.atan(p.QSX11 * s.load / s.nominal)
+        by_load = p.QSX10 * ca.atan(p.QSX11 * s.ratio)
         whole += _unless_zero((p.QSX10, p.QSX11), by_load * s.gamma)
         return p.UNLOADED_RADIUS * s.load * p.LMX * (shift + whole)
 
     def _rolling_resistance(self, s: Any, speed: Any) -> Any:
         """My [N.m], against the rolling: (4.E70)."""
-        p, pace, load = self._p, ca.fabs(speed / self._p.LONGVL), s.load / s.nominal
-        whole = p.QSY1 + p.QSY2 * s.fx / s.nominal + p.QSY3 * pace + p.QSY4 * pace**4
+        p, pace, load = self._p, ca.fabs(speed / self._p.LONGVL), s.ratio
+        whole = p.QSY1 + p.QSY2 * s.fx * (1 / s.nominal) + p.QSY3 * pace + p.QSY4 * pace**4
         whole += (p.QSY5 + p.QSY6 * load) * s.gamma**2
         by_load = load**p.QSY7 * (1 + s.dpi) ** p.QSY8
         return -s.load * p.UNLOADED_RADIUS * p.LMY * whole * s.rolling * by_load
@@ -245,11 +247,11 @@ class MagicFormula:
         """Relaxation lengths [m]: by PTX and PTY (5.2), or slip stiffness by stiffness of the carcass (6.1)."""
         p = self._p
         if not self._by_carcass[0]:
-            x = s.load / s.nominal * (p.PTX1 + p.PTX2 * s.dfz) * ca.exp(p.PTX3 * s.dfz) * p.UNLOADED_RADIUS
+            x = s.ratio * (p.PTX1 + p.PTX2 * s.dfz) * ca.exp(p.PTX3 * s.dfz) * p.UNLOADED_RADIUS
         else:
             x = s.stiffness / p.LONGITUDINAL_STIFFNESS
         if not self._by_carcass[1]:
-            y = p.PTY1 * ca.sin(2 * ca.atan(s.load / s.nominal / p.PTY2)) * p.UNLOADED_RADIUS * p.LFZO
+            y = p.PTY1 * ca.sin(2 * ca.atan(s.ratio / p.PTY2)) * p.UNLOADED_RADIUS * p.LFZO
             y *= 1 - p.PKY3 * ca.fabs(s.gamma)
         else:
             y = ca.fabs(lateral.stiffness) / p.LATERAL_STIFFNESS
