@@ -64,6 +64,7 @@ LSGAL=1 scale of the lateral relaxation length
 LMX=1 scale of the overturning moment
 LVMX=1 scale of the shift of the overturning moment
 LMY=1 scale of the rolling resistance
+LIP=1 scale of the inflation pressure
 [LONGITUDINAL_COEFFICIENTS]
 PCX1 shape factor
 PDX1 friction at the nominal load
@@ -166,9 +167,9 @@ QSY8=0 exponent of the pressure
 QBZ1=0 trail: slope at the nominal load
 QBZ2=0 trail: slope with load
 QBZ3=0 trail: slope with load squared
-QBZ4=0 trail: slope with inclination (5.2)
+QBZ4=0 trail: slope with inclination
 QBZ5=0 trail: slope with the size of the inclination
-QBZ6=0 trail: slope with inclination squared (6.1)
+QBZ6=0 trail: slope with inclination squared
 QBZ9=0 residual moment: slope
 QBZ10=0 residual moment: slope by that of the side force
 QCZ1=0 trail: shape
@@ -234,10 +235,20 @@ COEFFICIENTS = _read()
 """By name, in the order of the table."""
 
 FORCE_SECTIONS = {c.section for c in COEFFICIENTS.values() if c.section.endswith("_COEFFICIENTS")}
-"""Sections of which every entry must be known: a misspelt coefficient would change the forces silently."""
+"""Sections of which every entry should be known: a misspelt coefficient would change the forces silently."""
 
-ONLY = {5: ("PKY4", "PKY5", "PKY6", "PKY7", "PEY5", "QBZ6", "QDZ10", "QDZ11", "RBX3", "RBY4"),
-        6: ("LGAX", "LGAY", "LGAZ", "PHY3", "QBZ4")}  # fmt: skip
+OTHER_NAMES = {"IP": "INFLPRES", "IP_NOM": "NOMPRES", "LKG": "LKYC", "LFZ0": "LFZO", "QPX1": "PPMX1"}
+"""Names that PAC2002 has for coefficients."""
+
+LEFT_OUT = ("PTX4", "PTY3", "QTZ1", "MBELT", "LGYR", "LCZ", "LMP", "LMUV", "LAMU", "QSX12", "QSX13", "QSX14")
+"""Known entries without influence: damping at low speed, gyroscopic moment, vertical stiffness, turn slip, parking,
+sliding speed, and the overturning moment of 6.2.
+"""
+
+ONLY = {
+    5: ("PKY4", "PKY5", "PKY6", "PKY7", "PEY5", "QDZ10", "QDZ11", "RBX3", "RBY4"),
+    6: ("LGAX", "LGAY", "LGAZ", "PHY3"),
+}
 """By version: coefficients of the other one, which this one has not."""
 
 POSITIVE = (

@@ -104,7 +104,7 @@ class MagicFormula:
         known = ca.fmin(known, p.FZMAX)
         s = SimpleNamespace(load=known, nominal=nominal, ratio=known * (1 / nominal))
         s.dfz = s.ratio - 1
-        s.dpi = p.INFLPRES / p.NOMPRES - 1
+        s.dpi = p.LIP * p.INFLPRES / p.NOMPRES - 1
         s.kappa = _within(slip, p.KPUMIN, p.KPUMAX)
         s.tan = side * _within(slip_angle, ca.tan(p.ALPMIN), ca.tan(p.ALPMAX))
         s.alpha = ca.atan(s.tan) if self._old else s.tan
@@ -201,7 +201,7 @@ class MagicFormula:
         at, ar = (ca.sign(x) * ca.sqrt(x**2 + by_slip + _TINY) for x in (at, ar))
         # Pneumatic trail.
         slope = (p.QBZ1 + p.QBZ2 * s.dfz + p.QBZ3 * s.dfz**2) * p.LKY / p.LMUY
-        slope *= 1 + p.QBZ5 * size + (p.QBZ4 * gamma if old else p.QBZ6 * gamma**2)
+        slope *= 1 + p.QBZ4 * gamma + p.QBZ5 * size + p.QBZ6 * gamma**2  # files of 6.1 have QBZ4, the book QBZ6
         peak = s.ratio * p.UNLOADED_RADIUS * (p.QDZ1 + p.QDZ2 * s.dfz) * (1 - p.PPZ1 * s.dpi) * p.LTR
         peak *= (1 + p.QDZ3 * (gamma if old else size) + p.QDZ4 * gamma**2) * s.rolling
         curvature = p.QEZ1 + p.QEZ2 * s.dfz + p.QEZ3 * s.dfz**2

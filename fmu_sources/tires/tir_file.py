@@ -1,23 +1,26 @@
 """Read a tire property file (`.tir`); every mistake in it becomes one sentence with the file, the line and the remedy.
 
 Magic Formula 5.2 (`FITTYP` 5, 51 or 52, and `PROPERTY_FILE_FORMAT = 'PAC2002'` or `'MF_05'`) and 6.1 (`FITTYP` 6, 60 or
-61) are read. SI units are needed, as vendors write them.
+61; 62 with a warning) are read. SI units are needed, as vendors write them. What has no influence is warned of.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from build_fmus.base.checks import did_you_mean, plain
-from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, ONLY, POSITIVE
+from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, LEFT_OUT, ONLY, OTHER_NAMES, POSITIVE
 
 _UNITS = {"LENGTH": ("meter", "m"), "FORCE": ("newton", "n"), "ANGLE": ("radians", "radian", "rad"),
           "MASS": ("kg",), "TIME": ("second", "s", "sec"), "PRESSURE": ("pascal", "pa")}  # fmt: skip
-_FIT_TYPES = {5: 5, 51: 5, 52: 5, 6: 6, 60: 6, 61: 6}
+_FIT_TYPES = {5: 5, 51: 5, 52: 5, 6: 6, 60: 6, 61: 6, 62: 6}
+_LARGEST_ANGLE = 1.5  # rad
+_RANGES = (("KPUMIN", "KPUMAX"), ("ALPMIN", "ALPMAX"), ("CAMMIN", "CAMMAX"))
 _FORMATS = {"PAC2002": 5, "MF_05": 5, "MF_52": 5, "MF05": 5, "MF52": 5, "MF_61": 6, "MF61": 6}
 _MOST = 1_000_000  # bytes; a tire file has some ten thousand
 _ENTRY = re.compile(r"\s*([A-Za-z_][\w.]*)\s*=\s*(.*)")
@@ -28,6 +31,10 @@ class TireError(ValueError):
 
     def __init__(self, message: str) -> None:
         super().__init__(plain(message))
+
+
+class TireWarning(UserWarning):
+    """An entry of a tire file that has no influence."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +58,10 @@ def read_tire(path: Path) -> Tire:
     """Read a tire file.
 
     Raises:
-        TireError: no such file, no such format, other units than SI, an entry that is missing, unknown among the
-            coefficients of forces, given twice, no finite number, or out of limits.
+        TireError: no such file, no such format, other units than SI, an entry that is missing, given twice, no finite
+            number, or out of limits.
+
+    Warns of entries among the coefficients of forces that are unknown, or of another version.
     """
     entries = _entries(path)
     for name, known in _UNITS.items():
@@ -61,19 +70,18 @@ def read_tire(path: Path) -> Tire:
             raise TireError(f"{path}:{line}: {name} = {given}: only SI units are read; export the file with {known[0]}")
     version = _version(path, entries)
     found: dict[str, float] = {}
-    for (section, name), (line, given) in entries.items():
+    for (section, written), (line, given) in entries.items():
+        name = OTHER_NAMES.get(written, written)
         if name in COEFFICIENTS and (section == COEFFICIENTS[name].section or section not in FORCE_SECTIONS):
             if name in found:
                 raise TireError(f"{path}:{line}: {name} is given a second time, in [{section}]; remove one")
             found[name] = _number(path, line, name, given)
-        elif section in FORCE_SECTIONS:
+            if name in ONLY[version] and found[name] != COEFFICIENTS[name].default:
+                other = "6.1" if version == 5 else "5.2"
+                _warn(f"{path}:{line}: {name} belongs to Magic Formula {other} and has no influence; see FITTYP")
+        elif section in FORCE_SECTIONS and name not in LEFT_OUT:
             near = did_you_mean(name, [n for n, c in COEFFICIENTS.items() if c.section == section])
-            raise TireError(f"{path}:{line}: {name}: no coefficient of [{section}] is called so{near}")
-    for name in ONLY[version]:
-        if found.get(name, COEFFICIENTS[name].default) != COEFFICIENTS[name].default:
-            line = next(n for (_, key), (n, _) in entries.items() if key == name)
-            other = "6.1" if version == 5 else "5.2"
-            raise TireError(f"{path}:{line}: {name} belongs to Magic Formula {other}; see FITTYP in this file")
+            _warn(f"{path}:{line}: {name} has no influence: no coefficient of [{section}] is called so{near}")
     missing = [n for n, c in COEFFICIENTS.items() if c.default is None and n not in found]
     if missing:
         raise TireError(f"{path}: {', '.join(missing)} missing; a Magic Formula tire needs them")
@@ -81,6 +89,7 @@ def read_tire(path: Path) -> Tire:
     if pressure:
         found = {"INFLPRES": pressure, "NOMPRES": pressure, **found}
     values = {n: found.get(n, c.default or 0.0) for n, c in COEFFICIENTS.items()}
+    _limit(values)
     _check(path, values)
     line, side = entries.get(("MODEL", "TYRESIDE"), (0, "LEFT"))
     sides = {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}
@@ -110,6 +119,7 @@ def _entries(path: Path) -> dict[tuple[str, str], tuple[int, str]]:
                     f"{path}:{number}: {key[1]} is given a second time, after line {entries[key][0]}; remove one"
                 )
             entries[key] = number, entry[2].strip()
+    entries = {key: entry for key, entry in entries.items() if entry[1]}  # vendors leave open what is not known
     if not entries:
         raise TireError(f"{path}: no line has the form NAME = VALUE; this is no tire property file")
     return entries
@@ -120,6 +130,8 @@ def _version(path: Path, entries: Mapping[tuple[str, str], tuple[int, str]]) -> 
     if fit := entries.get(("MODEL", "FITTYP")):
         value = _number(path, fit[0], "FITTYP", fit[1])
         if value in _FIT_TYPES:
+            if value == 62:
+                _warn(f"{path}:{fit[0]}: FITTYP = 62: read as 6.1, 6.2 has another radius and overturning moment")
             return _FIT_TYPES[int(value)]
         what = f"{path}:{fit[0]}: FITTYP = {fit[1]}"
     elif given := entries.get(("MODEL", "PROPERTY_FILE_FORMAT")):
@@ -128,7 +140,7 @@ def _version(path: Path, entries: Mapping[tuple[str, str], tuple[int, str]]) -> 
         what = f"{path}:{given[0]}: PROPERTY_FILE_FORMAT = {given[1]}"
     else:
         what = f"{path}: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]"
-    raise TireError(f"{what}: Magic Formula 5.2 (FITTYP 5, 51 or 52, PAC2002) and 6.1 (FITTYP 6, 60 or 61) are read")
+    raise TireError(f"{what}: Magic Formula 5.2 (FITTYP 5, 51 or 52, PAC2002) and 6.1 (FITTYP 6, 60 to 62) are read")
 
 
 def _text(given: str) -> str:
@@ -141,8 +153,21 @@ def _number(path: Path, line: int, name: str, given: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value) or abs(value) > 1e12:
-        raise TireError(f"{path}:{line}: {name} = {given or 'nothing'}: must be a finite number")
+        raise TireError(f"{path}:{line}: {name} = {given}: must be a finite number")
     return value
+
+
+def _warn(text: str) -> None:
+    warnings.warn(plain(text), TireWarning, stacklevel=3)
+
+
+def _limit(values: dict[str, float]) -> None:
+    """What was measured on one side of 0 alone holds on the other too; slip angles stay below 90 degrees."""
+    for least, most in _RANGES:
+        values[least] = values[least] or -values[most]
+        values[most] = values[most] or -values[least]
+    values["ALPMIN"] = max(values["ALPMIN"], -_LARGEST_ANGLE)
+    values["ALPMAX"] = min(values["ALPMAX"], _LARGEST_ANGLE)
 
 
 def _check(path: Path, values: Mapping[str, float]) -> None:
@@ -150,15 +175,13 @@ def _check(path: Path, values: Mapping[str, float]) -> None:
     for name in (*POSITIVE, *(["PTY2"] if values["PTY1"] else [])):
         if values[name] <= 0:
             raise TireError(f"{path}: {name} = {values[name]:g}: must be above 0")
-    if values["PDY1"] * values["PKY1"] >= 0:
+    if values["PKY1"] >= 0 or not values["PDY1"]:
         raise TireError(
-            f"{path}: PKY1 = {values['PKY1']:g} and PDY1 = {values['PDY1']:g}: their signs must differ, so that the"
-            " side force opposes the slip (ISO)"
+            f"{path}: PKY1 = {values['PKY1']:g}, PDY1 = {values['PDY1']:g}: PKY1 must be below 0, so that the side"
+            " force opposes the slip (W axes), and PDY1 not 0"
         )
-    for least, most in (("KPUMIN", "KPUMAX"), ("ALPMIN", "ALPMAX"), ("CAMMIN", "CAMMAX")):
+    for least, most in _RANGES:
         if not values[least] < 0 < values[most]:
             raise TireError(f"{path}: {least} = {values[least]:g}, {most} = {values[most]:g}: 0 must lie between them")
-    if max(abs(values["ALPMIN"]), values["ALPMAX"]) >= math.pi / 2:
-        raise TireError(f"{path}: ALPMIN, ALPMAX: slip angles must stay within 90 degrees")
     if not 0 <= values["FZMIN"] < values["FZMAX"]:
         raise TireError(f"{path}: FZMIN = {values['FZMIN']:g} must be at least 0 and below FZMAX")

@@ -1,9 +1,12 @@
 """Tire property files: what is read, and the sentence for everything that is not."""
 
+import warnings
+
 import pytest
 
 from fmu_sources.tires.coefficients import COEFFICIENTS
-from fmu_sources.tires.tir_file import TireError, read_tire
+from fmu_sources.tires.magic_formula import MagicFormula
+from fmu_sources.tires.tir_file import TireError, TireWarning, read_tire
 from fmu_sources.vehicles import VehicleError, load_vehicle, loader, vehicle_files
 
 FOLDER = loader._HERE.parent / "tires"
@@ -52,28 +55,56 @@ def test_pressure_that_is_not_given_has_no_influence(tmp_path):
     (("PCX1 = 1.65", ""), "own.tir: PCX1 missing; a Magic Formula tire needs them"),
     (("PCX1 = 1.65", "PCX1 = 1.6.5"), "own.tir:42: PCX1 = 1.6.5: must be a finite number"),
     (("PCX1 = 1.65", "PCX1 = nan"), "own.tir:42: PCX1 = nan: must be a finite number"),
-    (("PCX1 = 1.65", "PCX1 ="), "own.tir:42: PCX1 = nothing: must be a finite number"),
+    (("PCX1 = 1.65", "PCX1 ="), "own.tir: PCX1 missing; a Magic Formula tire needs them"),
     (("PCX1 = 1.65", "PCX1 = 1\nPCX1 = 2"), "own.tir:43: PCX1 is given a second time, after line 42; remove one"),
-    (("PDX2", "PDXX2"), "own.tir:44: PDXX2: no coefficient of [LONGITUDINAL_COEFFICIENTS] is called so"),
     (("PDX1 = 1.12", "PDX1 = -1"), "own.tir: PDX1 = -1: must be above 0"),
-    (("PKY1 = -19.0", "PKY1 = 19"), "own.tir: PKY1 = 19 and PDY1 = 1: their signs must differ"),
+    (("PKY1 = -19.0", "PKY1 = 19"), "own.tir: PKY1 = 19, PDY1 = 1: PKY1 must be below 0"),
     (("'meter'", "'mm'"), "own.tir:7: LENGTH = 'mm': only SI units are read; export the file with meter"),
-    (("FITTYP   = 52", "FITTYP = 62"), "own.tir:13: FITTYP = 62: Magic Formula 5.2"),
+    (("FITTYP   = 52", "FITTYP = 21"), "own.tir:13: FITTYP = 21: Magic Formula 5.2"),
     (("FITTYP   = 52", "PROPERTY_FILE_FORMAT = 'FIALA'"), "own.tir:13: PROPERTY_FILE_FORMAT = 'FIALA': Magic"),
     (("FITTYP   = 52", ""), "own.tir: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]: Magic"),
-    (("FITTYP   = 52", "FITTYP = 61"), "LGAX"),
     (("TYRESIDE = 'LEFT'", "TYRESIDE = 'TOP'"), "own.tir:14: TYRESIDE = 'TOP': must be 'LEFT' or 'RIGHT'"),
     (("KPUMIN = -1.0", "KPUMIN = 0.1"), "own.tir: KPUMIN = 0.1, KPUMAX = 1: 0 must lie between them"),
-    (("ALPMAX = 0.7", "ALPMAX = 2"), "own.tir: ALPMIN, ALPMAX: slip angles must stay within 90 degrees"),
     (("FZMAX = 12000", "FZMAX = 100"), "own.tir: FZMIN = 150 must be at least 0 and below FZMAX"),
 ])  # fmt: skip
 def test_mistakes_have_a_sentence(tmp_path, change, sentence):
     assert change[0] in SEDAN
     with pytest.raises(TireError) as error:
         read_tire(file(tmp_path, SEDAN.replace(*change, 1)))
-    if sentence == "LGAX":  # its default is what the file says; PHY3 is not
-        sentence = "PHY3 belongs to Magic Formula 5.2; see FITTYP in this file"
     assert sentence in str(error.value)
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (("PDX2", "PDXX2"), "own.tir:44: PDXX2 has no influence: no coefficient of [LONGITUDINAL_COEFFICIENTS] is"),
+    (("FITTYP   = 52", "FITTYP = 61"), "PHY3 belongs to Magic Formula 5.2 and has no influence; see FITTYP"),
+    (("FITTYP   = 52", "FITTYP = 62"), "own.tir:13: FITTYP = 62: read as 6.1"),
+    (("PCX1 = 1.65", "PCX1 = 1.65\nPKY5 = 1"), "own.tir:43: PKY5 has no influence: no coefficient of [LONGITUDINAL"),
+])  # fmt: skip
+def test_what_has_no_influence_is_warned_of(tmp_path, change, sentence):
+    assert change[0] in SEDAN
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        read_tire(file(tmp_path, SEDAN.replace(*change, 1)))
+    assert any(sentence in str(w.message) and w.category is TireWarning for w in found)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_vendors_files_contain(tmp_path):
+    """Values left open, names of PAC2002, other parts of the model, ranges of one direction or 90 degrees."""
+    text = SEDAN.replace("KPUMIN = -1.0\nKPUMAX = 1.0", "KPUMIN = -0.8\nKPUMAX = 0.0")
+    text = text.replace("ALPMIN = -0.7\nALPMAX = 0.7", "ALPMIN = -1.5708\nALPMAX = 1.5708")
+    text = text.replace("CAMMIN = -0.2", "CAMMIN =").replace("PDX3 = 0.6", "PDX3 =   $ not measured")
+    text = text.replace(
+        "[LONGITUDINAL_COEFFICIENTS]", "LGYR = 1\nLCZ = 0.4\nLIP = 1\n[LONGITUDINAL_COEFFICIENTS]\nPTX4 = 0.1"
+    )
+    text = text.replace("FITTYP   = 52", "PROPERTY_FILE_FORMAT='PAC2002'  $Tire property type\nUSE_MODE = 14")
+    text = text.replace("PDY1 = 1.0", "PDY1 = -1.0")  # the slope is that of PKY1 all the same
+    text += "QTZ1 = 0.2\nMBELT = 4.9\n[TIRE_CONDITIONS]\nIP = 240000\nIP_NOM = 220000\n"
+    tire = read_tire(file(tmp_path, text))
+    v = tire.values
+    assert (v["INFLPRES"], v["NOMPRES"], v["PDX3"]) == (240000, 220000, 0)
+    assert (v["KPUMIN"], v["KPUMAX"], v["ALPMIN"], v["ALPMAX"], v["CAMMIN"]) == (-0.8, 0.8, -1.5, 1.5, -0.5)
+    assert float(MagicFormula(tire).forces(4000.0, 0.0, 1e-3, 0.0, 20.0).fy) < 0
 
 
 @pytest.mark.parametrize("text", [b"", b"hello", b"\x00\xff" * 100, b"[MODEL]\n" * 1000])
