@@ -192,7 +192,9 @@ def _experiments(name: str, experiment: Experiment) -> bytes:
 
 
 def _manifest(related: Iterable[Related]) -> bytes:
-    rows = ({"type": r.type, "source": _relative(r.path), "role": r.role, "description": r.description} for r in related)
+    rows = (
+        {"type": r.type, "source": _relative(r.path), "role": r.role, "description": r.description} for r in related
+    )
     return manifest("fmiReferences", NAME, VERSION, _DESCRIPTION, "Related", rows)
 
 
