@@ -36,12 +36,12 @@ _INTERFACE = """/begin IF_DATA XCP
 /end IF_DATA"""
 _HELP = """Measurement and calibration of {name} (FMI-LS-XCP 1.0)
 
-{folder} has an A2L file for each binary of this FMU. Addresses are relative to the base address of the
-binary, and are those of the first instance of a process: instantiate the FMU once. The FMU has no XCP service. The
-importer brings one, replaces IF_DATA XCP by that of its service, and serves requests between communication steps.
-After a change of parameters in memory, write 0 to "prepared"; the next sample takes them. Limits are then checked by the
-tool only. A Boolean or an integer is a number in double precision, too.
-{name}.a2l beside the manifest is for binaries that are built from the sources: it has no addresses, but symbol links.
+{folder} has an A2L file for each binary of this FMU. Addresses are
+relative to the base address of the binary, and are those of the first instance of a process: instantiate the FMU once.
+The FMU has no XCP service. The importer brings one, replaces IF_DATA XCP by that of its service, and serves requests
+between communication steps. After a change of parameters in memory, write 0 to "prepared"; the next sample takes them.
+Limits are then checked by the tool only. Booleans and integers are numbers in double precision, too.
+{name}.a2l beside the manifest is for binaries that are built from the sources: it has symbol links, but no addresses.
 """
 
 

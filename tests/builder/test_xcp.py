@@ -221,6 +221,7 @@ def test_addresses_on_all_platforms(tmp_path: Path) -> None:
 
 def _by_lief(data: bytes) -> int:
     binary = lief.parse(list(data))
+    assert binary is not None
     (section,) = (s for s in binary.sections if s.name in (".data", "__data"))
     return int(section.virtual_address) + bytes(section.content).index(MARK)
 
