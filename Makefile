@@ -71,7 +71,7 @@ test-judges: $(VENV)/.test
 test-embedded: $(VENV)/.test
 	$(BIN)/build-fmus
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[embedded]' || echo "not every package of the extra [embedded] can be installed here"
-	$(BIN)/python -m pytest -n auto --dist worksteal -m embedded -rs tests/target
+	$(BIN)/python -m pytest -n auto --dist worksteal -m '' -rs tests/target
 
 # Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both color schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.

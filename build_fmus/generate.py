@@ -208,10 +208,20 @@ def ticks(component: Model) -> Fraction:
     return near if float(near) == component.sample_time else Fraction(repr(component.sample_time))
 
 
-def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False) -> str:
+FIRST_INSTANCE = "first_instance"  # a global variable of model.c
+MARK = b"first instance:\0"
+"""How the memory of the first instance begins in a binary."""
+
+
+def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False, first: bool = False) -> str:
     """The complete `model.c` of a component; deterministic for a given CasADi version.
 
-    `clocks`: of FMI 3.0, a discrete component may be sampled by a clock.
+    Args:
+        component: to write.
+        arrays: array variables instead of scalar elements.
+        token: instantiation token.
+        clocks: of FMI 3.0, a discrete component may be sampled by a clock.
+        first: a discrete component has the memory of the first instance in the binary.
     """
     functions = written_functions(component)
     headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]
@@ -236,6 +246,9 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     if clocks and not continuous:
         every = ticks(component)
         fields |= {"has_clock": 1, "clock_counter": f"{every.numerator}u", "clock_resolution": f"{every.denominator}u"}
+    if first and not continuous:
+        tables.append(_first_instance(component))
+        fields["first"] = f"&{FIRST_INSTANCE}.head"
     if hidden:
         rows = (_fields(name=c_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
         tables.append(_table("FmuHidden", "hidden", rows))
@@ -288,6 +301,20 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
             *given,
             "};",
             "#endif",
+            "",
+        ]
+    )
+
+
+def _first_instance(component: Model) -> str:
+    sizes = [component.size(role) for role in ("parameter", "input", "state", "state", "output")]  # type: ignore[arg-type]
+    numbers = sum(sizes) + sum(q.n_memory for q in component.programs)
+    return "\n".join(
+        [
+            "static struct {",
+            "    FmuFirstInstance head;",
+            f"    double state[FMU_STATE_HEAD + {numbers}];",
+            f"}} {FIRST_INSTANCE} = {{.head = {{.mark = {c_string(MARK.decode().rstrip(chr(0)))}}}}};",
             "",
         ]
     )

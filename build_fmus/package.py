@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-from build_fmus import description_xml, generate, licenses, reference, related
+from build_fmus import description_xml, generate, licenses, reference, related, xcp
 from build_fmus.base import extras, safe_files
 from build_fmus.base.archives import zipped
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
@@ -101,6 +101,7 @@ def _pack(
     experiment = related.Experiment(
         float(result.time[-1]), float(result.time[1]), inputs if result.input_names else None, references
     )
+    content |= xcp.files(component, content)
     content |= related.files(component.name, content, parts, compilers, experiment=experiment)
     return zipped(content)
 
@@ -108,7 +109,8 @@ def _pack(
 def source_files(component: Model, fmi: int, *, arrays: bool = False, clocks: bool = False) -> dict[str, bytes]:
     """C files and headers of a component's FMU, by file name."""
     token = generate.identity(component, arrays=arrays, clocks=clocks)
-    files = {"model.c": generate.generate_c(component, arrays=arrays, token=token, clocks=clocks).encode()}
+    code = generate.generate_c(component, arrays=arrays, token=token, clocks=clocks, first=True)
+    files = {"model.c": code.encode()}
     runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
     files |= generate.solver_files(component) | generate.profile_files(component)

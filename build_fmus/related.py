@@ -192,12 +192,22 @@ def _experiments(name: str, experiment: Experiment) -> bytes:
 
 
 def _manifest(related: Iterable[Related]) -> bytes:
-    root = etree.Element("fmiReferences", nsmap={"fmi-ls": _NAMESPACE})
-    for key, value in (("name", NAME), ("version", VERSION), ("description", _DESCRIPTION)):
-        root.set(f"{{{_NAMESPACE}}}fmi-ls-{key}", value)
-    for r in related:
-        etree.SubElement(root, "Related", type=r.type, source=_relative(r.path), role=r.role, description=r.description)
-    return _xml(root)
+    rows = (
+        {"type": r.type, "source": _relative(r.path), "role": r.role, "description": r.description} for r in related
+    )
+    return manifest("fmiReferences", NAME, VERSION, _DESCRIPTION, "Related", rows)
+
+
+def manifest(
+    root: str, name: str, version: str, description: str, element: str, rows: Iterable[Mapping[str, str]]
+) -> bytes:
+    """The manifest of a layered standard: elements of one kind with these attributes."""
+    top = etree.Element(root, nsmap={"fmi-ls": _NAMESPACE})
+    for key, value in (("name", name), ("version", version), ("description", description)):
+        top.set(f"{{{_NAMESPACE}}}fmi-ls-{key}", value)
+    for row in rows:
+        etree.SubElement(top, element, row)
+    return _xml(top)
 
 
 def _relative(path: str) -> str:

@@ -175,7 +175,11 @@ def main() -> None:
         folder = Path(place)
         known = rows_of(PAGE.read_text()) if names else {}
         made = rows_of("\n".join(faulty(names or FAULTS, folder)))
-        clean = right(folder) if not names else [r for n, r in known.items() if n not in FAULTS]
+        clean = (
+            right(folder)
+            if not names
+            else [r for n, r in known.items() if n not in FAULTS and f"`{n}`" not in CHECKERS]
+        )
         PAGE.write_text(text([({**known, **made})[n] for n in FAULTS], clean))
 
 

@@ -1,7 +1,8 @@
 /* Values, initialization, stepping and state of an FMU instance: everything that does not depend on the FMI version.
  *
  * An instance is one block of memory: bookkeeping, then the state block (all that a snapshot copies), then work arrays.
- * Nothing is allocated after creation except snapshots, which FMI makes the host own. */
+ * The first instance of a sampled component has its state block in the binary, where the A2L file says. Nothing is
+ * allocated after creation except snapshots, which FMI makes the host own. */
 
 #include "fmu_core.h"
 
@@ -36,7 +37,8 @@ struct FmuInstance {
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
     double *w;                              /* what the component's functions work in */
     double *f;                              /* what follows from the parameters alone, while it is `prepared` */
-    int prepared;
+    int32_t *prepared;
+    int32_t own_prepared;                   /* of instances on the heap */
     double *qp_memory;                      /* into state->v */
     double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
     void *qp_scratch;
@@ -57,6 +59,18 @@ static size_t n_values(void) {
 }
 
 static size_t state_size(void) { return sizeof(State) + n_values() * sizeof(double); }
+
+typedef char state_head_fits[offsetof(State, v) == FMU_STATE_HEAD * sizeof(double) ? 1 : -1];
+
+#ifdef _MSC_VER
+#include <intrin.h>
+#define EXCHANGE(at, value) _InterlockedExchange((volatile long *)(at), value)
+#else
+#define EXCHANGE(at, value) __atomic_exchange_n(at, value, __ATOMIC_SEQ_CST)
+#endif
+
+/* The memory of the first instance, unless another instance has it. */
+static FmuFirstInstance *take_first(void) { return M->first && !EXCHANGE(&M->first->taken, 1) ? M->first : NULL; }
 
 static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 
@@ -88,7 +102,9 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     for (size_t i = 0, offset = 0; i < sizeof sizes / sizeof *sizes; offset += sizes[i], i++) part[i] = block + offset;
 
     FmuInstance *self = part[0];
-    self->state = part[2];
+    FmuFirstInstance *first = take_first();
+    self->state = first ? (State *)(void *)(first + 1) : part[2];
+    self->prepared = first ? &first->prepared : &self->own_prepared;
     fmu_base_use(&self->base, is_co_simulation, part[1], log, &self->state->mode);
     self->p = self->state->v;
     self->u = self->p + np;
@@ -137,7 +153,12 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
     return FMU_OK;
 }
 
-void fmu_free(FmuInstance *self) { free(self); }
+void fmu_free(FmuInstance *self) {
+    const int first = self->prepared != &self->own_prepared;
+    free(self);
+    if (first) (void)EXCHANGE(&M->first->taken, 0);
+}
+
 void fmu_set_mode(FmuInstance *self, FmuMode mode) { self->state->mode = (int32_t)mode; }
 double fmu_time(const FmuInstance *self) { return self->state->time; }
 void fmu_use_events(FmuInstance *self) { self->uses_events = 1; }
@@ -156,7 +177,8 @@ static void touch(FmuInstance *self) {
 
 FmuStatus fmu_reset(FmuInstance *self) {
     memset(self->state, 0, state_size());
-    self->warned = self->prepared = 0;
+    self->warned = 0;
+    *self->prepared = 0;
     self->state->mode = MODE_INSTANTIATED;
     const size_t n = (size_t)M->n_parameters + (size_t)M->n_inputs + (size_t)M->n_states;
     if (n) memcpy(self->p, M->start, n * sizeof(double));
@@ -207,8 +229,8 @@ static FmuStatus check_finite(FmuInstance *self, const double *values, int n, Fm
 static FmuArguments arguments(FmuInstance *self, double t, const double *x) {
     const FmuArguments at = {
         .t = t, .x = x, .u = self->u, .p = self->p, .f = self->f, .s = self->qp_solution, .w = self->w};
-    if (M->prepare && !self->prepared) M->prepare(&at, self->f);
-    self->prepared = 1;
+    if (M->prepare && !*self->prepared) M->prepare(&at, self->f);
+    *self->prepared = 1;
     return at;
 }
 
@@ -528,10 +550,10 @@ static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuTyp
             if (is_signal(v) && (!in_range(v, to[j]) || v->tolerance > 0.0)) warn_of_input(self, function, v, to[j]);
         }
     }
-    if (parameters) self->prepared = 0;
+    if (parameters) *self->prepared = 0;
     if (running && memcmp(self->before, self->p, n_parameters) != 0 && check_solver_step(self) != FMU_OK) {
         memcpy(self->p, self->before, n_kept);
-        self->prepared = 0;
+        *self->prepared = 0;
         return FMU_ERROR;
     }
     if (n_refs) touch(self);
@@ -903,7 +925,7 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     const FmuStatus status = check_snapshot(self, function, snapshot);
     if (status == FMU_OK) {
         memcpy(self->state, snapshot_state(snapshot), state_size());
-        self->prepared = 0;
+        *self->prepared = 0;
     }
     return status;
 }

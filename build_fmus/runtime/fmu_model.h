@@ -3,6 +3,7 @@
 #define FMU_MODEL_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #ifndef LANES /* else a vector of numbers, one for each of the copies side by side */
 typedef double real;
@@ -70,10 +71,21 @@ typedef struct {
     int n_settings;
 } FmuPoint;
 
+/* Memory of the first instance of a process, which has the addresses in the A2L file; its state follows. Further
+ * instances are on the heap. */
+typedef struct {
+    unsigned char mark[16]; /* by which the build finds it in the binary */
+    int32_t taken;
+    int32_t prepared; /* what follows from the parameters alone agrees with them */
+} FmuFirstInstance;
+
+#define FMU_STATE_HEAD 7 /* numbers before the values of a state (saved_state.h) */
+
 /* What is not given is 0 or NULL: a component without that. */
 typedef struct {
     const char *name;
     const char *token;
+    FmuFirstInstance *first;
     int is_continuous;
     FmuSolver solver;
     double sample_time;                    /* [s], discrete components */

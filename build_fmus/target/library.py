@@ -13,7 +13,7 @@ from typing import Any
 from build_fmus.base import safe_files
 from build_fmus.component import Component, Model
 from build_fmus.generate import RUNTIME_DIR, references, ticks
-from build_fmus.target.a2l import a2l, example_program
+from build_fmus.target.a2l import a2l, example_places, example_program
 from build_fmus.target.assemble import Library, TargetError, assemble, rename_externals
 from build_fmus.target.cycles import core_of
 from build_fmus.target.errors import single_errors
@@ -159,7 +159,8 @@ def _example(component: Model, tools: Tools, tmp: Path, precision: str) -> tuple
     tools.link(["example.o", f"{name}.o", *place], "example.elf", tmp)
     symbols = (line.split() for line in tools.tool("nm", "example.elf", folder=tmp).splitlines())
     addresses = {words[-1]: int(words[0], 16) for words in symbols if len(words) == 3}
-    return (tmp / "example.elf").read_bytes(), a2l(component, addresses, prepared, precision).encode("ascii")
+    places = example_places(component, addresses, prepared, precision)
+    return (tmp / "example.elf").read_bytes(), a2l(component, places, precision).encode("ascii")
 
 
 def _firmware(name: str, frame: int, tools: Tools, tmp: Path) -> bytes:

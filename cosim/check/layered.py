@@ -21,6 +21,7 @@ NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
 SCHEMAS = {
     "org.fmi-standard.fmi-ls-ref": ("fmi3LayeredStandardReferenceManifest.xsd", "1.0.0-beta.1"),
     "org.fmi-standard.fmi-ls-struct": ("fmi3LayeredStandardStructManifest.xsd", None),
+    "org.fmi-standard.fmi-ls-xcp": ("fmi3LayeredStandardXcpManifest.xsd", "1.0.0"),
 }
 """Layered standards whose schema is carried: its file, and the version that it belongs to (None: any)."""
 MOST_SHOWN = 5

@@ -224,13 +224,14 @@ def test_force_uses_nothing_that_was_kept(tmp_path: Path) -> None:
             return next(z.read(n) for n in z.namelist() if n.startswith("binaries/"))
 
     sound = binary()
+    wrong = sound + b"more"
     objects = options.cache / "objects"
     (library,) = (p for p in objects.iterdir() if p.suffix != ".o")
     library.unlink()
     key = library.name.partition("-")[0]
-    safe_files.keep_file(objects, key, library.suffix, lambda out: out.write_bytes(b"another library") and None)
+    safe_files.keep_file(objects, key, library.suffix, lambda out: out.write_bytes(wrong) and None)
     old = {p.name: p.stat().st_mtime_ns for p in objects.glob("*.o")}
-    assert binary() == b"another library"
+    assert binary() == wrong
     assert binary(force=True) == sound
     assert all(p.stat().st_mtime_ns > old[p.name] for p in objects.glob("*.o"))
     assert cli.build(["SpeedProfile"], options) == []

@@ -128,6 +128,11 @@ _LS_REF = (
 _LS_STRUCT = (
     'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-struct" fmi-ls:fmi-ls-version="1.0.0" fmi-ls:fmi-ls-description="maps"'
 )
+_LS_XCP = (
+    'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-xcp" fmi-ls:fmi-ls-version="1.0.0" fmi-ls:fmi-ls-description="Layered'
+    " standard based on FMI 2.0 and FMI 3.0 for describing and implementing XCP support for FMUs, which can either"
+    ' provide an XCP service or allow direct memory access via A2L files."'
+)
 
 
 def _member(variable: str, name: str = 'memberName="a" ') -> str:
@@ -282,6 +287,11 @@ FAULTS = {
     ),
     "struct-description": _manifest(
         "org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT
+    ),
+    "xcp-definition": _manifest(
+        "org.fmi-standard.fmi-ls-xcp",
+        'fmiLayeredStandardManifest><Interface supportsDirectMemoryAccess="true"/></fmiLayeredStandardManifest>',
+        _LS_XCP,
     ),
     "backslashes": Fault(("archive.zip",), ("archive.layout",), spoil=_backslashes),
     "no-derivative-unknown": Fault(("description.structure",), spoil=_without_exchange),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,16 @@ def inputs_of(model: Model, n: int, seed: int = 1) -> np.ndarray:
     return np.array(columns).T.reshape(n, -1)
 
 
+@cache
+def unpacked(path: Path) -> tuple[Any, str]:
+    """The description of an FMU, and the folder with its files."""
+    return read_model_description(path), extract(path)
+
+
 def fmu_samples(path: Path, u: np.ndarray, inputs: list[str], outputs: list[str], step: float) -> np.ndarray:
     """Outputs of each sample of an FMU (FMI 3.0)."""
-    description = read_model_description(path)
+    description, folder = unpacked(path)
     variables = {v.name: v for v in description.modelVariables}
-    folder = extract(path)
     fmu = FMU3Slave(
         guid=description.guid,
         modelIdentifier=description.coSimulation.modelIdentifier,

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import shutil
 import struct
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import lief
 import numpy as np
@@ -96,10 +98,28 @@ def test_limits_units_and_shapes(built: Path) -> None:
 @pytest.mark.embedded
 def test_other_reader(built: Path) -> None:
     parser = pytest.importorskip("pya2l.parser", reason="pya2l is not installed (extra embedded)")
+    check_other_reader(parser, (built / f"{built.name}.a2l").read_bytes())
+
+
+@pytest.mark.embedded
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", NAMES)
+def test_other_reader_of_fmus(name: str, fmi: int) -> None:
+    parser = pytest.importorskip("pya2l.parser", reason="pya2l is not installed (extra embedded)")
+    with zipfile.ZipFile(FMUS / f"fmi{fmi}" / f"{name}.fmu") as z:
+        files = [z.read(n) for n in z.namelist() if n.endswith(".a2l")]
+    assert len(files) >= 2
+    for content in files:
+        check_other_reader(parser, content)
+
+
+def check_other_reader(parser: Any, content: bytes) -> None:
     with parser.A2lParser() as reader:
-        module = reader.tree_from_a2l((built / f"{built.name}.a2l").read_bytes()).PROJECT.MODULE[0]
-        assert list(reader.warnings) == []
-    blocks = blocks_of(built)
+        module = reader.tree_from_a2l(content).PROJECT.MODULE[0]
+        for warning in reader.warnings:  # of any block inside IF_DATA, which each file has once
+            block = re.findall(r"^\d+:\d+ (PROTOCOL_LAYER|XCP_ON_UDP_IP) may be used at most once here", warning)
+            assert [content.count(f"/begin {b}".encode()) for b in block] == [1], warning
+    blocks = {m[2]: m[0] for m in BLOCK.finditer(content.decode("ascii"))}
     found = {c.Name.Value: c.Address.Value for c in module.CHARACTERISTIC}
     found |= {m.Name.Value: m.ECU_ADDRESS.Address.Value for m in module.MEASUREMENT}
     assert found == {name: address(block) for name, block in blocks.items()}
