@@ -243,7 +243,8 @@ class SystemCode:
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
             "extrapolations": [
-                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}"
+                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])},"
+                f" {c_number(line[5] + (p.step / 2 if port.inputs[line[0]].follows else 0.0))}}}"  # to the middle
                 for line in p.extrapolations
             ],
             "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.inputs)],

@@ -206,6 +206,8 @@ _REQUIRED_EXCHANGE = {
 }
 
 Log = Callable[[int, str, str], None]  # (status, category, message)
+Intermediate = tuple[int, int, Sequence[int]]
+"""Addresses of fmi3IntermediateUpdateCallback and of its environment, and value references of what it sets."""
 
 
 def platform_folder(version: str) -> tuple[str, str]:
@@ -347,10 +349,11 @@ def instantiate3(
     logging: bool = True,
     event_mode: bool = False,
     early_return: bool = False,
+    intermediate: Intermediate | None = None,
 ) -> Any:
-    """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without intermediate updates.
+    """Call fmi3InstantiateModelExchange or fmi3InstantiateCoSimulation.
 
-    `texts` = name, token, resource path.
+    `texts` = name, token, resource path; `intermediate`: for intermediate updates.
     """
     name, token, resources = texts
     ffi = ffi3
@@ -364,6 +367,7 @@ def instantiate3(
     arguments = (name.encode(), token.encode(), resources.encode(), False, logging)
     if interface == "me":
         return library.fmi3InstantiateModelExchange(*arguments, ffi.NULL, address)
-    return library.fmi3InstantiateCoSimulation(
-        *arguments, event_mode, early_return, ffi.NULL, 0, ffi.NULL, address, ffi.NULL
-    )
+    update, environment, inputs = intermediate or (0, 0, ())
+    required, n = ffi.new("VR[]", list(inputs)), len(inputs)
+    pointers = ffi.cast("void*", environment), address, ffi.cast("void*", update)
+    return library.fmi3InstantiateCoSimulation(*arguments, event_mode, early_return, required, n, *pointers)

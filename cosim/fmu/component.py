@@ -36,6 +36,7 @@ from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.event_steps import EventSteps, steps_with_events
 from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.file import FmuFile, Library
+from cosim.fmu.intermediate import IntermediateUpdates
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.model_exchange import Integration, ModelExchange
@@ -100,6 +101,7 @@ class FmuComponent:
         self._events: EventMode | None = None
         self.integration: Integration | None = None
         self._event_steps: EventSteps | None = None
+        self._intermediate: IntermediateUpdates | None = None
 
     @property
     def in_event_mode(self) -> bool:
@@ -121,9 +123,10 @@ class FmuComponent:
         return self._events
 
     @property
-    def _driver(self) -> Integration | EventSteps | None:
-        """What steps it instead of itself, in this process: its integrator, or what divides its steps at events."""
-        return self.integration if self.integration is not None and self.integration.here else self._event_steps
+    def _driver(self) -> Integration | EventSteps | IntermediateUpdates | None:
+        """What steps it instead of itself, in this process: its integrator, or what sets inputs or divides steps."""
+        own = self.integration if self.integration is not None and self.integration.here else None
+        return own or self._intermediate or self._event_steps
 
     @property
     def _remembers(self) -> EventMode | Integration | EventSteps | None:
@@ -190,15 +193,18 @@ class FmuComponent:
         log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         divided = steps_with_events(self.description)
-        with_events = {"event_mode": True} if events is not None else {}
+        how: dict[str, Any] = {"event_mode": True} if events is not None else {}
         if divided:
             about = self.description
-            with_events = {"event_mode": about.event_mode, "early_return": about.variable_step}
-        instance = library.instantiate(texts, log, self._keep, **with_events)
+            how = {"event_mode": about.event_mode, "early_return": about.variable_step}
+        follows = [v for v in self.description.inputs.values() if v.follows]
+        self._intermediate = IntermediateUpdates(follows) if follows else None
+        update = self._intermediate.callback if self._intermediate else None
+        instance = library.instantiate(texts, log, self._keep, **how, intermediate=update)
         self._check_environment()
         if instance == self._ffi.NULL and divided and self.description.event_mode and not library.lost():
             self._forget_messages()
-            instance, divided = library.instantiate(texts, log, self._keep), False
+            instance, divided = library.instantiate(texts, log, self._keep, intermediate=update), False
             if instance != self._ffi.NULL:
                 warnings.warn(
                     f"component '{name}': its FMU declares event mode (hasEventMode) and cannot be instantiated with"
@@ -221,6 +227,10 @@ class FmuComponent:
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
         self._event_steps = EventSteps(self) if divided else None
+        if self._intermediate is not None:
+            self._intermediate.attach(self, self._event_steps)
+            self._keep.append(self._intermediate)
+            self._kept_from_start = len(self._keep)
         self._configure()
 
     def _open(self) -> Library | IsolatedLibrary:
@@ -257,6 +267,8 @@ class FmuComponent:
         if self._instance is not None and not self._dead:
             self._call("Terminate")
             self._warn_of_crash("Terminate")
+            if self._intermediate is not None:
+                self._intermediate.warn_if_unused(self.name)
 
     def close(self) -> None:
         """Free the instance, and close its library if it was the last one.
@@ -450,6 +462,8 @@ class FmuComponent:
         self._kept.clear()
         self._exact.clear()
         self._sizes = sizes or {}
+        if self._intermediate is not None:
+            self._intermediate.bind(inputs, self._sizes)
         del self._keep[self._kept_from_start :]  # buffers of the run before
         if self._events is not None:
             self._bound_step = self._do_step()
@@ -530,6 +544,7 @@ class FmuComponent:
             step_failed=self._step_failed,
             foreign=self._foreign,
             changed=self._tell_changed,
+            follow=self._intermediate.follow if self._intermediate else None,
         )
 
     def _derivative_call(self) -> int:
@@ -659,6 +674,8 @@ class FmuComponent:
         last, terminated, whole = None, False, False
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
+        if self._intermediate is not None:
+            self._intermediate.step_failed(self, t, h)
         if self.integration is not None:
             self.integration.step_failed(status, t, h)
         if self._event_steps is not None:

@@ -18,19 +18,11 @@ typedef struct {
     double now, x, y, last, got, period, next;
 } Values;
 
+#define REFUSED (!events)
 #include "strict.h"
 
-const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
-    Model *m = events ? calloc(1, sizeof *m) : NULL;
-    if (!m) return NULL;
-    m->log = message;
-    m->environment = environment;
-    m->v = (Values){.events = events, .last = -1.0};
-    return m;
-}
+static void start(Model *m) { m->v = (Values){.events = m->v.events, .last = -1.0}; }
+
 fmi3Status fmi3EnterInitializationMode(
     fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
     IN(BIT(INSTANTIATED));
@@ -42,16 +34,6 @@ fmi3Status fmi3EnterInitializationMode(
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     IN(BIT(INITIALIZATION));
     m->v.state = EVENT;
-    return fmi3OK;
-}
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
-    IN(BIT(EVENT));
-    m->v.state = STEP;
-    return fmi3OK;
-}
-fmi3Status fmi3Reset(fmi3Instance instance) {
-    Model *m = instance;
-    m->v = (Values){.events = m->v.events, .last = -1.0};
     return fmi3OK;
 }
 fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
@@ -111,12 +93,9 @@ fmi3Status fmi3SetInt32(
     for (size_t i = 0; i < n; i++) m->v.relay = value[i];
     return fmi3OK;
 }
-#define VALUES(C) (&((Model *)(C))->v)
-COPIED_STATES(Values, VALUES)
 fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
     fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
-    IN(BIT(STEP));
-    if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
+    STEPS_FROM(t);
     if (m->v.next < t + h - 1e-9) return error(m, "a step to %.12g, over the event at %.12g", t + h, m->v.next);
     *event = *terminate = *early = false;
     m->v.now = *last = t + h;

@@ -10,6 +10,7 @@
 
 #include "environment.h"
 #include "integrator.h"
+#include "intermediate.h"
 #include "launcher.h"
 
 #include <dlfcn.h>
@@ -41,6 +42,7 @@ static void *setters[LINK_TYPES], *getters[LINK_TYPES], *do_step;
 static Planned plan[LINK_PLANNED];
 static int n_plan;
 static Integrator *integrator;   /* of a Model Exchange FMU */
+static IntermediateUpdate update; /* of the present step */
 static char *blob;
 static size_t blob_size;
 
@@ -214,10 +216,12 @@ static uint32_t instantiate(void) {
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, void *, void *))make)(
             name, token, resources, false, true, NULL, (void *)say3);
     } else {
+        const size_t n = (size_t)(region.ask->b >> 2), used = (size_t)(resources + strlen(resources) + 1 - name);
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
             size_t, void *, void *, void *))make)(
-            name, token, resources, false, true, (region.ask->b & 1) != 0, (region.ask->b & 2) != 0, NULL, 0, NULL,
-            (void *)say3, NULL);
+            name, token, resources, false, true, (region.ask->b & 1) != 0, (region.ask->b & 2) != 0,
+            n ? (const uint32_t *)(const void *)(region.request + ALIGNED(used)) : NULL, n, &update, (void *)say3,
+            n ? (void *)intermediate_update : NULL);
     }
     return instance ? LINK_OK : LINK_ERROR;
 }
@@ -337,13 +341,24 @@ static uint32_t learn(const char *at) {
     return LINK_OK;
 }
 
-static uint32_t step(void) {
+/* Inputs that follow: as the master says. */
+static void follow(const char *at, bool stepping) {
+    const LinkValues *v = (const LinkValues *)(const void *)at;
+    update.stepping = stepping && region.ask->b;
+    if (update.stepping)
+        update = (IntermediateUpdate){instance, (EngineValues3)setters[LINK_Float64], (const uint32_t *)(v + 1),
+            v->n_references, true, (double *)(void *)after(v, 0), {0}};
+    else if (region.ask->b) memcpy(region.reply, &update.report, region.answer->reply_used = sizeof update.report);
+}
+
+static uint32_t step(const char *rest) {
     Answer *h = region.answer;
     const double t = region.ask->t, length = region.ask->h;
     const bool prior = region.ask->a != 0;
     uint32_t status;
     memset(h->flags, 0, sizeof h->flags);
     h->last = t;
+    follow(rest, true);
     if (integrator) {
         status = integrator_step2(integrator, t, length, prior);
         h->last = integrator->memory.time;
@@ -357,6 +372,8 @@ static uint32_t step(void) {
         h->flags[0] = event, h->flags[2] = terminate, h->flags[3] = early;
         h->last = last;
     }
+    follow(rest, false);
+    if (update.report.end && status <= LARGEST_SUCCESS) return LINK_ERROR;
     if (status > LARGEST_SUCCESS) return status;
     char *p = region.results;
     for (int i = 0; i < n_plan; i++) {
@@ -526,7 +543,7 @@ static uint32_t dispatch(const char *rest) {
         case LINK_SET: return LINK_OK; /* all that was to be set is */
         case LINK_GET: return get_record(rest);
         case LINK_PLAN: return learn(rest);
-        case LINK_STEP: return step();
+        case LINK_STEP: return step(rest);
         case LINK_STATUS: return tell_status();
         case LINK_GET_STATE: return a_state(NAMED("GetFMUstate", "GetFMUState"), true);
         case LINK_SET_STATE: return a_state(NAMED("SetFMUstate", "SetFMUState"), false);
