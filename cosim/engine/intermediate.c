@@ -41,12 +41,14 @@ uint32_t intermediate_step(void *steps, double t, double h, bool no_set_prior, b
     u->line[1] = t + h;
     for (uint32_t i = 0; i < u->n; i++) {
         const EngineExtrapolation *const x = &s->extrapolations[s->which[i]];
-        start[i] = s->u[x->input];
-        slope[i] = (s->values[x->now] - s->values[x->before]) / x->period * (s->scale ? s->scale[x->input] : 1.0);
+        const double now = s->values[x->now], change = now - s->values[x->before];
+        const double scale = s->scale ? s->scale[x->input] : 1.0, offset = s->scale ? s->offset[x->input] : 0.0;
+        start[i] = (now + change * ((t + x->shift - s->values[x->sample_time]) / x->period)) * scale + offset;
+        slope[i] = change / x->period * scale;
     }
     u->report.end = INTERMEDIATE_FINE;
     u->stepping = true;
-    const uint32_t status = s->step(s->stepped, t, h, no_set_prior, event, terminate, early, last);
+    const uint32_t status = s->step(u->instance, t, h, no_set_prior, event, terminate, early, last);
     u->stepping = false;
     return u->report.end == INTERMEDIATE_FINE || status > WARNING ? status : ERROR;
 }

@@ -35,9 +35,8 @@ typedef struct {
 
 typedef struct {
     IntermediateUpdate update;
-    EngineStep3 step;          /* of the FMU, or of its EventSteps, with `stepped` */
-    void *stepped;
-    const double *values, *u, *scale;
+    EngineStep3 step;          /* of the FMU */
+    const double *values, *scale, *offset;
     const EngineExtrapolation *extrapolations;
     const uint32_t *which;     /* of update.n: which of these */
 } IntermediateStep;

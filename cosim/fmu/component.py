@@ -124,9 +124,9 @@ class FmuComponent:
 
     @property
     def _driver(self) -> Integration | EventSteps | IntermediateUpdates | None:
-        """What steps it instead of itself, in this process: its integrator, or what sets inputs or divides steps."""
+        """What steps it instead of itself, in this process: its integrator, or what divides steps or sets inputs."""
         own = self.integration if self.integration is not None and self.integration.here else None
-        return own or self._intermediate or self._event_steps
+        return own or self._event_steps or self._intermediate
 
     @property
     def _remembers(self) -> EventMode | Integration | EventSteps | None:
@@ -226,9 +226,9 @@ class FmuComponent:
         self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
-        self._event_steps = EventSteps(self) if divided else None
+        self._event_steps = EventSteps(self, self._intermediate) if divided else None
         if self._intermediate is not None:
-            self._intermediate.attach(self, self._event_steps)
+            self._intermediate.attach(self)
             self._keep.append(self._intermediate)
             self._kept_from_start = len(self._keep)
         self._configure()
@@ -675,7 +675,7 @@ class FmuComponent:
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
         if self._intermediate is not None:
-            self._intermediate.step_failed(self, t, h)
+            self._intermediate.step_failed(self)
         if self.integration is not None:
             self.integration.step_failed(status, t, h)
         if self._event_steps is not None:

@@ -66,9 +66,7 @@ class Library:
         """
         if self._version == "3":
             events = {"event_mode": event_mode, "early_return": early_return}
-            return fmi.instantiate3(
-                self.handle, texts, log, keep, self._interface, **events, intermediate=intermediate
-            )
+            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **events, intermediate=intermediate)
         return fmi.instantiate2(self.handle, fmi.c_library(), texts, log, keep, self._interface)
 
     def release(self) -> None:

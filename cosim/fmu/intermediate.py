@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +20,6 @@ from cosim.fmu.calls import Intermediate
 from cosim.fmu.isolation import IsolatedLibrary
 from cosim.fmu.model_exchange import Instance
 from cosim.fmu.transfers import slots
-
-
-class Driver(Protocol):
-    """What steps the FMU: a function and its first argument, as addresses."""
-
-    @property
-    def addresses(self) -> tuple[int, int]: ...
 
 
 class IntermediateUpdates:
@@ -65,12 +58,11 @@ class IntermediateUpdates:
         """The same as addresses."""
         return self._address(self._function("step")), self._address(self._steps)
 
-    def attach(self, component: Instance, driver: Driver | None) -> None:
-        """After instantiation; `driver` is what steps the FMU, if not the FMU itself."""
-        ffi, own = self._ffi, component._address(component._instance)
-        step, stepped = driver.addresses if driver else (component._address(component._function("DoStep")), own)
-        self._steps.step, self._steps.stepped = ffi.cast("EngineStep3", step), ffi.cast("void*", stepped)
-        self._steps.update.instance = ffi.cast("void*", own)
+    def attach(self, component: Instance) -> None:
+        """After instantiation."""
+        ffi = self._ffi
+        self._steps.step = ffi.cast("EngineStep3", component._address(component._function("DoStep")))
+        self._steps.update.instance = ffi.cast("void*", component._address(component._instance))
         if isinstance(component._library, IsolatedLibrary):
             component._library.follow(self._address(self._steps))
         else:
@@ -88,7 +80,7 @@ class IntermediateUpdates:
     def follow(self, component: Any, values: Any) -> None:
         """From now on they follow what an `EngineComponent*` extrapolates from `values`."""
         steps = self._steps
-        steps.values, steps.u, steps.scale = values, component.u, component.scale
+        steps.values, steps.scale, steps.offset = values, component.scale, component.offset
         steps.extrapolations, n = component.extrapolations, 0
         for i in range(component.n_extrapolations):
             if (variable := self._places[component.extrapolations[i].input]).follows:
@@ -108,9 +100,10 @@ class IntermediateUpdates:
                 stacklevel=3,
             )
 
-    def step_failed(self, component: Instance, t: float, h: float) -> None:
+    def step_failed(self, component: Instance) -> None:
         """Raise the exception for a step in which inputs were not set; nothing if they were."""
-        report, step = self._steps.update.report, f"step from {t:.9g} s, length {seconds_text(h)}"
+        report, (begin, end) = self._steps.update.report, self._line[:2].tolist()
+        step = f"step from {begin:.9g} s, length {seconds_text(end - begin)}"
         if report.end == self._library.INTERMEDIATE_SET_FAILED:
             component._fail("SetFloat64", report.status, f"in an intermediate update at {report.time:.9g} s; {step}")
         if report.end == self._library.INTERMEDIATE_BAD_TIME:

@@ -43,11 +43,17 @@ def run(
     **options: bool,
 ) -> Recording:
     """Steps of 0.1 s of an integrator; the source has steps of 0.1 s too."""
-    with System() as system:
+    with System(allow_unconnected=True) as system:
         system.add("source", source or Ramp(), step="0.1 s")
         system.add("c", path, step="0.1 s", parameters={"kind": following.KINDS.index(kind)}, **options)
         system.connect("source.y", target, extrapolate=extrapolate)
         return system.run(1.0, record=["c.*", "source.y"])
+
+
+def value(system: System, name: str) -> float:
+    """What a variable of the component `c` is now."""
+    component = system.components["c"].implementation
+    return component.get([component.description.variables[name]])[0]
 
 
 def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
@@ -55,7 +61,6 @@ def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
     found = run(fmu)
     t = found.time
     assert np.allclose(found["c.x"][1:], 1.5 * t[1:] ** 2 - 0.015, rtol=0, atol=1e-12)
-    assert np.allclose(found["c.u"][1:], 3.0 * t[1:], rtol=0, atol=1e-12) or True
     assert np.allclose(found["c.y"][2:], 3.0 * t[2:], rtol=0, atol=1e-12)
     assert found["c.asked"].tolist() == [10 * k for k in range(11)]
 
@@ -65,7 +70,7 @@ def test_the_exchange_is_of_second_order(fmu: Path) -> None:
     exact, errors = 1.0 / 3.0, {}
     for extrapolate in (True, False):
         for n in (10, 20):
-            with System() as system:
+            with System(allow_unconnected=True) as system:
                 system.add("source", Parabola(), step=f"{1 / n} s")
                 system.add("c", fmu, step=f"{1 / n} s")
                 system.connect("source.y", "c.u", extrapolate=extrapolate)
@@ -81,26 +86,26 @@ def test_an_input_that_is_not_extrapolated_is_held(fmu: Path) -> None:
 
 
 def test_other_inputs_have_the_value_of_the_middle(fmu: Path) -> None:
-    with System() as system:
+    with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
         system.add("c", fmu, step="0.1 s")
         system.connect("source.y", "c.free", extrapolate=True)
         with system.initialize(record=["c.asked"]) as simulation:
             simulation.advance(0.5)
-            assert simulation.get("c.free") == pytest.approx(3.0 * 0.45)
+            assert value(system, "free") == pytest.approx(3.0 * 0.45)
 
 
 def test_units_are_converted_on_the_line(fmu: Path) -> None:
-    with System() as system:
+    with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
         system.add("c", fmu, step="0.1 s")
-        system.connect("source.y", "c.u", extrapolate=True, scale=-2.0, offset=1.0)
+        system.connect("source.y", "c.u", extrapolate=True, linear=(-2.0, 1.0))
         found = system.run(1.0, record=["c.y"])
     assert np.allclose(found["c.y"][2:], 1.0 - 6.0 * found.time[2:], rtol=0, atol=1e-12)
 
 
 def test_repeated_runs_and_saved_states_are_alike(fmu: Path) -> None:
-    with System() as system:
+    with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
         system.add("c", fmu, step="0.1 s")
         system.connect("source.y", "c.u", extrapolate=True)
@@ -111,15 +116,13 @@ def test_repeated_runs_and_saved_states_are_alike(fmu: Path) -> None:
             simulation.advance(0.8)
             simulation.restore(state)
             simulation.advance(1.0)
-            assert simulation.get("c.x") == first[-1]
+            assert value(system, "x") == first[-1]
     assert np.array_equal(first, second)
 
 
 def test_isolated_fmus_give_the_same_bits(fmu: Path) -> None:
-    for kind in ("follows", "reads"):
-        with pytest.warns(FmuWarning) if kind == "reads" else nothing():
-            here, there = run(fmu, kind, Parabola()), run(fmu, kind, Parabola(), isolated=True)
-        assert all(np.array_equal(here[n], there[n]) for n in here.names)
+    here, there = run(fmu, source=Parabola()), run(fmu, source=Parabola(), isolated=True)
+    assert all(np.array_equal(here[n], there[n]) for n in here.names)
 
 
 @pytest.mark.parametrize("isolated", [False, True])
@@ -152,7 +155,7 @@ def test_a_crash_in_the_callback_ends_an_isolated_fmu_only(fmu: Path) -> None:
 @pytest.mark.parametrize("allowed", [False, True])
 def test_a_step_that_has_failed_ends_early_where_that_is_allowed(tmp_path: Path, allowed: bool) -> None:
     """The FMU is asked to return from its step at the first part of it, and does so only if it is able to."""
-    with System() as system:
+    with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
         fmu = following.build(tmp_path, early_return=allowed)
         system.add("c", fmu, step="0.1 s", parameters={"kind": following.KINDS.index("unsettable")})
@@ -160,5 +163,5 @@ def test_a_step_that_has_failed_ends_early_where_that_is_allowed(tmp_path: Path,
         with system.initialize(record=["c.x"]) as simulation:
             with pytest.raises(ComponentError, match="SetFloat64 returned Error"):
                 simulation.advance(0.1)
-            assert simulation.get("c.early") == int(allowed)
-            assert simulation.get("c.asked") == (1 if allowed else 10)
+            assert value(system, "early") == int(allowed)
+            assert value(system, "asked") == (1 if allowed else 10)
