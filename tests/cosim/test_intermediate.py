@@ -20,7 +20,6 @@ class Parabola(PythonComponent):
     """t^2."""
 
     outputs = ("y",)
-    feedthrough = {"y": ()}
 
     def step(self, t, h, u, y):  # noqa: ARG002
         y[0] = (t + h) ** 2
@@ -57,7 +56,7 @@ def value(system: System, name: str) -> float:
 
 
 def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
-    """x = 3 t^2 / 2, from the second step on: the first one does not know the slope. At its end u is that of then."""
+    """The integral of 3 t, from the second step on: the first one does not know the slope."""
     found = run(fmu)
     t = found.time
     assert np.allclose(found["c.x"][1:], 1.5 * t[1:] ** 2 - 0.015, rtol=0, atol=1e-12)
@@ -66,7 +65,7 @@ def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
 
 
 def test_the_exchange_is_of_second_order(fmu: Path) -> None:
-    """u = t^2: the line through two points gives x to h^2; a value that is held, to h."""
+    """Of t^2, the line through two points gives x to h^2; a value that is held, to h."""
     exact, errors = 1.0 / 3.0, {}
     for extrapolate in (True, False):
         for n in (10, 20):
