@@ -40,7 +40,7 @@ uint32_t intermediate_step(void *steps, double t, double h, bool no_set_prior, b
     u->line[0] = t;
     u->line[1] = t + h;
     for (uint32_t i = 0; i < u->n; i++) {
-        const EngineExtrapolation *const x = &s->extrapolations[s->which[i]];
+        const EngineExtrapolation *const x = &s->lines[i];
         const double now = s->values[x->now], change = now - s->values[x->before];
         const double scale = s->scale ? s->scale[x->input] : 1.0, offset = s->scale ? s->offset[x->input] : 0.0;
         start[i] = (now + change * ((t + x->shift - s->values[x->sample_time]) / x->period)) * scale + offset;

@@ -37,8 +37,7 @@ typedef struct {
     IntermediateUpdate update;
     EngineStep3 step;          /* of the FMU */
     const double *values, *scale, *offset;
-    const EngineExtrapolation *extrapolations;
-    const uint32_t *which;     /* of update.n: which of these */
+    const EngineExtrapolation *lines; /* of update.n inputs */
 } IntermediateStep;
 
 /* fmi3IntermediateUpdateCallback; `environment` is the address of an `IntermediateUpdate`. */

@@ -232,7 +232,7 @@ def required(version: str, interface: str) -> list[str]:
 
 def declared(version: str, interface: str) -> list[str]:
     """Names of all C functions that may be called of an FMU."""
-    text = _FMI3 + _EVENTS3[: _EVENTS3.index("Status fmi3GetClock")] if version == "3" else _FMI2
+    text = _FMI3 + _EVENTS3 if version == "3" else _FMI2
     if interface == "me":
         text += _EXCHANGE3 if version == "3" else _EXCHANGE2
     return re.findall(rf"\bfmi{version}\w+(?=\()", text)

@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 import numpy as np
 
 import cosim.fmu.calls as fmi
-from build_fmus.base import surface
 from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.core.description import TEXTS, Variable
@@ -169,13 +168,7 @@ class FmuComponent:
         self._earlier_pools = [p for p in pools if p.in_use]
         self.state_pools, self._own_pool = [], None
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
-        events = EventMode(self) if self.in_event_mode else None
-        if events is not None and self.isolation is not None:
-            option = surface.hint("isolated=True", "--isolate")
-            raise FmuError(
-                f"component '{name}': FMUs with clocks cannot be isolated; run it without {option or 'isolation'}"
-            )
-        self._events = events
+        self._events = events = EventMode(self) if self.in_event_mode else None
         if reusable and self._call("Reset") <= fmi.WARNING:
             if self._event_steps is not None:
                 self._event_steps.end()

@@ -29,13 +29,12 @@ class IntermediateUpdates:
         self._ffi, self._library, self._inputs = interface(), library(), inputs
         self._steps = self._ffi.new("IntermediateStep*")
         self._line = np.zeros(2 + 3 * len(inputs))
-        self._references, self._which = (np.zeros(len(inputs), dtype=np.uint32) for _ in range(2))
+        self._references = np.zeros(len(inputs), dtype=np.uint32)
+        self._steps.lines = self._lines = self._ffi.new("EngineExtrapolation[]", len(inputs))
         self._places: dict[int, Variable] = {}
         update = self._steps.update
         update.line = self._ffi.cast("double*", self._line.ctypes.data)
-        update.references, self._steps.which = (
-            self._ffi.cast("uint32_t*", a.ctypes.data) for a in (self._references, self._which)
-        )
+        update.references = self._ffi.cast("uint32_t*", self._references.ctypes.data)
 
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))
@@ -79,12 +78,11 @@ class IntermediateUpdates:
 
     def follow(self, component: Any, values: Any) -> None:
         """From now on they follow what an `EngineComponent*` extrapolates from `values`."""
-        steps = self._steps
+        steps, n = self._steps, 0
         steps.values, steps.scale, steps.offset = values, component.scale, component.offset
-        steps.extrapolations, n = component.extrapolations, 0
-        for i in range(component.n_extrapolations):
-            if (variable := self._places[component.extrapolations[i].input]).follows:
-                self._which[n], self._references[n], n = i, variable.reference, n + 1
+        for line in component.extrapolations[0 : component.n_extrapolations]:
+            if (variable := self._places[line.input]).follows:
+                self._lines[n], self._references[n], n = line, variable.reference, n + 1
         steps.update.n = n
 
     def warn_if_unused(self, name: str) -> None:

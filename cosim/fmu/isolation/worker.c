@@ -157,7 +157,7 @@ static void *function(const char *name) {
 
 static void find_values(void) {
     static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8",
-        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary"};
+        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary", "Clock"};
     for (int i = version == 2 ? LINK_Real : LINK_Float64; i < (version == 2 ? LINK_Float64 : LINK_TYPES); i++) {
         char full[40];
         snprintf(full, sizeof full, "Set%s", names[i]);
@@ -232,8 +232,9 @@ static char *after(const LinkValues *v, size_t bytes) {
     return (char *)(v + 1) + ALIGNED((size_t)v->n_references * 4) + ALIGNED(bytes);
 }
 
-static uint32_t call_values(void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
-    if (version == 2)
+static uint32_t call_values(
+    uint32_t type, void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
+    if (version == 2 || type == LINK_Clock)
         return ((uint32_t (*)(void *, const uint32_t *, size_t, void *))call)(instance, references, n, values);
     return ((uint32_t (*)(void *, const uint32_t *, size_t, void *, size_t))call)(
         instance, references, n, values, n_values);
@@ -287,7 +288,8 @@ static uint32_t set_record(const char **at) {
     if (!text(v->type)) {
         *at = values + ALIGNED(v->n_values * value_size(v->type));
         return setters[v->type]
-                   ? call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values)
+                   ? call_values(
+                         v->type, setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values)
                    : LINK_ERROR;
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
@@ -296,7 +298,7 @@ static uint32_t set_record(const char **at) {
     for (size_t i = 0; i < v->n_values; i++) texts[i] = p, p += strlen(p) + 1;
     *at = values + ALIGNED(p - values);
     const uint32_t status =
-        call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
+        call_values(v->type, setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
     free(texts);
     return status;
 }
@@ -308,11 +310,12 @@ static uint32_t get_record(const char *at) {
     if (v->type == LINK_Binary) return get_binaries(v);
     if (!text(v->type)) {
         region.answer->reply_used = (uint32_t)(v->n_values * value_size(v->type));
-        return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
+        return call_values(v->type, getters[v->type], references, v->n_references, region.reply, v->n_values);
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
     if (!texts) return LINK_ERROR;
-    const uint32_t status = call_values(getters[v->type], references, v->n_references, texts, v->n_values);
+    const uint32_t status =
+        call_values(v->type, getters[v->type], references, v->n_references, texts, v->n_values);
     size_t used = 0;
     for (size_t i = 0; status <= LARGEST_SUCCESS && i < v->n_values; i++) {
         const char *found = texts[i] ? texts[i] : "";
@@ -379,7 +382,8 @@ static uint32_t step(const char *rest) {
     for (int i = 0; i < n_plan; i++) {
         const Planned *g = &plan[i];
         h->failed = LINK_FETCHING + (uint32_t)i;
-        const uint32_t one = call_values(getters[g->type], g->references, g->n_references, p + 8, g->n_values);
+        const uint32_t one =
+            call_values(g->type, getters[g->type], g->references, g->n_references, p + 8, g->n_values);
         memcpy(p, &one, 4);
         p += 8 + ALIGNED(g->n_values * value_size(g->type));
     }
@@ -529,6 +533,25 @@ static uint32_t events(void) {
     return status;
 }
 
+/* Interval (a: 0, as a fraction 1) or shift (2, 3) of the clock b. */
+static uint32_t interval(void) {
+    static const char *names[] = {"GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction"};
+    LinkInterval *const x = (LinkInterval *)(void *)region.reply;
+    const uint32_t clock = (uint32_t)region.ask->b;
+    *x = (LinkInterval){.resolution = 1, .qualifier = 1};
+    region.answer->reply_used = sizeof *x;
+    switch (region.ask->a) {
+        case 0: CALL(names[0], (void *, const uint32_t *, size_t, double *, int32_t *),
+            (instance, &clock, 1, &x->seconds, &x->qualifier));
+        case 1: CALL(names[1], (void *, const uint32_t *, size_t, uint64_t *, uint64_t *, int32_t *),
+            (instance, &clock, 1, &x->counter, &x->resolution, &x->qualifier));
+        case 2: CALL(names[2], (void *, const uint32_t *, size_t, double *), (instance, &clock, 1, &x->seconds));
+        case 3: CALL(names[3], (void *, const uint32_t *, size_t, uint64_t *, uint64_t *),
+            (instance, &clock, 1, &x->counter, &x->resolution));
+    }
+    return LINK_ERROR;
+}
+
 static uint32_t dispatch(const char *rest) {
     switch ((LinkOp)region.ask->op) {
         case LINK_LOAD: return load();
@@ -563,6 +586,7 @@ static uint32_t dispatch(const char *rest) {
         case LINK_INTEGRATE: return integrate();
         case LINK_INTEGRATOR: return remember();
         case LINK_EVENTS: return events();
+        case LINK_INTERVAL: return interval();
     }
     return LINK_ERROR;
 }
