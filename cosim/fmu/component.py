@@ -186,7 +186,7 @@ class FmuComponent:
         log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         divided = steps_with_events(self.description)
-        how: dict[str, Any] = {"event_mode": True} if events is not None else {}
+        how = {"event_mode": True, "early_return": events.returns_early} if events is not None else {}
         if divided:
             about = self.description
             how = {"event_mode": about.event_mode, "early_return": about.variable_step}
@@ -487,12 +487,15 @@ class FmuComponent:
         waiting = steps.bind([s.transfer for s in discrete])
         return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
 
-    def _advance(self, t: float, h: float) -> None:
-        """One fmi3DoStep, for steps with events."""
+    def _advance(self, t: float, h: float, *, early: bool) -> float | None:
+        """One fmi3DoStep, for steps with clocks. Returns the time of an early return [s], if `early` allows it."""
         call, rest, ended = self._bound_step
         status = call(t, h, self._no_set_prior(), *rest)
+        if early and status <= fmi.WARNING and self._early[0] and not self._terminate[0]:
+            return float(self._last[0])
         if status > fmi.WARNING or ended[0]:
             self._step_failed(status, t, h)
+        return None
 
     def _with_guards(self, ports: Ports) -> Ports:
         """Put back the floating-point environment after calls into third-party FMUs."""
