@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,8 +13,8 @@ from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import Variable
-from cosim.core.errors import CosimError, FmuWarning, WiringError
-from cosim.engine.library import INTEGRATOR
+from cosim.core.errors import CosimError, WiringError
+from cosim.engine.library import EVENT_STEPS, INTEGRATOR
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.export.parts import Part, part_of
@@ -43,6 +42,7 @@ _OWN = (
 )
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
+_EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
 _ROLES = {"parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "output": "FMU_OUTPUT"}
@@ -73,14 +73,6 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
             )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
-        if steps_with_events(m.description):
-            warnings.warn(
-                f"'{m.name}' reports events or returns early (hasEventMode, mightReturnEarlyFromDoStep), which {what}"
-                " does not support: it processes its events by itself there, so its numbers may be others than in a run"
-                " of the system",
-                FmuWarning,
-                stacklevel=2,
-            )
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
@@ -166,6 +158,8 @@ class SystemCode:
         integrated = {p for m, p in self.parts.items() if m.implementation.integrated}  # type: ignore[attr-defined]
         if integrated:
             files |= {p.name: p.read_bytes() for p in _EXCHANGE}
+        if any(steps_with_events(m.description) for m in self.parts):
+            files |= {p.name: p.read_bytes() for p in _EVENTS}
         files[f"fmi{self.fmi}.c"] = (generate.RUNTIME_DIR / f"fmi{self.fmi}.c").read_bytes()
         files |= package.fmi_headers(2) | package.fmi_headers(3)
         files = generate.with_mathematics(files)
@@ -211,7 +205,8 @@ class SystemCode:
             n_published=sum(len(p.published) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
-            integrated=any(m["setup"] for m in components),
+            integrated=any(m["setup"] and not m["events"] for m in components),
+            events=any(m["events"] for m in components),
         )
 
     def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
@@ -220,6 +215,7 @@ class SystemCode:
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.previous, *p.published]
+        sets = _sets(m, part.version, port.inputs, buffers)
         return {
             "id": f"m{i}",
             "name": m.name,
@@ -247,12 +243,15 @@ class SystemCode:
                 f" {c_number(line[5] + (p.step / 2 if port.inputs[line[0]].follows else 0.0))}}}"  # to the middle
                 for line in p.extrapolations
             ],
-            "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.inputs)],
-            "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.outputs)],
+            "sets": sets,
+            "gets": [
+                _transfer(part.version, how, buffers) | {"waits": False}
+                for how in arrangements(part.version, port.outputs)
+            ],
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
-            **_exchange(m),
+            **(_events(m, sets) or _exchange(m)),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
 
@@ -301,9 +300,33 @@ def _exchange(m: SystemComponent) -> dict[str, Any]:
     implementation = m.implementation
     assert isinstance(implementation, FmuComponent)
     if not implementation.integrated:
-        return {"setup": []}
+        return {"setup": [], "events": False}
     fields, references = integrator_setup(m.description, implementation.exchange)
-    return {"setup": [*map(int, fields[:-1]), c_number(fields[-1])], "exchange_references": references or [0]}
+    setup = [*map(int, fields[:-1]), c_number(fields[-1])]
+    return {"setup": setup, "exchange_references": references or [0], "events": False}
+
+
+def _events(m: SystemComponent, sets: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """`EventSetup` of a component that reports events or returns early; empty for another one."""
+    about = m.description
+    if not steps_with_events(about):
+        return {}
+    waiting = [s["n_data"] for s in sets if s["waits"]]
+    flags, internal = [int(about.event_mode), int(about.variable_step)], c_number(float(about.internal_step or 0))
+    return {"setup": [*flags, internal, len(waiting), sum(waiting)], "events": True}
+
+
+def _sets(m: SystemComponent, version: int, inputs: Sequence[Variable], buffers: _Room) -> list[dict[str, Any]]:
+    """Calls that set inputs; discrete ones wait for event mode."""
+
+    def waits(v: Variable) -> bool:
+        return steps_with_events(m.description) and m.description.event_mode and v.variability == "discrete"
+
+    return [
+        {**_transfer(version, how, buffers), "waits": late}
+        for late in (False, True)
+        for how in arrangements(version, inputs, lambda v, late=late: waits(v) is late)  # type: ignore[misc]
+    ]
 
 
 class _Room:

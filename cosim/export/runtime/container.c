@@ -258,7 +258,7 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
         if (p->setup) {
-            m->exchange = P->exchange;
+            m->exchange = p->events ? P->events : P->exchange;
             m->setup = p->setup;
             m->references = p->exchange_references;
             m->linked = p->exchange_calls;
@@ -267,7 +267,7 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
-            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup != NULL, reason,
+            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup && !p->events, reason,
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
@@ -399,7 +399,7 @@ static void bind(FmuInstance *self) {
     char *buffers = (char *)(u + P->n_u);
     for (int32_t i = 0; i < P->n_components; i++) {
         const PlanComponent *p = &P->components[i];
-        const Component *m = &self->components[i];
+        Component *m = &self->components[i];
         double *own = p->in_place ? self->values + p->u : u + p->u, *y = self->values + p->first;
         EngineComponent *e = &self->bound[i];
         *e = (EngineComponent){.fmi = p->version,
@@ -431,6 +431,8 @@ static void bind(FmuInstance *self) {
         if (m->exchange) e->step2 = m->exchange->step2, e->step3 = m->exchange->step3;
         else if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
         else e->step3 = (EngineStep3)m->f3->DoStep;
+        const bool waits = m->exchange && m->exchange->bind;
+        if (waits) m->exchange->bind(m, self->state->mode == MODE_STEP);
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
             if (set) e->sets = t;
@@ -446,6 +448,7 @@ static void bind(FmuInstance *self) {
                     .element = from->element,
                     .place = from->place};
                 component_values(m, from->kind, set != 0, t);
+                if (waits && from->waits) m->exchange->wait(m, t);
                 direct = direct && !from->element;
             }
         }
@@ -481,9 +484,10 @@ static void repeat_steps(FmuInstance *self) {
 }
 
 static bool asked_to_end(FmuInstance *self, int32_t i) {
-    return P->components[i].version == 3 && !P->components[i].setup
-               ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-               : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]);
+    const PlanComponent *p = &P->components[i];
+    const uint32_t status = self->engine.status, least = p->events ? fmi3Error : fmi2Discard;
+    if (p->version == 3 && (!p->setup || p->events) && status <= fmi3Warning) return self->flags[4 * i + 2];
+    return (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i]);
 }
 
 static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
@@ -529,8 +533,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         uint32_t number;
         double time;
         const char *why = m->exchange->why(m, &number, &time);
-        (void)fmu_fail(self, FMU_ERROR, "component '%s': its integration failed at %.9g s: %s %u",
-            P->components[i].name, time, why ? why : "", (unsigned)number);
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
+            P->components[i].name, P->components[i].events ? "event mode" : "integration", time, why ? why : "", (unsigned)number);
     }
     return component_failed(self, i,
         call == CALL_SAVE           ? "GetFMUState"
@@ -591,6 +595,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
             if (P->components[i].sets[k].keeps) {
                 EngineTransfer t = self->bound[i].sets[k];
                 component_values(&self->components[i], P->components[i].sets[k].kind, false, &t);
+                t.references = P->components[i].sets[k].references;
                 t.element = NULL;
                 EngineComponent e = self->bound[i];
                 e.gets = &t;

@@ -14,6 +14,7 @@ typedef struct {
     const uint32_t *element, *place; /* as in EngineTransfer; NULL: the data are u or y from `at` on */
     uint32_t n, at;
     uint32_t buffer;                 /* otherwise: where they are among the buffers, in bytes */
+    bool waits;                      /* it sets discrete inputs of a component with event mode */
     bool keeps;                      /* it has elements that nobody drives, which keep their values */
 } PlanTransfer;
 
@@ -53,7 +54,8 @@ typedef struct {
     uint32_t n_starts;
     bool has_tolerance;
     double tolerance;
-    const void *setup;               /* IntegratorSetup of a component that is integrated (Model Exchange), or NULL */
+    bool events;                     /* it reports events or returns early */
+    const void *setup;               /* EventSetup; IntegratorSetup of one that is integrated (Model Exchange); or NULL */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
@@ -90,7 +92,7 @@ typedef struct {
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
-    const Exchange *exchange; /* NULL: no component is integrated */
+    const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
 } Plan;
 
 extern const Plan plan;
