@@ -23,7 +23,8 @@ typedef enum {
     KIND_INT64,
     KIND_UINT64,
     KIND_BOOLEAN,
-    KIND_STRING
+    KIND_STRING,
+    KIND_BINARY
 } Kind;
 
 /* The functions that are called, without the part of their name that says the version. */

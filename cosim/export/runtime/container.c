@@ -62,6 +62,7 @@ struct FmuInstance {
     EngineTransfer *transfers;
     EngineDerivative *derivatives; /* of all loops, one after the other */
     LastStep *repeated; /* by component */
+    void *texts;                    /* memory of calls of texts, bytes and 64-bit integers */
     bool *flags;
     double *last;
     int32_t logging;                /* the component that logs */
@@ -81,6 +82,19 @@ typedef struct {
     FmuInstance *self;
     int32_t component;
 } Source;
+
+/* What calls of texts, bytes and 64-bit integers need. */
+static size_t texts_room(void) {
+    size_t n = 0;
+    for (int32_t i = 0; P->texts && i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        for (int32_t k = 0; k < p->n_sets + p->n_gets; k++) {
+            const PlanTransfer *t = k < p->n_sets ? &p->sets[k] : &p->gets[k - p->n_sets];
+            n += t->exact ? P->texts->room(t) : 0;
+        }
+    }
+    return n;
+}
 
 static size_t n_transfers(void) {
     size_t n = 0;
@@ -131,6 +145,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(loop_work() * sizeof(double)),
         aligned(n_derivatives() * sizeof(EngineDerivative)),
         aligned(n * sizeof(LastStep)),
+        aligned(texts_room()),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -169,6 +184,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .loops = part[17], .n_loops = P->n_loops, .check_finite = true,
                             .back = repeat, .context = self};
     self->repeated = part[20];
+    self->texts = part[21];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -257,12 +273,12 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         const PlanComponent *p = &P->components[i];
         Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
+        m->find = P->find;
         if (p->setup) {
             m->exchange = p->events ? P->events : P->exchange;
             m->setup = p->setup;
             m->references = p->exchange_references;
             m->linked = p->exchange_calls;
-            m->find = P->find;
         }
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
@@ -396,7 +412,7 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 static void bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
-    char *buffers = (char *)(u + P->n_u);
+    char *buffers = (char *)(u + P->n_u), *texts_at = self->texts;
     for (int32_t i = 0; i < P->n_components; i++) {
         const PlanComponent *p = &P->components[i];
         Component *m = &self->components[i];
@@ -448,6 +464,10 @@ static void bind(FmuInstance *self) {
                     .element = from->element,
                     .place = from->place};
                 component_values(m, from->kind, set != 0, t);
+                if (from->exact) {
+                    P->texts->bind(m, from, set != 0, texts_at, t);
+                    texts_at += P->texts->room(from);
+                }
                 if (waits && from->waits) m->exchange->wait(m, t);
                 direct = direct && !from->element;
             }
@@ -535,6 +555,18 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         const char *why = m->exchange->why(m, &number, &time);
         (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
             P->components[i].name, P->components[i].events ? "event mode" : "integration", time, why ? why : "", (unsigned)number);
+    }
+    const PlanComponent *p = &P->components[i];
+    const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
+    const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
+    if (t && t->exact) {
+        uint32_t most = 0;
+        const EngineTransfer *bound = sets ? &self->bound[i].sets[call - 1] : &self->bound[i].gets[-call - 1];
+        const uint64_t n = t->waits ? 0 : P->texts->too_long(bound->references, &most);
+        if (n)
+            (void)fmu_fail(self, FMU_ERROR, "component '%s': a value of at least %llu bytes is longer than its "
+                "connection holds, %u: export the system with connect(..., max_size=...)",
+                p->name, (unsigned long long)n, (unsigned)most);
     }
     return component_failed(self, i,
         call == CALL_SAVE           ? "GetFMUState"

@@ -5,6 +5,12 @@
 #include "fmu_model.h"
 #include "component.h"
 
+/* What a call needs that moves texts, bytes or 64-bit integers, whose slots are in the values (exact_values.h). */
+typedef struct {
+    uint32_t kind, n_values, n_items, n_texts; /* n_texts: bytes */
+    const struct ExactItem *items;
+} PlanExact;
+
 /* One call that moves all connected variables of one type. */
 typedef struct {
     Kind kind;
@@ -15,6 +21,7 @@ typedef struct {
     uint32_t n, at;
     uint32_t buffer;                 /* otherwise: where they are among the buffers, in bytes */
     bool waits;                      /* it sets discrete inputs of a component with event mode */
+    const PlanExact *exact;          /* or NULL */
     bool keeps;                      /* it has elements that nobody drives, which keep their values */
 } PlanTransfer;
 
@@ -74,6 +81,15 @@ typedef struct {
     double scale, shift;             /* outputs: shown as scale * value + shift */
 } PlanVariable;
 
+/* Calls with `exact`: bytes of memory that one needs; binding it, at first as if it were another one; bytes of the
+ * value that was too long and those that it may have, 0 if none was. */
+typedef struct {
+    size_t (*room)(const PlanTransfer *p);
+    void (*bind)(const Component *m, const PlanTransfer *p, bool set, void *memory, EngineTransfer *t);
+    uint64_t (*too_long)(const void *memory, uint32_t *most);
+} Texts;
+extern const Texts texts;
+
 typedef struct {
     const PlanComponent *components;
     int32_t n_components, n_discrete;
@@ -93,6 +109,7 @@ typedef struct {
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
     const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
+    const Texts *texts;                /* NULL: no call has `exact` */
 } Plan;
 
 extern const Plan plan;
