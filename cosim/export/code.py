@@ -13,7 +13,7 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR
 from cosim.engine.loops import RepeatedStep
@@ -92,6 +92,7 @@ class _Start:
     reference: int
     numbers: list[str]
     text: str | None = None
+    binary: bool = False
 
 
 class SystemCode:
@@ -410,8 +411,8 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
     given = {variables[n]: v for n, v in component.values.items()}
     for elements in by_reference(given).values():
         one = elements[0]
-        if one.fmi_type == "String":
-            yield one, str(given[one])
+        if one.fmi_type in TEXTS:
+            yield one, bytes(given[one]) if one.fmi_type == "Binary" else str(given[one])
             continue
         whole = [variables[n] for n in component.description.arrays.get(one.declared, [])] if one.size > 1 else [one]
         values = {v.index: given.get(v, v.start) for v in whole}
@@ -429,6 +430,8 @@ def _starts(component: SystemComponent, version: int) -> list[_Start]:
     for variable, values in start_values(component):
         if isinstance(values, str):
             found.append(_Start("KIND_STRING", variable.reference, [], values))
+        elif isinstance(values, bytes):
+            found.append(_Start("KIND_BINARY", variable.reference, list(map(str, values)), binary=True))
         else:
             found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [c_number(x) for x in values]))
     return found

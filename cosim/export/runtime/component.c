@@ -237,6 +237,13 @@ uint32_t component_set_text(Component *m, uint32_t reference, const char *text) 
     return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
 }
 
+uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n) {
+    const ExchangeCall found = m->find ? m->find(m->library, m->version, "SetBinary") : NULL;
+    fmi3SetBinaryTYPE *call;
+    memcpy(&call, &found, sizeof call);
+    return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
+}
+
 bool component_asked_to_end(Component *m) {
     if (m->exchange) {
         uint32_t number;

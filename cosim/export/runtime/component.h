@@ -144,6 +144,7 @@ enum { COMPONENT_LARGEST = 1024 };
 uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n);
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
+uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);

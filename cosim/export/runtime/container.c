@@ -234,6 +234,7 @@ static FmuStatus set_starts(FmuInstance *self, int32_t i) {
     for (uint32_t k = 0; k < p->n_starts; k++) {
         const PlanStart *s = &p->starts[k];
         const uint32_t status = s->text ? component_set_text(&self->components[i], s->reference, s->text)
+                                : s->bytes ? component_set_bytes(&self->components[i], s->reference, s->bytes, s->n)
                                         : component_set(&self->components[i], s->kind, s->reference, s->values, s->n);
         if (status > fmi3Warning) return component_failed(self, i, "setting a start value", status);
     }

@@ -32,6 +32,7 @@ typedef struct {
     uint32_t n;
     const double *values;
     const char *text;
+    const unsigned char *bytes;
 } PlanStart;
 
 typedef struct {
