@@ -1,4 +1,4 @@
-/* What compilers are told of code that hardly ever runs. */
+/* Hints to compilers about code that hardly ever runs. */
 #ifndef HINTS_H
 #define HINTS_H
 

@@ -190,14 +190,14 @@ def test_exported_systems_exchange_texts(fmus: dict[int, Path], tmp_path: Path, 
     """What `b` computes of all that it has read is the same, also after a saved state is restored."""
     with chain(fmus[version], version, delay=delay) as system:
         outside = system.run(0.1, record=["b.hash"])["b.hash"].tolist()
-        with exported(system, tmp_path / "Texts.fmu") as outer:
-            with outer.initialize(record=["s.b.hash"]) as simulation:
-                simulation.advance(0.04)
-                state = simulation.save()
-                simulation.advance(0.07)
-                simulation.restore(state)
-                simulation.advance(0.1)
-                inside = simulation.recording["s.b.hash"].tolist()
+        outer = exported(system, tmp_path / "Texts.fmu")
+    with outer, outer.initialize(record=["s.b.hash"]) as simulation:
+        simulation.advance(0.04)
+        state = simulation.save()
+        simulation.advance(0.07)
+        simulation.restore(state)
+        simulation.advance(0.1)
+        inside = simulation.recording["s.b.hash"].tolist()
     assert inside == outside
     assert len(set(outside)) > 5
 
