@@ -1,8 +1,8 @@
 /* Inputs that follow a straight line inside a step: for Co-Simulation FMUs of FMI 3.0 that call their importer back
  * (intermediate update).
  *
- * The step function computes the lines of the inputs that are extrapolated; the callback sets the inputs to their values
- * at the time that the FMU gives. Nothing here allocates memory, and there are no globals. Lines that do not begin with
+ * The step function computes the lines of the inputs that are extrapolated; the callback sets the inputs to their
+ * values at the time that the FMU gives. Nothing here allocates memory, and there are no globals. Lines that do not begin with
  * # are also read by cffi. */
 #ifndef INTERMEDIATE_H
 #define INTERMEDIATE_H

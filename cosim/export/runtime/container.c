@@ -555,7 +555,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         double time;
         const char *why = m->exchange->why(m, &number, &time);
         (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
-            P->components[i].name, P->components[i].events ? "event mode" : "integration", time, why ? why : "", (unsigned)number);
+            P->components[i].name, P->components[i].events ? "event mode" : "integration", time,
+            why ? why : "", (unsigned)number);
     }
     const PlanComponent *p = &P->components[i];
     const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;

@@ -63,7 +63,7 @@ typedef struct {
     bool has_tolerance;
     double tolerance;
     bool events;                     /* it reports events or returns early */
-    const void *setup;               /* EventSetup; IntegratorSetup of one that is integrated (Model Exchange); or NULL */
+    const void *setup;               /* EventSetup, or IntegratorSetup of one that is integrated; or NULL */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
