@@ -2,8 +2,8 @@
  * (intermediate update).
  *
  * The step function computes the lines of the inputs that are extrapolated; the callback sets the inputs to their
- * values at the time that the FMU gives. Nothing here allocates memory, and there are no globals. Lines that do not begin with
- * # are also read by cffi. */
+ * values at the time that the FMU gives. Nothing here allocates memory, and there are no globals. Lines that do not
+ * begin with # are also read by cffi. */
 #ifndef INTERMEDIATE_H
 #define INTERMEDIATE_H
 
