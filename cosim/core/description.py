@@ -62,6 +62,7 @@ class Variable:
     mime_type: str = ""  # of a Binary
     max_size: int | None = None  # of a Binary: bytes, if the FMU says so
     clocks: tuple[int, ...] = ()  # value references of the clocks that it belongs to: it changes when one of them ticks
+    follows: bool = False  # an input that may be set inside a step too (FMI 3.0, intermediate update)
 
     @property
     def unit_name(self) -> str:

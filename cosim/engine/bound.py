@@ -253,6 +253,8 @@ class BoundEngine:
         self._calls.append(ports.fmi)
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
+            if ports.fmi.follow is not None:
+                ports.fmi.follow(m, self._pointer("double*", self._setup.values))
 
     def _loop(self, plan: LoopPlan, work: Array) -> dict[str, Any]:
         return {

@@ -2,20 +2,17 @@
 #include "engine.h"
 
 #include "environment.h"
+#include "hints.h"
 
 #include <math.h>
 #include <string.h>
 
 #if defined(__GNUC__)
-#define RARELY(condition) __builtin_expect(condition, 0)
 #define INLINE static inline __attribute__((always_inline))
 #define NOINLINE static __attribute__((noinline)) /* what only some systems need stays out of the way of what all do */
-#define COLD static __attribute__((noinline, cold)) /* and so does what hardly ever runs */
 #else
-#define RARELY(condition) (condition)
 #define INLINE static inline
 #define NOINLINE static
-#define COLD static
 #endif
 
 enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */

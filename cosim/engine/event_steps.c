@@ -113,7 +113,7 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
         bool needed = false;
         *last = now;
         TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
-            s->instance, now, to - now, no_set_prior, &needed, terminate, early, last));
+            s->stepped, now, to - now, no_set_prior, &needed, terminate, early, last));
         const bool returned = *early;
         if (returned && !s->variable_step) return OK; /* which it was not allowed to */
         if (returned && !(*last >= now - near && *last <= to + near))

@@ -49,6 +49,7 @@ typedef struct {
 
 struct EventSteps {
     void *instance;
+    void *stepped;               /* what EVENT_DO_STEP gets: the instance, or what sets its inputs inside the step */
     void *call[4];               /* of EVENT_DO_STEP to EVENT_LEAVE */
     EventInputs *inputs;
     int32_t n_inputs;

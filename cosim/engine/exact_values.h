@@ -12,7 +12,7 @@
 typedef enum { EXACT_INT64, EXACT_UINT64, EXACT_STRING, EXACT_BINARY } ExactKind;
 
 /* One value: number `element` of those that the call moves, at `at` of the slots. */
-typedef struct {
+typedef struct ExactItem {
     uint32_t element, at;
     uint32_t size;               /* bytes at most */
     uint32_t text;               /* where its bytes begin in `texts` */

@@ -5,6 +5,7 @@
 #include "event_steps.h"
 #include "exact_values.h"
 #include "integrator.h"
+#include "intermediate.h"
 #include "table.h"
 
 #if defined(_WIN32)
@@ -35,7 +36,7 @@ EXPORT size_t cosim_engine_loop_work(int32_t n) { return engine_loop_work(n); }
 EXPORT size_t cosim_engine_size(void) {
     return sizeof(Engine) + sizeof(EngineComponent) + sizeof(EngineLoop) + sizeof(EngineDerivative)
            + sizeof(EngineAdaptive) + sizeof(Table) + sizeof(Integrator) + sizeof(EventSteps) + sizeof(EventInputs)
-           + sizeof(ExactValues) + sizeof(ExactItem);
+           + sizeof(ExactValues) + sizeof(ExactItem) + sizeof(IntermediateStep);
 }
 /* The states of n FMUs. Returns how many were saved or restored; if not all, `status` is that of the next one. */
 EXPORT int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status) {
@@ -85,6 +86,15 @@ EXPORT uint32_t cosim_event_steps_leave(EventSteps *s, double t) { return event_
 EXPORT uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last) {
     return event_steps_step(steps, t, h, no_set_prior, event, terminate, early, last);
+}
+
+EXPORT void cosim_intermediate_update(void *environment, double t, bool asks, bool allows, bool finished,
+    bool can_return, bool *returns, double *return_time) {
+    intermediate_update(environment, t, asks, allows, finished, can_return, returns, return_time);
+}
+EXPORT uint32_t cosim_intermediate_step(void *steps, double t, double h, bool no_set_prior, bool *event,
+    bool *terminate, bool *early, double *last) {
+    return intermediate_step(steps, t, h, no_set_prior, event, terminate, early, last);
 }
 
 EXPORT uint32_t cosim_exact_set2(void *instance, const uint32_t *exact, size_t n, void *slots) {

@@ -18,6 +18,7 @@ TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
 EVENT_STEPS = Path(__file__).with_name("event_steps.h")
 EXACT_VALUES = Path(__file__).with_name("exact_values.h")
+INTERMEDIATE = Path(__file__).with_name("intermediate.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
 SOURCES = tuple(
     Path(__file__).with_name(f"{name}.c")
@@ -29,6 +30,7 @@ SOURCES = tuple(
         "integrator",
         "event_steps",
         "exact_values",
+        "intermediate",
         "library",
     )
 )
@@ -44,6 +46,7 @@ _STRUCTS = (
     "EventInputs",
     "ExactValues",
     "ExactItem",
+    "IntermediateStep",
 )
 
 _EXPORTED = """
@@ -74,6 +77,10 @@ uint32_t cosim_event_steps_enter(EventSteps *s, double t);
 uint32_t cosim_event_steps_leave(EventSteps *s, double t);
 uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
+void cosim_intermediate_update(void *environment, double t, bool asks, bool allows, bool finished, bool can_return,
+    bool *returns, double *return_time);
+uint32_t cosim_intermediate_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
+    bool *early, double *last);
 uint32_t cosim_exact_set2(void *instance, const uint32_t *exact, size_t n, void *slots);
 uint32_t cosim_exact_set3(void *instance, const uint32_t *exact, size_t n, void *slots, size_t n_slots);
 uint32_t cosim_exact_get2(void *instance, const uint32_t *exact, size_t n, void *slots);
@@ -92,7 +99,7 @@ class NoEngine(CosimError):  # noqa: N818
 def interface() -> cffi.FFI:
     """The types of the headers of the engine."""
     ffi = cffi.FFI()
-    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, EXACT_VALUES)
+    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, EXACT_VALUES, INTERMEDIATE)
     declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in headers))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi

@@ -46,8 +46,7 @@ class PortLayout:
         default_factory=list
     )  # extrapolated: input, now, previous, time
     periods: list[float] = field(default_factory=list)  # of the sources of `extrapolations` [s]
-    since: list[float] = field(default_factory=list)  # from `time` of `extrapolations` to when `now` was reached [s]
-    half: float = 0.0  # half of its own step [s]
+    ahead: list[float] = field(default_factory=list)  # from when `now` was reached to the time of the value [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
     first: int = 0  # slot of its first output
     sizes: dict[Variable, int] = field(default_factory=dict)  # bytes at most, of those that have more than one slot
@@ -62,10 +61,11 @@ class PortLayout:
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
         """Each extrapolated input: number, slots of now, previous and time, period of its source, and time ahead [s].
 
-        The time ahead is from the slot's time to the middle of the next step.
+        The time ahead is from the slot's time to the middle of the next step, or to its begin if the input follows the
+        line inside of the step.
         """
-        known = zip(self.extrapolations, self.periods, self.since, strict=True)
-        return [(*extrapolation, period, self.half - since) for extrapolation, period, since in known]
+        known = zip(self.extrapolations, self.periods, self.ahead, strict=True)
+        return [(*extrapolation, period, ahead) for extrapolation, period, ahead in known]
 
 
 class Layout:
@@ -215,7 +215,7 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
     n_outputs = sum(slots(sizes.get(v, 0)) for v in outputs)
     extrapolations: list[tuple[int, int, int, int]] = []
     periods: list[float] = []
-    since: list[float] = []
+    to_value: list[float] = []
     wide = [(c, k) for c in incoming for k in range(slots(c.size))]
     for i, (c, _) in enumerate(wide):
         if c.extrapolate:
@@ -225,7 +225,8 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
             now, before = (layout.latest, layout.visible) if early else (layout.visible, layout.previous)
             extrapolations.append((i, now[key], before[key], layout.sample_times[c.source]))
             periods.append(float(c.source.step))
-            since.append(float(c.source.step) if early else 0.0)
+            middle = 0.0 if c.input.follows else float(component.step) / 2
+            to_value.append(middle - (float(c.source.step) if early else 0.0))
     scale, offset = np.array([c.scale for c, _ in wide]), np.array([c.offset for c, _ in wide])
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
     index = np.array([_source_slot(layout, c, ahead) + k for c, k in wide], dtype=np.intp)
@@ -241,8 +242,7 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
         offset=offset if converts else None,
         extrapolations=extrapolations,
         periods=periods,
-        since=since,
-        half=float(component.step) / 2,
+        ahead=to_value,
         in_place=in_place,
         first=first,
         sizes=sizes,

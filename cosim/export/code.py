@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +13,19 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import Variable
-from cosim.core.errors import CosimError, FmuWarning, WiringError
-from cosim.engine.library import INTEGRATOR
+from cosim.core.description import TEXTS, Variable
+from cosim.core.errors import CosimError, WiringError
+from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
+from cosim.engine.values import PortLayout
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.event_steps import steps_with_events
 from cosim.fmu.model_exchange import function_names, integrator_setup
-from cosim.fmu.transfers import Arrangement, arrangements, by_reference
+from cosim.fmu.transfers import Arrangement, arrangements, by_reference, slots
 from cosim.system.components import Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule, only_numbers
 from cosim.system.wiring import Wiring
@@ -37,12 +38,14 @@ _RUNTIME = _HERE / "runtime"
 _ENGINE = _HERE.parent / "engine"
 _OWN = (
     *(_RUNTIME / n for n in ("container.c", "component.c", "component.h", "system.h")),
-    *(_ENGINE / n for n in ("engine.c", "engine.h", "instants.h", "algebraic_loop.c")),
+    *(_ENGINE / n for n in ("engine.c", "engine.h", "hints.h", "instants.h", "algebraic_loop.c")),
     ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
+_EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
+_TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  # where they exchange such
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
 _ROLES = {"parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "output": "FMU_OUTPUT"}
@@ -73,20 +76,12 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
             )
         if m.implementation.in_event_mode and m.implementation.description.kind is None:
             raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
-        if steps_with_events(m.description):
-            warnings.warn(
-                f"'{m.name}' reports events or returns early (hasEventMode, mightReturnEarlyFromDoStep), which {what}"
-                " does not support: it processes its events by itself there, so its numbers may be others than in a run"
-                " of the system",
-                FmuWarning,
-                stacklevel=2,
-            )
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
-    return only_numbers(schedule, what, "leave one of the two components out" if not page else "use other components")
+    return only_numbers(schedule, what, "use other components") if page else schedule
 
 
 @dataclass(frozen=True)
@@ -97,6 +92,7 @@ class _Start:
     reference: int
     numbers: list[str]
     text: str | None = None
+    binary: bool = False
 
 
 class SystemCode:
@@ -153,6 +149,11 @@ class SystemCode:
         """Whether all components can save their states."""
         return all(m.description.can_save for m in self.schedule.components)
 
+    @property
+    def _exact(self) -> bool:
+        """Whether texts, bytes or 64-bit integers are exchanged."""
+        return any(c.size for c in self.schedule.connections)
+
     def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
         """All C files and headers except plan.c, by path below `sources/`.
 
@@ -166,6 +167,10 @@ class SystemCode:
         integrated = {p for m, p in self.parts.items() if m.implementation.integrated}  # type: ignore[attr-defined]
         if integrated:
             files |= {p.name: p.read_bytes() for p in _EXCHANGE}
+        if any(steps_with_events(m.description) for m in self.parts):
+            files |= {p.name: p.read_bytes() for p in _EVENTS}
+        if self._exact:
+            files |= {p.name: p.read_bytes() for p in _TEXTS}
         files[f"fmi{self.fmi}.c"] = (generate.RUNTIME_DIR / f"fmi{self.fmi}.c").read_bytes()
         files |= package.fmi_headers(2) | package.fmi_headers(3)
         files = generate.with_mathematics(files)
@@ -211,7 +216,9 @@ class SystemCode:
             n_published=sum(len(p.published) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
-            integrated=any(m["setup"] for m in components),
+            integrated=any(m["setup"] and not m["events"] for m in components),
+            events=any(m["events"] for m in components),
+            texts=self._exact,
         )
 
     def _component(self, i: int, p: ComponentPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
@@ -220,6 +227,8 @@ class SystemCode:
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.previous, *p.published]
+        sets = _sets(m, part.version, port, buffers)
+        places = [v for v in port.inputs for _ in range(slots(port.sizes.get(v, 0)))]
         return {
             "id": f"m{i}",
             "name": m.name,
@@ -243,15 +252,19 @@ class SystemCode:
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
             "extrapolations": [
-                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}"
+                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])},"
+                f" {c_number(line[5] + (p.step / 2 if places[line[0]].follows else 0.0))}}}"  # to the middle
                 for line in p.extrapolations
             ],
-            "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.inputs)],
-            "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, port.outputs)],
+            "sets": sets,
+            "gets": [
+                _transfer(m, part.version, how, buffers) | {"waits": False}
+                for how in arrangements(part.version, port.outputs, sizes=port.sizes)
+            ],
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
-            **_exchange(m),
+            **(_events(m, sets) or _exchange(m)),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
 
@@ -277,8 +290,8 @@ class SystemCode:
         """What each of the values is."""
         names = [""] * self.plan.size
         layout = self.setup.layout
-        for slots in (layout.visible, layout.latest, layout.previous, layout.constants):
-            for (component, variable), slot in slots.items():
+        for known in (layout.visible, layout.latest, layout.previous, layout.constants):
+            for (component, variable), slot in known.items():
                 names[slot] = f"{component.name}.{variable.name}"
         for component, slot in layout.sample_times.items():
             names[slot] = f"time of {component.name}"
@@ -300,9 +313,33 @@ def _exchange(m: SystemComponent) -> dict[str, Any]:
     implementation = m.implementation
     assert isinstance(implementation, FmuComponent)
     if not implementation.integrated:
-        return {"setup": []}
+        return {"setup": [], "events": False}
     fields, references = integrator_setup(m.description, implementation.exchange)
-    return {"setup": [*map(int, fields[:-1]), c_number(fields[-1])], "exchange_references": references or [0]}
+    setup = [*map(int, fields[:-1]), c_number(fields[-1])]
+    return {"setup": setup, "exchange_references": references or [0], "events": False}
+
+
+def _events(m: SystemComponent, sets: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """`EventSetup` of a component that reports events or returns early; empty for another one."""
+    about = m.description
+    if not steps_with_events(about):
+        return {}
+    waiting = [s["n_data"] for s in sets if s["waits"]]
+    flags, internal = [int(about.event_mode), int(about.variable_step)], c_number(float(about.internal_step or 0))
+    return {"setup": [*flags, internal, len(waiting), sum(waiting)], "events": True}
+
+
+def _sets(m: SystemComponent, version: int, port: PortLayout, buffers: _Room) -> list[dict[str, Any]]:
+    """Calls that set inputs; discrete ones wait for event mode."""
+
+    def waits(v: Variable) -> bool:
+        return steps_with_events(m.description) and m.description.event_mode and v.variability == "discrete"
+
+    return [
+        {**_transfer(m, version, how, buffers), "waits": late}
+        for late in (False, True)
+        for how in arrangements(version, port.inputs, lambda v, late=late: waits(v) is late, port.sizes)  # type: ignore[misc]
+    ]
 
 
 class _Room:
@@ -316,8 +353,11 @@ class _Room:
         return begin
 
 
-def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
+def _transfer(m: SystemComponent, version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
+    if how.sizes:
+        return _exact_transfer(m, version, how, buffers)
     return {
+        "exact": None,
         "kind": _kind(version, how.fmi_type),
         "references": list(how.arrays),
         "n_data": how.total,
@@ -327,6 +367,37 @@ def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
         "place": how.place.tolist(),
         "keeps": how.keeps,
         "buffer": 0 if how.in_place else buffers.take(_BYTES * how.total),
+    }
+
+
+def _exact_transfer(m: SystemComponent, version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
+    """A call of texts, bytes or 64-bit integers."""
+    if how.keeps:
+        names = sorted({elements[0].declared for elements in how.arrays.values()})
+        raise WiringError(
+            f"'{m.name}': {', '.join(names)}: connect all elements of this array, or none: the FMU of a system does not"
+            " keep the others"
+        )
+    widths = [slots(size) for size in how.sizes]
+    places = [int(p) + k for p, w in zip(how.place, widths, strict=True) for k in range(w)]
+    begins, texts = (list(accumulate(n, initial=0)) for n in (widths, [size + 1 for size in how.sizes]))
+    in_place = places == list(range(places[0], places[0] + len(places)))
+    return {
+        "exact": {
+            "kind": f"EXACT_{how.fmi_type.upper()}",
+            "n_values": how.total,
+            "items": list(zip(how.element.tolist(), begins, how.sizes, texts, strict=False)),
+            "n_texts": texts[-1],
+        },
+        "kind": _kind(version, how.fmi_type),
+        "references": list(how.arrays),
+        "n_data": len(places),
+        "in_place": in_place,
+        "at": places[0],
+        "element": list(range(len(places))),
+        "place": places,
+        "keeps": False,
+        "buffer": 0 if in_place else buffers.take(_BYTES * len(places)),
     }
 
 
@@ -340,8 +411,8 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
     given = {variables[n]: v for n, v in component.values.items()}
     for elements in by_reference(given).values():
         one = elements[0]
-        if one.fmi_type == "String":
-            yield one, str(given[one])
+        if one.fmi_type in TEXTS:
+            yield one, bytes(given[one]) if one.fmi_type == "Binary" else str(given[one])
             continue
         whole = [variables[n] for n in component.description.arrays.get(one.declared, [])] if one.size > 1 else [one]
         values = {v.index: given.get(v, v.start) for v in whole}
@@ -359,6 +430,8 @@ def _starts(component: SystemComponent, version: int) -> list[_Start]:
     for variable, values in start_values(component):
         if isinstance(values, str):
             found.append(_Start("KIND_STRING", variable.reference, [], values))
+        elif isinstance(values, bytes):
+            found.append(_Start("KIND_BINARY", variable.reference, list(map(str, values)), binary=True))
         else:
             found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [c_number(x) for x in values]))
     return found

@@ -206,6 +206,8 @@ _REQUIRED_EXCHANGE = {
 }
 
 Log = Callable[[int, str, str], None]  # (status, category, message)
+Intermediate = tuple[int, int, Sequence[int]]
+"""Addresses of fmi3IntermediateUpdateCallback and of its environment, and value references of what it sets."""
 
 
 def platform_folder(version: str) -> tuple[str, str]:
@@ -230,7 +232,7 @@ def required(version: str, interface: str) -> list[str]:
 
 def declared(version: str, interface: str) -> list[str]:
     """Names of all C functions that may be called of an FMU."""
-    text = _FMI3 + _EVENTS3[: _EVENTS3.index("Status fmi3GetClock")] if version == "3" else _FMI2
+    text = _FMI3 + _EVENTS3 if version == "3" else _FMI2
     if interface == "me":
         text += _EXCHANGE3 if version == "3" else _EXCHANGE2
     return re.findall(rf"\bfmi{version}\w+(?=\()", text)
@@ -347,10 +349,11 @@ def instantiate3(
     logging: bool = True,
     event_mode: bool = False,
     early_return: bool = False,
+    intermediate: Intermediate | None = None,
 ) -> Any:
-    """Call fmi3InstantiateModelExchange, or fmi3InstantiateCoSimulation without intermediate updates.
+    """Call fmi3InstantiateModelExchange or fmi3InstantiateCoSimulation.
 
-    `texts` = name, token, resource path.
+    `texts` = name, token, resource path; `intermediate`: for intermediate updates.
     """
     name, token, resources = texts
     ffi = ffi3
@@ -364,6 +367,7 @@ def instantiate3(
     arguments = (name.encode(), token.encode(), resources.encode(), False, logging)
     if interface == "me":
         return library.fmi3InstantiateModelExchange(*arguments, ffi.NULL, address)
-    return library.fmi3InstantiateCoSimulation(
-        *arguments, event_mode, early_return, ffi.NULL, 0, ffi.NULL, address, ffi.NULL
-    )
+    update, environment, inputs = intermediate or (0, 0, ())
+    required, n = ffi.new("VR[]", list(inputs)), len(inputs)
+    pointers = ffi.cast("void*", environment), address, ffi.cast("void*", update)
+    return library.fmi3InstantiateCoSimulation(*arguments, event_mode, early_return, required, n, *pointers)

@@ -1,8 +1,9 @@
 """Steps of FMUs with clocks: one alone, or several whose clocks are connected, which take their steps together.
 
 A communication step from t to t + h of connected FMUs. All of them do `fmi3DoStep` to the next time at which one has an
-event that is known before (a tick of a time-based clock, `nextEventTime`), or to the end. There, those with an
-event are in event mode:
+event that is known before (a tick of a time-based clock, `nextEventTime`), or to the end. FMUs that may return early
+step first. Where one does, the others step to that time only; those that are beyond go back to their saved states.
+There, those with an event are in event mode:
 
 1. Their time-based clocks tick, and inputs of these clocks are set.
 2. Output clocks that tick are read. What is connected to such a clock ticks at once: its FMU is in event mode too, and
@@ -35,6 +36,7 @@ class ClockedFmu(Protocol):
     component: Any
     about: Description
     now: float
+    returns_early: bool
 
     @property
     def next(self) -> float: ...
@@ -141,8 +143,20 @@ class ClockNetwork:
         self._events(near, first=True)
         for _ in range(ITERATIONS):
             following = min(m.next for m in self._fmus)
-            to = following if following < end - near else end
-            for m in self._fmus:
+            to = self._advance(t, following if following < end - near else end, end, near)
+            if to == end:
+                self._event({m: frozenset() for m in self._fmus if m.component._flags[0]})
+                return
+            self._events(near)
+        why = f"clocks tick, or FMUs return early, more than {ITERATIONS} times from {t:.9g} s to {end:.9g} s"
+        self._stop(self._fmus[0], why)
+
+    def _advance(self, t: float, to: float, end: float, near: float) -> float:
+        """All of them do a step to the same time: `to`, or where the first one returns early."""
+        ahead: list[tuple[ClockedFmu, Any]] = []
+        returning = [m for m in self._fmus if m.returns_early]
+        try:
+            for m in (*returning, *(m for m in self._fmus if not m.returns_early)):
                 if to < end and not m.about.variable_step:
                     self._stop(
                         m,
@@ -150,13 +164,18 @@ class ClockNetwork:
                         " no steps of other lengths (canHandleVariableCommunicationStepSize): give it a step so that"
                         " every tick is at the beginning of a step",
                     )
-            for m in self._fmus:
+                if m in returning[:-1]:
+                    ahead.append((m, m.component.save()))
                 m.advance(to, within=to < end)
-            if to == end:
-                self._event({m: frozenset() for m in self._fmus if m.component._flags[0]})
-                return
-            self._events(near)
-        self._stop(self._fmus[0], f"its clocks tick more than {ITERATIONS} times from {t:.9g} s to {end:.9g} s")
+                if m.now < to - near:
+                    to = m.now
+                    for other, state in ahead[: returning.index(m)]:
+                        other.component.restore(state)
+                        other.advance(to, within=True)
+        finally:
+            for m, state in ahead:
+                m.component.forget(state)
+        return to
 
     def _events(self, near: float, *, first: bool = False) -> None:
         """Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change."""

@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 import numpy as np
 
 import cosim.fmu.calls as fmi
-from build_fmus.base import surface
 from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.core.description import TEXTS, Variable
@@ -36,6 +35,7 @@ from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.event_steps import EventSteps, steps_with_events
 from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.file import FmuFile, Library
+from cosim.fmu.intermediate import IntermediateUpdates
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.model_exchange import Integration, ModelExchange
@@ -100,6 +100,7 @@ class FmuComponent:
         self._events: EventMode | None = None
         self.integration: Integration | None = None
         self._event_steps: EventSteps | None = None
+        self._intermediate: IntermediateUpdates | None = None
 
     @property
     def in_event_mode(self) -> bool:
@@ -121,9 +122,10 @@ class FmuComponent:
         return self._events
 
     @property
-    def _driver(self) -> Integration | EventSteps | None:
-        """What steps it instead of itself, in this process: its integrator, or what divides its steps at events."""
-        return self.integration if self.integration is not None and self.integration.here else self._event_steps
+    def _driver(self) -> Integration | EventSteps | IntermediateUpdates | None:
+        """What steps it instead of itself, in this process: its integrator, or what divides steps or sets inputs."""
+        own = self.integration if self.integration is not None and self.integration.here else None
+        return own or self._event_steps or self._intermediate
 
     @property
     def _remembers(self) -> EventMode | Integration | EventSteps | None:
@@ -166,13 +168,7 @@ class FmuComponent:
         self._earlier_pools = [p for p in pools if p.in_use]
         self.state_pools, self._own_pool = [], None
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
-        events = EventMode(self) if self.in_event_mode else None
-        if events is not None and self.isolation is not None:
-            option = surface.hint("isolated=True", "--isolate")
-            raise FmuError(
-                f"component '{name}': FMUs with clocks cannot be isolated; run it without {option or 'isolation'}"
-            )
-        self._events = events
+        self._events = events = EventMode(self) if self.in_event_mode else None
         if reusable and self._call("Reset") <= fmi.WARNING:
             if self._event_steps is not None:
                 self._event_steps.end()
@@ -190,15 +186,18 @@ class FmuComponent:
         log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         divided = steps_with_events(self.description)
-        with_events = {"event_mode": True} if events is not None else {}
+        how = {"event_mode": True, "early_return": events.returns_early} if events is not None else {}
         if divided:
             about = self.description
-            with_events = {"event_mode": about.event_mode, "early_return": about.variable_step}
-        instance = library.instantiate(texts, log, self._keep, **with_events)
+            how = {"event_mode": about.event_mode, "early_return": about.variable_step}
+        follows = [v for v in self.description.inputs.values() if v.follows]
+        self._intermediate = IntermediateUpdates(follows) if follows else None
+        update = self._intermediate.callback if self._intermediate else None
+        instance = library.instantiate(texts, log, self._keep, **how, intermediate=update)
         self._check_environment()
         if instance == self._ffi.NULL and divided and self.description.event_mode and not library.lost():
             self._forget_messages()
-            instance, divided = library.instantiate(texts, log, self._keep), False
+            instance, divided = library.instantiate(texts, log, self._keep, intermediate=update), False
             if instance != self._ffi.NULL:
                 warnings.warn(
                     f"component '{name}': its FMU declares event mode (hasEventMode) and cannot be instantiated with"
@@ -220,7 +219,11 @@ class FmuComponent:
         self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
         self.integration = Integration(self, self.exchange) if self.integrated else None
-        self._event_steps = EventSteps(self) if divided else None
+        self._event_steps = EventSteps(self, self._intermediate) if divided else None
+        if self._intermediate is not None:
+            self._intermediate.attach(self)
+            self._keep.append(self._intermediate)
+            self._kept_from_start = len(self._keep)
         self._configure()
 
     def _open(self) -> Library | IsolatedLibrary:
@@ -257,6 +260,8 @@ class FmuComponent:
         if self._instance is not None and not self._dead:
             self._call("Terminate")
             self._warn_of_crash("Terminate")
+            if self._intermediate is not None:
+                self._intermediate.warn_if_unused(self.name)
 
     def close(self) -> None:
         """Free the instance, and close its library if it was the last one.
@@ -450,6 +455,8 @@ class FmuComponent:
         self._kept.clear()
         self._exact.clear()
         self._sizes = sizes or {}
+        if self._intermediate is not None:
+            self._intermediate.bind(inputs, self._sizes)
         del self._keep[self._kept_from_start :]  # buffers of the run before
         if self._events is not None:
             self._bound_step = self._do_step()
@@ -480,12 +487,15 @@ class FmuComponent:
         waiting = steps.bind([s.transfer for s in discrete])
         return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
 
-    def _advance(self, t: float, h: float) -> None:
-        """One fmi3DoStep, for steps with events."""
+    def _advance(self, t: float, h: float, *, early: bool) -> float | None:
+        """One fmi3DoStep, for steps with clocks. Returns the time of an early return [s], if `early` allows it."""
         call, rest, ended = self._bound_step
         status = call(t, h, self._no_set_prior(), *rest)
+        if early and status <= fmi.WARNING and self._early[0] and not self._terminate[0]:
+            return float(self._last[0])
         if status > fmi.WARNING or ended[0]:
             self._step_failed(status, t, h)
+        return None
 
     def _with_guards(self, ports: Ports) -> Ports:
         """Put back the floating-point environment after calls into third-party FMUs."""
@@ -530,6 +540,7 @@ class FmuComponent:
             step_failed=self._step_failed,
             foreign=self._foreign,
             changed=self._tell_changed,
+            follow=self._intermediate.follow if self._intermediate else None,
         )
 
     def _derivative_call(self) -> int:
@@ -659,6 +670,8 @@ class FmuComponent:
         last, terminated, whole = None, False, False
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
+        if self._intermediate is not None:
+            self._intermediate.step_failed(self)
         if self.integration is not None:
             self.integration.step_failed(status, t, h)
         if self._event_steps is not None:

@@ -14,8 +14,8 @@ set |
 | countdown | what the FMU says in any event mode, if it knows it |
 
 Triggered input clocks tick when an output clock of another FMU does that is connected to them. Such FMUs take their
-steps together, see `clock_network.py`, which says when what is called. Early return is not allowed to the FMU and no
-intermediate update is requested, which are rights of whoever imports it.
+steps together, see `clock_network.py`, which says when what is called. An FMU may return early if it takes steps of any
+length and saves its state. No intermediate update is requested, which is a right of whoever imports it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 
 from cosim.core.component import Action, EndRequested, Ports
 from cosim.core.description import Clock, Description, Variable
-from cosim.core.errors import CosimError
+from cosim.core.errors import CallFailed, CosimError
 from cosim.core.signals import Array
 from cosim.core.time import rational, seconds_text
 from cosim.fmu.clock_network import ClockNetwork
@@ -65,7 +65,7 @@ class Instance(Protocol):
 
     def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> Any: ...
 
-    def _advance(self, t: float, h: float) -> None: ...
+    def _advance(self, t: float, h: float, *, early: bool) -> float | None: ...
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,7 @@ class EventMode:
         self.about = component.description
         self.clocks = {c.reference: c for c in self.about.clocks if c.causality == "input" and c.kind != "triggered"}
         self.network = ClockNetwork([self])
+        self.returns_early = self.about.early_return and self.about.variable_step and self.about.can_save
         self.told = [c.reference for c in self.about.clocks if c.causality == "output"]  # that the FMU itself ticks
         self.due: dict[int, Due] = {}
         self.now, self.next_event = 0.0, math.inf
@@ -295,14 +296,17 @@ class EventMode:
         return bool(self.component._flags[0]) or self.next_event <= self.now + near
 
     def advance(self, to: float, *, within: bool) -> None:
-        """`fmi3DoStep` from where it stands."""
+        """`fmi3DoStep` from where it stands to `to`, or to where it returns early."""
         try:
-            self.component._advance(self.now, to - self.now)
+            reached = self.component._advance(self.now, to - self.now, early=self.returns_early)
         except EndRequested as request:
             raise EndRequested(request.component, str(request), complete=request.complete and not within) from None
         finally:
             self.component._check_environment()
-        self.now = to
+        if reached is not None and not self.now <= reached <= to:
+            why = f"it returned early at {reached:.9g} s, outside of the step from {self.now:.9g} s to {to:.9g} s"
+            raise CallFailed(self.component.name, "fmi3DoStep", 3, why)
+        self.now = to if reached is None else reached
 
     def enter(self) -> None:
         """Enter event mode."""

@@ -19,6 +19,7 @@ from cosim.core.errors import CallFailed, CosimError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING
+from cosim.fmu.intermediate import IntermediateUpdates
 from cosim.fmu.model_exchange import Instance
 
 _CALLS = ("DoStep", "EnterEventMode", "UpdateDiscreteStates", "EnterStepMode")  # in the order of `EventFunction`
@@ -33,7 +34,7 @@ def steps_with_events(about: Description) -> bool:
 class EventSteps:
     """The steps of one instance."""
 
-    def __init__(self, component: Instance):
+    def __init__(self, component: Instance, updates: IntermediateUpdates | None = None):
         self._component, self._ffi, self._library = component, interface(), library()
         about, ffi = component.description, self._ffi
         self._steps = steps = ffi.new("EventSteps*")
@@ -42,6 +43,9 @@ class EventSteps:
         steps.internal = float(about.internal_step or 0)
         for i, name in enumerate(_CALLS if about.event_mode else _CALLS[:1]):
             steps.call[i] = self._pointer(component._address(component._function(name)))
+        steps.stepped = steps.instance
+        if updates is not None:
+            steps.call[0], steps.stepped = (self._pointer(a) for a in updates.addresses)
         self._kept: list[Any] = []
         self._before = np.zeros(0, dtype=np.uint8)
 

@@ -56,15 +56,17 @@ class Library:
         *,
         event_mode: bool = False,
         early_return: bool = False,
+        intermediate: fmi.Intermediate | None = None,
     ) -> Any:
         """Create an instance, or return NULL.
 
         `texts` = name, token, folder of resources in the form of its FMI version; objects that must outlive the
-        instance are put into `keep`. `event_mode` and `early_return` (it is allowed) are for FMI 3.0.
+        instance are put into `keep`. `event_mode`, `early_return` (it is allowed) and `intermediate`
+        are for FMI 3.0.
         """
         if self._version == "3":
             events = {"event_mode": event_mode, "early_return": early_return}
-            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **events)
+            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **events, intermediate=intermediate)
         return fmi.instantiate2(self.handle, fmi.c_library(), texts, log, keep, self._interface)
 
     def release(self) -> None:

@@ -137,12 +137,15 @@ class _Reader:
         self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
         self.aliases: dict[str, str] = {}
         self.clocks: list[Clock] = []
+        self.updates = False  # it calls back inside its steps
 
     def description(self, simulation: Any) -> Description:
         root = self.root
         for unit in self.each(root.iterfind("UnitDefinitions/Unit")):
             self.units[unit.get("name")] = _unit(unit)
             self.displays |= {(unit.get("name"), d.get("name")): _display(d) for d in unit.iterfind("DisplayUnit")}
+        clocked = root.find("ModelVariables/Clock") is not None  # by `event_mode.py`, without intermediate update
+        self.updates = _flag(simulation, "providesIntermediateUpdate") and not clocked
         self.read_variables()
         own = self.annotation()
         if own is not None:
@@ -172,7 +175,8 @@ class _Reader:
             needs_tool=_flag(simulation, "needsExecutionTool"),
             aliases=self.aliases,
             event_mode=_flag(simulation, "hasEventMode"),
-            early_return=_flag(simulation, "mightReturnEarlyFromDoStep"),
+            early_return=_flag(simulation, "mightReturnEarlyFromDoStep")
+            or _flag(simulation, "canReturnEarlyAfterIntermediateUpdate"),
             clocks=self.clocks,
         )
         with suppress(TimeError):  # a hint, of which the schema has said what is wrong
@@ -566,6 +570,7 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         if "maxSize" in attributes
         else None,
         clocks=_references(element.get("clocks"), what),
+        follows=known.updates and not array and fmi_type == "Float64" and _flag(element, "intermediateUpdate"),
     )
 
 

@@ -95,10 +95,15 @@ def run_command(experiment: Experiment) -> Command:
         {
             "Case": case,
             "FMUs": fmu_options(experiment),
-            "How it runs": [*EXECUTION, REAL_TIME, *([] if "--tolerance" in _names(case) else [TOLERANCE])],
+            "How it runs": [*EXECUTION, REAL_TIME, *_tolerance(case)],
             "Inputs and results": _results(case),
         },
     )
+
+
+def _tolerance(beside: Sequence[click.Option]) -> list[click.Option]:
+    """The option of the tolerance, if none of those beside it has its name."""
+    return [] if "--tolerance" in _names(beside) else [TOLERANCE]
 
 
 def _names(options: Sequence[click.Option]) -> set[str]:
@@ -304,7 +309,7 @@ def study_command(experiment: Experiment) -> Command:
             cluster=given["dask"],
             retry_failed=given["retry_failed"],
             force=given["force"],
-            execution=execution(given),
+            execution=replace(execution(given), tolerance=given.get("tolerance_")),
         )
 
     what = "The whole study" if own_plan else "All combinations of the values given for each option"
@@ -315,7 +320,7 @@ def study_command(experiment: Experiment) -> Command:
         {
             "Study" if own_plan else "Case": options,
             "FMUs": fmu_options(experiment),
-            "How it runs": [*EXECUTION, *MANY_RUNS, RETRY],
+            "How it runs": [*EXECUTION, *_tolerance(options), *MANY_RUNS, RETRY],
             "Inputs and results": [OUT],
         },
     )
@@ -350,7 +355,7 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
         console.print(f"failed: {name}: {message}")
     if failures:
         console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
-    page = write_report(report_of(experiment, results, fmus), folder)
+    page = write_report(report_of(experiment, results, fmus, options.get("execution")), folder)
     console.print(f"report: {page}")
     refuse_none(len(results.ran), failures.values())
     return page

@@ -59,7 +59,7 @@ def run_study(
         processes: how many, on this machine; None: one per core.
         retry_failed: run again what failed earlier.
         force: discard what is stored and run everything.
-        execution: how systems are executed; no part of the key, since the numbers are the same.
+        execution: how systems are executed; of it only the tolerance is part of the key, as it alone changes numbers.
         progress: called with (done, total).
 
     Raises:
@@ -77,7 +77,9 @@ def run_study(
     kept = Store(store)
     if force:
         kept.discard()
-    salts = {name: salt_of(experiment.part(name), name, fmus, own) for name, own in by_part.items()}
+    tolerance = execution.tolerance if execution else None
+    steps = "" if tolerance is None else f"|tolerance {tolerance!r}"
+    salts = {name: salt_of(experiment.part(name), name, fmus, own) + steps for name, own in by_part.items()}
     runs = {name: RunStore(kept, salt) for name, salt in salts.items()}
     names = [runs[_part(task)].name(task_key(task)) for task in todo]
     order = [i for i, name in enumerate(names) if not usable(kept, name, failed=not retry_failed)]
@@ -107,16 +109,16 @@ def job_context(
     store: Path | None = None,
     parameters: Parameters = (),
 ) -> JobContext:
-    """What workers need for runs of an experiment and of some of its parts.
-
-    Raises:
-        CosimError: runs would have other numbers than those that are stored.
-    """
-    if execution is not None and execution.tolerance is not None:
-        raise CosimError("studies, sweeps and searches run with fixed steps: leave the tolerance out")
+    """What workers need for runs of an experiment and of some of its parts."""
     files = [*(p for name in parts for p in fmus.paths(experiment.part(name).wiring.fmus)), *fmus.own_paths]
     group = f"of{os.getpid()}x{time.time_ns():x}"
     return JobContext(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)
+
+
+def refuse_tolerance(execution: Execution | None) -> None:
+    """Raise CosimError if an execution has a tolerance, where runs are stored under keys without it."""
+    if execution is not None and execution.tolerance is not None:
+        raise CosimError("sweeps and searches run with fixed steps: leave the tolerance out")
 
 
 def stored(

@@ -27,7 +27,7 @@ from cosim import Execution
 from cosim.core.errors import CosimError
 from cosim.report.fronts import non_dominated
 from cosim.study.case import CaseError, fields
-from cosim.study.driver import run_study, salt_of
+from cosim.study.driver import refuse_tolerance, run_study, salt_of
 from cosim.study.experiment import Experiment, Row, Task
 from cosim.study.fmus import FmuSet
 
@@ -134,6 +134,9 @@ class CaseRuns:
     executor: Any = None
     processes: int | None = None
     execution: Execution | None = None
+
+    def __post_init__(self) -> None:
+        refuse_tolerance(self.execution)
 
     def check(self, names: Sequence[str]) -> None:
         """Refuse values that are no fields of the case."""

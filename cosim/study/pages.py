@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base.terminal import PACKAGE
+from cosim import Execution
 from cosim.core.content_checks import Scalar, label_of
 from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
@@ -126,9 +127,15 @@ def exchange_section(experiment: Experiment, results: Results) -> list[Section]:
     return sections(None, [error_of_the_exchange])
 
 
-def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
-    """The page of a study: that of the experiment, or the one by default; at its end the runs that failed."""
+def report_of(experiment: Experiment, results: Results, fmus: FmuSet, execution: Execution | None = None) -> Report:
+    """The page of a study: that of the experiment, or the one by default; at its end the runs that failed.
+
+    With a tolerance, its lead says so.
+    """
     made: Report = (resolved(experiment.study.report) or partial(default_report, experiment))(results, fmus)
+    if execution is not None and execution.tolerance is not None:
+        steps = f"Communication steps follow the error of the exchange, with a tolerance of {execution.tolerance:g}."
+        made = replace(made, lead=f"{made.lead} {steps}")
     return replace(made, sections=[*made.sections, *exchange_section(experiment, results), *failed_section(results)])
 
 

@@ -28,7 +28,7 @@ from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
 from cosim.study.design import Design, DesignError, check_no_range, whole
 from cosim.study.dispatch import HEAD, Dispatch, Making, failed
-from cosim.study.driver import job_context, salt_of, stored, usable
+from cosim.study.driver import job_context, refuse_tolerance, salt_of, stored, usable
 from cosim.study.executors import width
 from cosim.study.experiment import Experiment, Task
 from cosim.study.fmus import FmuSet
@@ -303,6 +303,7 @@ def run_sweep(
     Raises:
         DesignError: a metric has the name of a column, or the one that is needed is not there.
     """
+    refuse_tolerance(execution)
     kept = Store(store)
     if force:
         kept.discard()

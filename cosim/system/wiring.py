@@ -465,8 +465,8 @@ def _check_clocks(names: str, source: SystemComponent, target: SystemComponent, 
     """Raise WiringError for clocks that cannot tick together."""
     for m in (source, target):
         isolated = getattr(m.implementation, "isolation", None) is not None
-        if isolated or not (isinstance(m.implementation, FmuComponent) and m.implementation.in_event_mode):
-            why = "is isolated: FMUs with connected clocks run in the process of the master"
+        if not (isinstance(m.implementation, FmuComponent) and m.implementation.in_event_mode):
+            why = "counts its samples itself where it is isolated: run it without isolation"
             no_events = "is executed without event mode, in which clocks tick: use another component"
             raise WiringError(f"{names}: '{m.name}' {why if isolated else no_events}")
     if clock.name not in target.description.triggered:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from foreign import clocked, pulses
 
-from cosim import ComponentError, System, UnconnectedInputsWarning, WiringError
+from cosim import ComponentError, Recording, System, UnconnectedInputsWarning, WiringError
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +70,42 @@ def test_values_without_a_connected_clock_are_those_of_the_exchange(fmu: Path) -
     assert found["c.got"].tolist() == [0.0, 0.0, 2.0, 4.0]
 
 
+def found_with(fmu: Path, announced: bool, *, isolated: bool = False) -> Recording:
+    """Ticks of a every 3.1 ms and of d every 4.1 ms, known before or not, reach b and c."""
+    with System(allow_unconnected=True) as system:
+        for source, target, period in (("a", "b", 0.0031), ("d", "c", 0.0041)):
+            relay = 0 if announced else 3
+            system.add(source, fmu, step="10 ms", parameters={"period": period, "relay": relay}, isolated=isolated)
+            system.add(target, fmu, step="10 ms", parameters={"relay": 1}, isolated=isolated)
+            system.connect(f"{source}.y", f"{target}.x")
+            system.connect(f"{source}.out", f"{target}.in")
+        system.connect("a.out", "d.in")
+        return system.run(0.05, record=["*"])
+
+
+def test_early_returns_divide_the_steps_of_all(fmu: Path, tmp_path: Path) -> None:
+    """Each tick where it is, though a and d return at different times; then the one that is ahead goes back."""
+    may_return = pulses.build(tmp_path, early_return=True)
+    announced, early = found_with(fmu, True), found_with(may_return, False)
+    assert early["b.count"].tolist() == [0, 3, 6, 9, 12, 16]
+    assert early["c.count"].tolist() == [0, 2, 4, 7, 9, 12]
+    names = [n for n in early.names if not n.endswith(("relay", "period"))]
+    assert all(rounded(early[n]) == rounded(announced[n]) for n in names)
+    isolated = found_with(may_return, False, isolated=True)
+    assert all(np.array_equal(early[n], isolated[n]) for n in early.names)
+
+
+def test_early_returns_without_progress_or_permission_end_the_run(
+    fmu: Path, tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    may_return = pulses.build(tmp_path, early_return=True)
+    runs = [(may_return, 4), (may_return, 5), (fmu, 3)]
+    systems = [chain(path, "a", "b") for path, _ in runs]
+    for system, (_, relay) in zip(systems, runs, strict=True):
+        system["a"].set(relay=relay)
+    refused(ComponentError, *(lambda s=s: s.run(0.01, record=[]) for s in systems))
+
+
 def test_saved_states_continue(fmu: Path) -> None:
     with chain(fmu, "a", "b", "c") as system, system.initialize(record=["*"]) as simulation:
         simulation.advance(0.02)
@@ -107,14 +143,12 @@ def test_ticks_in_a_circle_end_the_run_with_the_names(fmu: Path, refused: Callab
 def test_what_does_not_fit_is_refused(fmu: Path, refused: Callable[..., None]) -> None:
     with chain(fmu, "a", "b") as system:
         system.add("slow", fmu, step="20 ms")
-        system.add("apart", fmu, step="10 ms", isolated=True)
         system.add("sampled", fmu, step="10 ms", kind="discrete")
         refused(
             WiringError,
             lambda: system.connect("a.in", "b.in"),
             lambda: system.connect("a.y", "slow.in"),
             lambda: system.connect("a.out", "slow.in", delay=True),
-            lambda: system.connect("a.out", "apart.in"),
         )
         for name in ("slow", "sampled"):
             system.connect("a.out", f"{name}.in")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foreign import eventful
 
-from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System
+from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System, SystemState
 from cosim.fmu.isolation import Isolation
 
 
@@ -160,9 +160,103 @@ def test_an_fmu_that_refuses_its_event_mode_runs_without(folder: Path, isolated:
     assert all(np.array_equal(found[n], without[n]) for n in without.names)
 
 
-def test_systems_with_events_are_exported_without_event_mode_and_say_so(fmu: Path, tmp_path: Path) -> None:
-    with System(allow_unconnected=True) as system:
-        system.add("c", fmu, step="10 ms")
-        with pytest.warns(FmuWarning, match="'c' reports events or returns early"):
-            path = system.export_fmu(tmp_path / "Events.fmu")
-    assert path.is_file()
+def pair(path: Path, kind: str, *, levels: bool = True) -> System:
+    """The discrete input of b is the number of events of a."""
+    system = System(allow_unconnected=True)
+    number = eventful.KINDS.index(kind)
+    system.add("a", path, step="20 ms", start={"u": 1.0, "k": 1}, parameters={"kind": number})
+    system.add("b", path, step="20 ms", parameters={"kind": 0, "period": 0.05})
+    if levels:
+        system.connect("a.count", "b.k")
+    system.connect("a.z", "b.u")
+    return system
+
+
+def alone(path: Path) -> System:
+    """The FMU of a system."""
+    system = System(allow_unconnected=True)
+    system.add("s", path, step="20 ms")
+    return system
+
+
+SHOWN = ("a.z", "a.count", "a.last", "b.z", "b.level", "b.count", "b.last", "b.steps")
+
+
+@pytest.mark.parametrize("kind", ["announced", "early", "at_end"])
+def test_exported_systems_keep_their_events(fmu: Path, tmp_path: Path, kind: str) -> None:
+    """The same bits as in a run of the system, with a value that is set between steps."""
+
+    def values(system: System, prefix: str) -> dict[str, list[float]]:
+        with system, system.initialize(record=[f"{prefix}{n}" for n in SHOWN]) as simulation:
+            simulation.advance(0.1)
+            simulation.set(f"{prefix}a.k", 3)
+            simulation.advance(0.2)
+            return {n: simulation.recording[f"{prefix}{n}"].tolist() for n in SHOWN}
+
+    with pair(fmu, kind) as system:
+        path = system.export_fmu(tmp_path / "Events.fmu")
+    inside, outside = values(alone(path), "s."), values(pair(fmu, kind), "")
+    assert inside == outside
+    assert outside["b.level"][-1] > 2
+    assert outside["a.z"][-1] > 0.25, "faster since k was set"
+
+
+def test_exported_systems_without_event_mode_complete_early_returns(folder: Path, tmp_path: Path) -> None:
+    path = eventful.build(folder, event_mode=False)
+    with pair(path, "paused", levels=False) as system:
+        exported = system.export_fmu(tmp_path / "Paused.fmu")
+        outside = system.run(0.2, record=list(SHOWN))
+    with alone(exported) as system:
+        inside = system.run(0.2, record=[f"s.{n}" for n in SHOWN])
+    assert all(np.array_equal(inside[f"s.{n}"], outside[n]) for n in SHOWN)
+
+
+def test_saved_states_of_exported_systems_hold_their_events(fmu: Path, tmp_path: Path) -> None:
+    """In the same process and as bytes, which another instance reads; and the system can be reset."""
+    with pair(fmu, "announced") as system:
+        path = system.export_fmu(tmp_path / "Events.fmu")
+    names = [f"s.{n}" for n in SHOWN]
+    with alone(path) as system:
+        first, second = (system.run(0.2, record=names) for _ in range(2))
+        with system.initialize(record=names) as simulation:
+            simulation.advance(0.08)
+            state = simulation.save()
+            simulation.advance(0.2)
+            once = [simulation.recording[n].tolist() for n in names]
+            data = state.to_bytes()
+            simulation.restore(state)
+            simulation.advance(0.2)
+            assert [simulation.recording[n].tolist() for n in names] == once
+    with alone(path) as system, system.initialize(record=names, state=SystemState.from_bytes(data)) as simulation:
+        simulation.advance(0.2)
+        assert simulation.recording["s.b.z"][-1] == first["s.b.z"][-1]
+        assert simulation.recording["s.b.count"][-1] == first["s.b.count"][-1]
+    assert all(np.array_equal(first[n], second[n]) for n in names)
+    assert once == [first[n].tolist() for n in names]
+
+
+def test_exported_systems_name_the_component_whose_events_fail(fmu: Path, tmp_path: Path, refused) -> None:
+    def run_exported(kind: str) -> None:
+        with pair(fmu, kind) as system:
+            path = system.export_fmu(tmp_path / f"{kind}.fmu")
+        with alone(path) as system:
+            system.run(0.2, record=[])
+
+    refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("endless", "backward", "stuck")))
+
+
+def test_an_exported_system_ends_where_a_component_asks_for_it(fmu: Path, tmp_path: Path) -> None:
+    with pair(fmu, "ending") as system:
+        path = system.export_fmu(tmp_path / "Ending.fmu")
+    with alone(path) as system:
+        found = system.run(0.2, record=["s.a.count"])
+    assert "asked to end the simulation" in str(found.stopped_by)
+    assert found.time[-1] < 0.1
+
+
+def test_an_exported_fmu_that_refuses_its_event_mode_runs_without(folder: Path, tmp_path: Path) -> None:
+    with alone(eventful.build(folder, token="refuses")) as system:
+        path = system.export_fmu(tmp_path / "Refuses.fmu")
+    with alone(path) as system:
+        found = system.run(0.2, record=["s.s.*"])
+    assert found["s.s.count"].tolist() == [0] * 11

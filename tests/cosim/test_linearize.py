@@ -235,6 +235,23 @@ def test_algebraic_loops_are_solved_or_named(k, raises):
         np.testing.assert_allclose(system.linearize("sum.r", "sum.y").D, [[2.0]])
 
 
+@pytest.mark.parametrize("interface", ["cs", "me"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_loop_through_a_mass_adds_to_it(small, version, interface):
+    """The force -3 kg * a, in a loop with the acceleration: 5 kg on the spring, whichever interface is used."""
+    with System() as system:
+        system.add("mass", small[f"mass{version}"], step="1 ms", interface=interface)
+        system.add("sum", Sum(), step="1 ms", parameters={"k": -3.0})
+        system.connect("mass.body.a", "sum.u", linear=(1.0, 0.0))
+        system.connect("sum.y", "mass.body.force", linear=(1.0, 0.0))
+        model = system.linearize("sum.r", "mass.body.a")
+    total = MASS + 3.0
+    np.testing.assert_allclose(model.A, [[0, 1], [-STIFFNESS / total, 0]])
+    np.testing.assert_allclose(model.B, [[0], [1.0 / total]])
+    np.testing.assert_allclose(model.C, [[-STIFFNESS / total, 0]])
+    np.testing.assert_allclose(model.D, [[1.0 / total]])
+
+
 def test_all_loops_without_a_solution_are_named():
     """Which of two equal singular vectors comes last is LAPACK's choice."""
     system = System()

@@ -171,11 +171,53 @@ def test_who_exchanges_numbers_only_says_so(
     with chain(fmus[3], 3) as system:
         refused(
             WiringError,
-            lambda: system.export_fmu(tmp_path / "System.fmu"),
             lambda: system.export_ssp(tmp_path / "System.ssp"),
             lambda: Batch(system, 2),
             lambda: system.run(0.1, record=[], execution=Execution(tolerance=1e-3)),
         )
+
+
+def exported(system: System, path: Path, **options: Any) -> System:
+    """The FMU of a system, as the only component of another one."""
+    outer = System(allow_unconnected=True)
+    outer.add("s", system.export_fmu(path, outputs=["b.hash"], **options), step="10 ms")
+    return outer
+
+
+@pytest.mark.parametrize("delay", [False, True])
+@pytest.mark.parametrize("version", [2, 3])
+def test_exported_systems_exchange_texts(fmus: dict[int, Path], tmp_path: Path, version: int, delay: bool) -> None:
+    """What `b` computes of all that it has read is the same, also after a saved state is restored."""
+    with chain(fmus[version], version, delay=delay) as system:
+        outside = system.run(0.1, record=["b.hash"])["b.hash"].tolist()
+        outer = exported(system, tmp_path / "Texts.fmu")
+    with outer, outer.initialize(record=["s.b.hash"]) as simulation:
+        simulation.advance(0.04)
+        state = simulation.save()
+        simulation.advance(0.07)
+        simulation.restore(state)
+        simulation.advance(0.1)
+        inside = simulation.recording["s.b.hash"].tolist()
+    assert inside == outside
+    assert len(set(outside)) > 5
+
+
+def test_an_exported_system_names_a_text_that_is_too_long(
+    fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    with chain(fmus[2], 2) as system:
+        system.disconnect("b.text_in")
+        system.connect("a.text", "b.text_in", max_size=3)
+        with exported(system, tmp_path / "Long.fmu") as outer:
+            refused(ComponentError, lambda: outer.run(0.1, record=[]))
+
+
+def test_arrays_of_which_some_elements_are_connected_are_not_exported(
+    fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    with chain(fmus[3], 3) as system:
+        system.connect("a.list[1]", "b.list_in[1]")
+        refused(WiringError, lambda: system.export_fmu(tmp_path / "Some.fmu"))
 
 
 def test_texts_in_both_directions_are_no_algebraic_loop(fmus: dict[int, Path]) -> None:

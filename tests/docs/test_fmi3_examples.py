@@ -43,6 +43,11 @@ day: 41.396 121.515 201.633 281.752 361.871 441.99 522.109
 night from 130 s, steps of 20 s: 41.396 121.515 403.517 466.733 576.126
 night from 130 s, steps of 5 s: 41.396 121.515 403.517 466.733 576.126
 """,
+    "intermediate_update": """\
+steps of 40 ms: held 0.0954, follows 0.0161
+steps of 20 ms: held 0.0462, follows 0.0039
+steps of 10 ms: held 0.0227, follows 0.0010
+""",
     "structural_parameters": """\
 first 1 3 6 10 15
 second 1 4 10 20 35

@@ -18,26 +18,13 @@ typedef struct {
     double now, u, z, last, period, next;
 } Values;
 
+#define REFUSED (events && !strcmp(token, "refuses"))
 #include "strict.h"
 
 static void start(Model *m) {
     m->v = (Values){.events = m->v.events, .early = m->v.early, .period = 0.03, .last = -1.0};
 }
 
-const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
-    if (events && !strcmp(token, "refuses")) return NULL;
-    Model *m = calloc(1, sizeof *m);
-    if (!m) return NULL;
-    m->log = message;
-    m->environment = environment;
-    m->v.events = events;
-    m->v.early = early;
-    start(m);
-    return m;
-}
 fmi3Status fmi3EnterInitializationMode(
     fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
     IN(BIT(INSTANTIATED));
@@ -50,15 +37,6 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     IN(BIT(INITIALIZATION));
     m->v.level = m->v.k;
     m->v.state = m->v.events ? EVENT : STEP;
-    return fmi3OK;
-}
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
-    IN(BIT(EVENT));
-    m->v.state = STEP;
-    return fmi3OK;
-}
-fmi3Status fmi3Reset(fmi3Instance instance) {
-    start(instance);
     return fmi3OK;
 }
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
@@ -101,12 +79,9 @@ fmi3Status fmi3SetInt32(
     for (size_t i = 0; i < n; i++) *(vr[i] == K ? &m->v.k : &m->v.kind) = value[i];
     return fmi3OK;
 }
-#define VALUES(C) (&((Model *)(C))->v)
-COPIED_STATES(Values, VALUES)
 fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
     fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
-    IN(BIT(STEP));
-    if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
+    STEPS_FROM(t);
     const bool due = m->v.next < t + h + 1e-9, inside = m->v.next < t + h - 1e-9;
     const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END;
     *event = due && m->v.kind != PAUSED;

@@ -3,7 +3,8 @@
  *
  * With a period, `out` ticks every `period` and y counts. With relay 1 it ticks when `in` does, and y = x + 1; with
  * relay 2 that comes one update later. `count` counts ticks of `in`, `last` is the time of the last one, and `got` is
- * what x was then. It is strict: x is set and y is read only while their clocks are active. */
+ * what x was then. With relay 3 to 5 no event is announced: a step returns early where `out` ticks; with 4 at a time
+ * before the step, with 5 without progress. It is strict: x is set and y is read only while their clocks are active. */
 #include <math.h>
 #include <string.h>
 
@@ -18,19 +19,11 @@ typedef struct {
     double now, x, y, last, got, period, next;
 } Values;
 
+#define REFUSED (!events)
 #include "strict.h"
 
-const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
-    Model *m = events ? calloc(1, sizeof *m) : NULL;
-    if (!m) return NULL;
-    m->log = message;
-    m->environment = environment;
-    m->v = (Values){.events = events, .last = -1.0};
-    return m;
-}
+static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early, .last = -1.0}; }
+
 fmi3Status fmi3EnterInitializationMode(
     fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
     IN(BIT(INSTANTIATED));
@@ -42,16 +35,6 @@ fmi3Status fmi3EnterInitializationMode(
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     IN(BIT(INITIALIZATION));
     m->v.state = EVENT;
-    return fmi3OK;
-}
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
-    IN(BIT(EVENT));
-    m->v.state = STEP;
-    return fmi3OK;
-}
-fmi3Status fmi3Reset(fmi3Instance instance) {
-    Model *m = instance;
-    m->v = (Values){.events = m->v.events, .last = -1.0};
     return fmi3OK;
 }
 fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
@@ -79,7 +62,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
     *again = m->v.out = m->v.relay == 2 && m->v.in;
     if (m->v.out) m->v.y = m->v.x + 1.0;
     m->v.in = m->v.told = false;
-    *has_next = m->v.period > 0.0;
+    *has_next = m->v.period > 0.0 && m->v.relay < 3;
     *next = m->v.next;
     return fmi3OK;
 }
@@ -111,14 +94,17 @@ fmi3Status fmi3SetInt32(
     for (size_t i = 0; i < n; i++) m->v.relay = value[i];
     return fmi3OK;
 }
-#define VALUES(C) (&((Model *)(C))->v)
-COPIED_STATES(Values, VALUES)
 fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
     fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
-    IN(BIT(STEP));
-    if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
-    if (m->v.next < t + h - 1e-9) return error(m, "a step to %.12g, over the event at %.12g", t + h, m->v.next);
+    STEPS_FROM(t);
     *event = *terminate = *early = false;
+    if (m->v.next < t + h - 1e-9) {
+        if (m->v.relay < 3 || !m->v.early)
+            return error(m, "a step to %.12g, over the event at %.12g", t + h, m->v.next);
+        *early = true;
+        *event = m->v.relay == 3;
+        h = m->v.relay == 3 ? m->v.next - t : m->v.relay == 4 ? -1.0 : 0.0;
+    } else if (m->v.relay == 3) *event = m->v.next < t + h + 1e-9;
     m->v.now = *last = t + h;
     return fmi3OK;
 }

@@ -31,8 +31,10 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 </fmiModelDescription>"""
 
 
-def build(folder: Path) -> Path:
-    """The FMU for this machine, in a folder."""
+def build(folder: Path, *, early_return: bool = False) -> Path:
+    """The FMU for this machine, in a folder; its steps may end early."""
     sources = [making.HERE / "pulses.c", making.others(folder, "pulses", 3)]
     library = making.compile_library(folder, "pulses", 3, sources)
-    return making.pack(folder / "Pulses.fmu", making.contents(3, "pulses", DESCRIPTION, library))
+    able = f'hasEventMode="true" mightReturnEarlyFromDoStep="{str(early_return).lower()}"'
+    text = DESCRIPTION.replace('hasEventMode="true"', able)
+    return making.pack(folder / f"Pulses{int(early_return)}.fmu", making.contents(3, "pulses", text, library))

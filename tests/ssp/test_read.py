@@ -16,6 +16,7 @@ import numpy as np
 import packages as p
 import pytest
 from built import BuiltFmus
+from foreign import messages
 from same import assert_same
 from systems import EVERY, experiment_system
 
@@ -654,3 +655,43 @@ def test_units_that_tools_write_though_the_file_does_not_define_them(follower, t
     assert len([w for w in told if "among the Units" in str(w.message)]) == 1
     assert system["one"].values["u"] == pytest.approx(value)
     system.close()
+
+
+def test_texts_and_bytes_are_connected(tmp_path: Path) -> None:
+    """`a` writes a text and bytes, and `b` shows both a step later, as in the system put together in Python."""
+    fmu = messages.build(tmp_path, 3)
+    ends = ("text:output:String", "data:output:Binary"), ("text_in:input:String", "data_in:input:Binary")
+    components = [p.component(name, fmu.name, *own) for name, own in zip("ab", ends, strict=True)]
+    wires = p.connection("a.text", "b.text_in") + p.connection("a.data", "b.data_in")
+    files = {SSD: p.structure(p.system("top", "".join(components), wires), version="2.0"), fmu.name: fmu}
+    shown = []
+    with System(allow_unconnected=True) as direct:
+        for name in "ab":
+            direct.add(name, fmu, step="2 ms")
+        for variable in ("text", "data"):
+            direct.connect(f"a.{variable}", f"b.{variable}_in")
+        with System.from_ssp(p.package(tmp_path / "Texts.ssp", files)) as read:
+            for system in (direct, read):
+                system["a"].set(source=1, length=5)
+                with system.initialize(record=[]) as simulation:
+                    simulation.advance("0.006")
+                    shown.append([simulation.text(f"b.{v}") for v in ("text", "data")])
+    assert shown[0] == shown[1]
+    assert all(shown[0])
+
+
+def test_a_component_is_integrated_where_the_file_says_so(built_fmus: BuiltFmus, tmp_path: Path) -> None:
+    """The same numbers as with interface="me" in Python, which are others than those of Co-Simulation."""
+    fmu = built_fmus.path("QuarterCarBench", 2)
+    parts = p.component("car", fmu.name, "body.z:output:Real", more='implementation="ModelExchange"')
+    path = p.package(tmp_path / "Me.ssp", {SSD: p.structure(p.system("top", parts)), fmu.name: fmu})
+    found = {}
+    for interface in ("cs", "me"):
+        with System(allow_unconnected=True) as system:
+            system.add("car", fmu, step="2 ms", interface=interface, start={"body.z": 0.01})
+            found[interface] = system.run(0.5, record=["car.body.z"])["car.body.z"]
+    with System.from_ssp(path) as system:
+        system["car"].set(**{"body.z": 0.01})
+        again = system.run(0.5, record=["car.body.z"])["car.body.z"]
+    assert np.array_equal(again, found["me"])
+    assert not np.array_equal(again, found["cs"])

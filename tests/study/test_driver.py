@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from sweep_tables import made as made_sweep
 
+from cosim import CosimError, Execution
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, RunFailed, Runner, Study, Task, load, run_study
 from cosim.study.dispatch import DIED
 from cosim.study.pages import report_of
+from cosim.study.sweep import run_sweep
 
 HERE = Path(__file__).parent
 FILE = HERE / "mine.py"
@@ -94,6 +97,27 @@ def pages(folder: Path) -> dict[str, bytes]:
         for p in folder.rglob("*")
         if p.is_file() and ".runs" not in p.parts
     }
+
+
+def test_a_tolerance_has_stored_runs_of_its_own(tmp_path, refused) -> None:
+    """Its numbers are those of a run with the tolerance; both kinds are found again, and the report names it."""
+    ride = load(str(HERE / "lane_ride.py"))
+    cases, how = [ride.case(python=True)], Execution(tolerance=1e-3)
+
+    def made(execution: Execution | None) -> dict[str, float]:
+        return run_study(ride, FMUS, tmp_path, tasks=cases, processes=1, execution=execution)[cases[0]]
+
+    fixed, adaptive = made(None), made(how)
+    kept = stored(tmp_path)
+    with Runner(ride, FMUS, execution=how) as runner:
+        assert runner.metrics(cases[0]) == adaptive
+    assert adaptive["rms"] != fixed["rms"]
+    assert adaptive["rms"] == pytest.approx(fixed["rms"], rel=0.05)
+    assert (made(None), made(how), stored(tmp_path)) == (fixed, adaptive, kept)
+    results = run_study(ride, FMUS, tmp_path, tasks=cases, processes=1, execution=how)
+    assert "a tolerance of 0.001" in report_of(ride, results, FMUS, how).lead
+    sweep = made_sweep(ride, "car.body.mass=2300:3400", samples=1)
+    refused(CosimError, lambda: run_sweep(sweep, FMUS, tmp_path / "sweep", execution=how))
 
 
 def stored(runs: Path) -> int:

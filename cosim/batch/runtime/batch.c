@@ -6,9 +6,7 @@
 
 #include "batch.h"
 #include "environment.h"
-
-#define RARELY(condition) __builtin_expect(condition, 0)
-#define COLD static __attribute__((noinline, cold, unused))
+#include "hints.h"
 
 typedef struct {
     Batch *b;

@@ -37,7 +37,7 @@ static uint32_t seen(Component *m, uint32_t status) {
 #define CALL(two, three) seen(m, (uint32_t)(m->version == 2 ? m->f2->two : m->f3->three))
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources) {
-    const bool integrated = m->exchange != NULL;
+    const bool integrated = m->exchange != NULL; /* or with events */
     m->say = message3;
     if (m->version == 2) {
         char uri[4096];
@@ -79,35 +79,85 @@ uint32_t component_exit(Component *m) {
     const uint32_t status = CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
     return m->exchange && status <= fmi3Warning ? seen(m, m->exchange->begin(m)) : status;
 }
-uint32_t component_reset(Component *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
-uint32_t component_terminate(Component *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
-uint32_t component_save(Component *m, void **state) {
-    if (m->exchange) return seen(m, m->exchange->save(m, state));
-    return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state));
+uint32_t component_reset(Component *m) {
+    if (m->exchange && m->exchange->bind) m->exchange->bind(m, false);
+    return CALL(Reset(m->instance), Reset(m->instance));
 }
+uint32_t component_terminate(Component *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
+
+/* State of an FMU, and behind it the memory of what steps it. */
+typedef struct {
+    void *state;
+    unsigned char memory[];
+} Saved;
+
+static size_t n_memory(const Component *m) { return m->memory[0].n + m->memory[1].n; }
+
+static void move_memory(const Component *m, unsigned char *bytes, bool save) {
+    for (int i = 0; i < 2; bytes += m->memory[i++].n) {
+        if (!m->memory[i].n) continue;
+        if (save) memcpy(bytes, m->memory[i].at, m->memory[i].n);
+        else memcpy(m->memory[i].at, bytes, m->memory[i].n);
+    }
+}
+
+uint32_t component_save(Component *m, void **state) {
+    if (!n_memory(m)) return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state));
+    Saved *const s = *state ? *state : calloc(1, sizeof *s + n_memory(m));
+    if (!s) return fmi3Error;
+    const uint32_t status = CALL(GetFMUstate(m->instance, &s->state), GetFMUState(m->instance, &s->state));
+    move_memory(m, s->memory, true);
+    if (status > fmi3Warning && !*state) free(s);
+    else *state = s;
+    return status;
+}
+
 uint32_t component_restore(Component *m, void *state) {
-    if (m->exchange) return seen(m, m->exchange->restore(m, state));
+    Saved *const s = state;
+    if (n_memory(m)) move_memory(m, s->memory, false), state = s->state;
     return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state));
 }
+
 uint32_t component_forget(Component *m, void **state) {
-    if (m->exchange) return seen(m, m->exchange->forget(m, state));
-    return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state));
+    Saved *const s = *state;
+    if (!n_memory(m)) return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state));
+    const uint32_t status = CALL(FreeFMUstate(m->instance, &s->state), FreeFMUState(m->instance, &s->state));
+    free(s);
+    *state = NULL;
+    return status;
 }
 
 uint32_t component_size(Component *m, void *state, size_t *size) {
-    if (m->exchange) return seen(m, m->exchange->size(m, state, size));
-    return CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
+    if (n_memory(m)) state = ((Saved *)state)->state;
+    const uint32_t status =
+        CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
+    *size += n_memory(m);
+    return status;
 }
 
 uint32_t component_serialize(Component *m, void *state, void *bytes, size_t size) {
-    if (m->exchange) return seen(m, m->exchange->serialize(m, state, bytes, size));
+    if (n_memory(m)) {
+        const Saved *const s = state;
+        size -= n_memory(m);
+        memcpy((char *)bytes + size, s->memory, n_memory(m));
+        state = s->state;
+    }
     return CALL(SerializeFMUstate(m->instance, state, bytes, size), SerializeFMUState(m->instance, state, bytes, size));
 }
 
 uint32_t component_deserialize(Component *m, const void *bytes, size_t size, void **state) {
-    if (m->exchange) return seen(m, m->exchange->deserialize(m, bytes, size, state));
-    return CALL(
-        DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
+    if (!n_memory(m))
+        return CALL(
+            DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
+    Saved *const s = size < n_memory(m) ? NULL : calloc(1, sizeof *s + n_memory(m));
+    if (!s) return fmi3Error;
+    size -= n_memory(m);
+    memcpy(s->memory, (const char *)bytes + size, n_memory(m));
+    const uint32_t status = CALL(DeSerializeFMUstate(m->instance, bytes, size, &s->state),
+        DeserializeFMUState(m->instance, bytes, size, &s->state));
+    if (status > fmi3Warning) free(s);
+    else *state = s;
+    return status;
 }
 
 /* ------------------------------------------------------------------ values */
@@ -170,7 +220,13 @@ static uint32_t move_values(Component *m, Kind kind, uint32_t reference, double 
 }
 
 uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n) {
-    return move_values(m, kind, reference, (double *)(uintptr_t)values, n, true);
+    double *const from = (double *)(uintptr_t)values;
+    if (!m->exchange || !m->exchange->change) return move_values(m, kind, reference, from, n, true);
+    uint32_t status = seen(m, m->exchange->change(m, true));
+    if (status > fmi3Warning) return status;
+    status = move_values(m, kind, reference, from, n, true);
+    const uint32_t left = m->dead ? status : seen(m, m->exchange->change(m, false));
+    return status > fmi3Warning ? status : left;
 }
 
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n) {
@@ -179,6 +235,13 @@ uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *valu
 
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text) {
     return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
+}
+
+uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n) {
+    const ExchangeCall found = m->find ? m->find(m->library, m->version, "SetBinary") : NULL;
+    fmi3SetBinaryTYPE *call;
+    memcpy(&call, &found, sizeof call);
+    return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
 bool component_asked_to_end(Component *m) {

@@ -23,7 +23,8 @@ typedef enum {
     KIND_INT64,
     KIND_UINT64,
     KIND_BOOLEAN,
-    KIND_STRING
+    KIND_STRING,
+    KIND_BINARY
 } Kind;
 
 /* The functions that are called, without the part of their name that says the version. */
@@ -70,24 +71,34 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
 ExchangeCall foreign_find(void *library, int version, const char *name);
 void foreign_close(void *library);
 
-/* What is otherwise in components that are integrated (Model Exchange): model_exchange.c, which only systems with
- * such have. The step functions get the integrator. */
+/* What is otherwise in components that are integrated (Model Exchange: model_exchange.c), or that report events or
+ * return early (events.c); only systems with such have these. The step functions get the integrator. */
 typedef struct Component Component;
 typedef struct {
     bool (*make)(Component *m, const char *name, const char *token, const char *resources);
     uint32_t (*begin)(Component *m);
-    uint32_t (*save)(Component *m, void **state);
-    uint32_t (*restore)(Component *m, const void *state);
-    uint32_t (*forget)(Component *m, void **state);
-    uint32_t (*size)(Component *m, const void *state, size_t *size);
-    uint32_t (*serialize)(Component *m, const void *state, unsigned char *bytes, size_t size);
-    uint32_t (*deserialize)(Component *m, const unsigned char *bytes, size_t size, void **state);
+    void (*bind)(Component *m, bool stepping);     /* no inputs wait; `stepping`: initialization is over; or NULL */
+    void (*wait)(Component *m, EngineTransfer *t); /* inputs of a call wait for event mode */
+    uint32_t (*change)(Component *m, bool begin);  /* before and after a change of values between steps; or NULL */
     const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asked to end */
     EngineStep2 step2;
     EngineStep3 step3;
 } Exchange;
-extern const Exchange exchange;
+extern const Exchange exchange, events;
 enum { EXCHANGE_CALLS = 12 }; /* those of the integrator, and InstantiateModelExchange */
+
+/* Setup of a component with events. */
+typedef struct {
+    bool event_mode, variable_step;
+    double internal;      /* length of its internal steps [s]; 0: not known */
+    uint32_t n, n_values; /* calls that set discrete inputs, and their values */
+} EventSetup;
+
+/* What is saved beside the state of an FMU. */
+typedef struct {
+    void *at;
+    size_t n;
+} ComponentMemory;
 
 typedef void (*ComponentLog)(void *context, int status, const char *message);
 
@@ -103,11 +114,12 @@ struct Component {
     void *context;
     fmi2CallbackFunctions callbacks;
     const Exchange *exchange; /* NULL: it steps itself */
-    const void *setup;        /* IntegratorSetup */
+    const void *setup;        /* IntegratorSetup or EventSetup */
     const uint32_t *references;
     const ExchangeCall *linked;
     ExchangeCall (*find)(void *library, int version, const char *name);
-    void *integrator;
+    void *integrator;         /* or EventSteps */
+    ComponentMemory memory[2]; /* of it */
     double begin;
     fmi3LogMessageCallback say;
 };
@@ -132,6 +144,7 @@ enum { COMPONENT_LARGEST = 1024 };
 uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n);
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
+uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);

@@ -62,6 +62,7 @@ struct FmuInstance {
     EngineTransfer *transfers;
     EngineDerivative *derivatives; /* of all loops, one after the other */
     LastStep *repeated; /* by component */
+    void *texts;                    /* memory of calls of texts, bytes and 64-bit integers */
     bool *flags;
     double *last;
     int32_t logging;                /* the component that logs */
@@ -81,6 +82,19 @@ typedef struct {
     FmuInstance *self;
     int32_t component;
 } Source;
+
+/* What calls of texts, bytes and 64-bit integers need. */
+static size_t texts_room(void) {
+    size_t n = 0;
+    for (int32_t i = 0; P->texts && i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        for (int32_t k = 0; k < p->n_sets + p->n_gets; k++) {
+            const PlanTransfer *t = k < p->n_sets ? &p->sets[k] : &p->gets[k - p->n_sets];
+            n += t->exact ? P->texts->room(t) : 0;
+        }
+    }
+    return n;
+}
 
 static size_t n_transfers(void) {
     size_t n = 0;
@@ -131,6 +145,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(loop_work() * sizeof(double)),
         aligned(n_derivatives() * sizeof(EngineDerivative)),
         aligned(n * sizeof(LastStep)),
+        aligned(texts_room()),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -169,6 +184,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .loops = part[17], .n_loops = P->n_loops, .check_finite = true,
                             .back = repeat, .context = self};
     self->repeated = part[20];
+    self->texts = part[21];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -218,6 +234,7 @@ static FmuStatus set_starts(FmuInstance *self, int32_t i) {
     for (uint32_t k = 0; k < p->n_starts; k++) {
         const PlanStart *s = &p->starts[k];
         const uint32_t status = s->text ? component_set_text(&self->components[i], s->reference, s->text)
+                                : s->bytes ? component_set_bytes(&self->components[i], s->reference, s->bytes, s->n)
                                         : component_set(&self->components[i], s->kind, s->reference, s->values, s->n);
         if (status > fmi3Warning) return component_failed(self, i, "setting a start value", status);
     }
@@ -257,17 +274,17 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         const PlanComponent *p = &P->components[i];
         Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
+        m->find = P->find;
         if (p->setup) {
-            m->exchange = P->exchange;
+            m->exchange = p->events ? P->events : P->exchange;
             m->setup = p->setup;
             m->references = p->exchange_references;
             m->linked = p->exchange_calls;
-            m->find = P->find;
         }
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
-            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup != NULL, reason,
+            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup && !p->events, reason,
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
@@ -396,10 +413,10 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 static void bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
-    char *buffers = (char *)(u + P->n_u);
+    char *buffers = (char *)(u + P->n_u), *texts_at = self->texts;
     for (int32_t i = 0; i < P->n_components; i++) {
         const PlanComponent *p = &P->components[i];
-        const Component *m = &self->components[i];
+        Component *m = &self->components[i];
         double *own = p->in_place ? self->values + p->u : u + p->u, *y = self->values + p->first;
         EngineComponent *e = &self->bound[i];
         *e = (EngineComponent){.fmi = p->version,
@@ -431,6 +448,8 @@ static void bind(FmuInstance *self) {
         if (m->exchange) e->step2 = m->exchange->step2, e->step3 = m->exchange->step3;
         else if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
         else e->step3 = (EngineStep3)m->f3->DoStep;
+        const bool waits = m->exchange && m->exchange->bind;
+        if (waits) m->exchange->bind(m, self->state->mode == MODE_STEP);
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
             if (set) e->sets = t;
@@ -446,6 +465,11 @@ static void bind(FmuInstance *self) {
                     .element = from->element,
                     .place = from->place};
                 component_values(m, from->kind, set != 0, t);
+                if (from->exact) {
+                    P->texts->bind(m, from, set != 0, texts_at, t);
+                    texts_at += P->texts->room(from);
+                }
+                if (waits && from->waits) m->exchange->wait(m, t);
                 direct = direct && !from->element;
             }
         }
@@ -481,9 +505,10 @@ static void repeat_steps(FmuInstance *self) {
 }
 
 static bool asked_to_end(FmuInstance *self, int32_t i) {
-    return P->components[i].version == 3 && !P->components[i].setup
-               ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
-               : self->engine.status == fmi2Discard && component_asked_to_end(&self->components[i]);
+    const PlanComponent *p = &P->components[i];
+    const uint32_t status = self->engine.status, least = p->events ? fmi3Error : fmi2Discard;
+    if (p->version == 3 && (!p->setup || p->events) && status <= fmi3Warning) return self->flags[4 * i + 2];
+    return (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i]);
 }
 
 static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
@@ -529,8 +554,21 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         uint32_t number;
         double time;
         const char *why = m->exchange->why(m, &number, &time);
-        (void)fmu_fail(self, FMU_ERROR, "component '%s': its integration failed at %.9g s: %s %u",
-            P->components[i].name, time, why ? why : "", (unsigned)number);
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
+            P->components[i].name, P->components[i].events ? "event mode" : "integration", time,
+            why ? why : "", (unsigned)number);
+    }
+    const PlanComponent *p = &P->components[i];
+    const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
+    const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
+    if (t && t->exact) {
+        uint32_t most = 0;
+        const EngineTransfer *bound = sets ? &self->bound[i].sets[call - 1] : &self->bound[i].gets[-call - 1];
+        const uint64_t n = t->waits ? 0 : P->texts->too_long(bound->references, &most);
+        if (n)
+            (void)fmu_fail(self, FMU_ERROR, "component '%s': a value of at least %llu bytes is longer than its "
+                "connection holds, %u: export the system with connect(..., max_size=...)",
+                p->name, (unsigned long long)n, (unsigned)most);
     }
     return component_failed(self, i,
         call == CALL_SAVE           ? "GetFMUState"
@@ -591,6 +629,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
             if (P->components[i].sets[k].keeps) {
                 EngineTransfer t = self->bound[i].sets[k];
                 component_values(&self->components[i], P->components[i].sets[k].kind, false, &t);
+                t.references = P->components[i].sets[k].references;
                 t.element = NULL;
                 EngineComponent e = self->bound[i];
                 e.gets = &t;

@@ -5,6 +5,12 @@
 #include "fmu_model.h"
 #include "component.h"
 
+/* What a call needs that moves texts, bytes or 64-bit integers, whose slots are in the values (exact_values.h). */
+typedef struct {
+    uint32_t kind, n_values, n_items, n_texts; /* n_texts: bytes */
+    const struct ExactItem *items;
+} PlanExact;
+
 /* One call that moves all connected variables of one type. */
 typedef struct {
     Kind kind;
@@ -14,6 +20,8 @@ typedef struct {
     const uint32_t *element, *place; /* as in EngineTransfer; NULL: the data are u or y from `at` on */
     uint32_t n, at;
     uint32_t buffer;                 /* otherwise: where they are among the buffers, in bytes */
+    bool waits;                      /* it sets discrete inputs of a component with event mode */
+    const PlanExact *exact;          /* or NULL */
     bool keeps;                      /* it has elements that nobody drives, which keep their values */
 } PlanTransfer;
 
@@ -24,6 +32,7 @@ typedef struct {
     uint32_t n;
     const double *values;
     const char *text;
+    const unsigned char *bytes;
 } PlanStart;
 
 typedef struct {
@@ -53,7 +62,8 @@ typedef struct {
     uint32_t n_starts;
     bool has_tolerance;
     double tolerance;
-    const void *setup;               /* IntegratorSetup of a component that is integrated (Model Exchange), or NULL */
+    bool events;                     /* it reports events or returns early */
+    const void *setup;               /* EventSetup, or IntegratorSetup of one that is integrated; or NULL */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
@@ -71,6 +81,15 @@ typedef struct {
     int64_t slot;                    /* outputs; of others where their value is shown too, or -1 */
     double scale, shift;             /* outputs: shown as scale * value + shift */
 } PlanVariable;
+
+/* Calls with `exact`: bytes of memory that one needs; binding it, at first as if it were another one; bytes of the
+ * value that was too long and those that it may have, 0 if none was. */
+typedef struct {
+    size_t (*room)(const PlanTransfer *p);
+    void (*bind)(const Component *m, const PlanTransfer *p, bool set, void *memory, EngineTransfer *t);
+    uint64_t (*too_long)(const void *memory, uint32_t *most);
+} Texts;
+extern const Texts texts;
 
 typedef struct {
     const PlanComponent *components;
@@ -90,7 +109,8 @@ typedef struct {
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
-    const Exchange *exchange; /* NULL: no component is integrated */
+    const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
+    const Texts *texts;                /* NULL: no call has `exact` */
 } Plan;
 
 extern const Plan plan;

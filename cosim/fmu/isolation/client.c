@@ -6,6 +6,8 @@
  * after link_open. */
 #include "shared.h"
 
+#include "intermediate.h"
+
 #include <stdlib.h>
 #include <sys/types.h>
 #include <sys/wait.h>
@@ -41,6 +43,7 @@ typedef struct {
     const char *waiting_for[LINK_PLANNED];
     Planned plan[LINK_PLANNED];
     int n_plan, n_planned;      /* known to the worker */
+    IntermediateUpdate *update; /* of the master, whose inputs follow inside a step; NULL: none */
     bool fresh;                 /* the results are those of the last step, and nothing was changed since */
     uint32_t *references;       /* of the plan */
     size_t n_plan_references;
@@ -443,12 +446,25 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
         if (status > LINK_WARNING) return status;
         l->n_planned = l->n_plan;
     }
+    if (l->update) {
+        const IntermediateUpdate *u = l->update;
+        const size_t doubles = 2 + 3 * (size_t)u->n;
+        char *to = record(l, LINK_Float64, u->references, u->n, doubles, doubles * 8);
+        if (!to) return too_much(l);
+        memcpy(to, u->line, (doubles - u->n) * 8);
+    }
     ask->t = t;
     ask->h = h;
     ask->a = no_set_prior;
+    ask->b = l->update != NULL;
     const uint32_t status = simple(l, LINK_STEP);
     l->stepping = true;
     if (l->end) return status;
+    if (l->update) {
+        const int64_t before = l->update->report.requests;
+        memcpy(&l->update->report, l->region.reply, sizeof l->update->report);
+        l->update->report.requests += before;
+    }
     for (int i = 0; flags && i < 3; i++)
         *flags[i] = ((const unsigned char *)l->region.answer->flags)[i == 0 ? 0 : i + 1] != 0;
     if (last) *last = l->region.answer->last;
@@ -475,9 +491,10 @@ int link_load(Link *l, const char *library, const char *functions, int version) 
 
 const char *link_said(const Link *l) { return l->region.reply; }
 
-/* Whether there is an instance. `texts`: name, token, resources. `events`: 1 with event mode, 2 it may return early. */
+/* Whether there is an instance. `events`: 1 with event mode, 2 it may return early. `required`: value references of the
+ * inputs that are set inside its steps. */
 bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange, int events,
-    LinkLogger log) {
+    const uint32_t *required, size_t n_required, LinkLogger log) {
     const char *texts[3] = {name, token, resources};
     l->log = log;
     size_t used = 0;
@@ -487,9 +504,15 @@ bool link_instantiate(Link *l, const char *name, const char *token, const char *
         memcpy(l->region.request + used, texts[i], n);
         used += n;
     }
-    l->waiting = used;
-    return with(l, LINK_INSTANTIATE, exchange, (uint64_t)events) <= LINK_WARNING;
+    if (n_required > (l->region.area - used) / 4 - 2) return false;
+    l->update = NULL;
+    memcpy(l->region.request + ALIGNED(used), required, n_required * 4);
+    l->waiting = ALIGNED(used) + n_required * 4;
+    return with(l, LINK_INSTANTIATE, exchange, (uint64_t)events | (uint64_t)n_required << 2) <= LINK_WARNING;
 }
+
+/* Inputs follow inside the steps of the instance. */
+void link_follow(Link *l, void *update) { l->update = update; }
 
 static uint32_t reset(Link *l) {
     l->stepping = false;
@@ -701,6 +724,46 @@ uint32_t fmi3UpdateDiscreteStates(
     if (l->end) return status;
     for (int i = 0; i < 5; i++) *flags[i] = (l->region.answer->value >> i & 1) != 0;
     *next = l->region.answer->last;
+    return status;
+}
+
+uint32_t fmi3SetClock(Link *l, const uint32_t *r, size_t n, const bool *v) {
+    return set_values(l, LINK_Clock, "fmi3SetClock", r, n, v, n);
+}
+uint32_t fmi3GetClock(Link *l, const uint32_t *r, size_t n, bool *v) {
+    return get_values(l, LINK_Clock, "fmi3GetClock", r, n, v, n);
+}
+
+/* One clock at a time, as the master asks for them. */
+static uint32_t interval(Link *l, uint64_t what, const uint32_t *r, size_t n, LinkInterval *x) {
+    if (n != 1) return LINK_ERROR;
+    FLUSH
+    const uint32_t status = with(l, LINK_INTERVAL, what, r[0]);
+    if (!l->end) memcpy(x, l->region.reply, sizeof *x);
+    return status;
+}
+uint32_t fmi3GetIntervalDecimal(Link *l, const uint32_t *r, size_t n, double *v, int *q) {
+    LinkInterval x = {0};
+    const uint32_t status = interval(l, 0, r, n, &x);
+    *v = x.seconds, *q = x.qualifier;
+    return status;
+}
+uint32_t fmi3GetIntervalFraction(Link *l, const uint32_t *r, size_t n, uint64_t *c, uint64_t *of, int *q) {
+    LinkInterval x = {0};
+    const uint32_t status = interval(l, 1, r, n, &x);
+    *c = x.counter, *of = x.resolution, *q = x.qualifier;
+    return status;
+}
+uint32_t fmi3GetShiftDecimal(Link *l, const uint32_t *r, size_t n, double *v) {
+    LinkInterval x = {0};
+    const uint32_t status = interval(l, 2, r, n, &x);
+    *v = x.seconds;
+    return status;
+}
+uint32_t fmi3GetShiftFraction(Link *l, const uint32_t *r, size_t n, uint64_t *c, uint64_t *of) {
+    LinkInterval x = {0};
+    const uint32_t status = interval(l, 3, r, n, &x);
+    *c = x.counter, *of = x.resolution;
     return status;
 }
 

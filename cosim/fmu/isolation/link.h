@@ -38,7 +38,8 @@ typedef enum {
     LINK_DERIVATIVE,
     LINK_INTEGRATE,
     LINK_INTEGRATOR,
-    LINK_EVENTS
+    LINK_EVENTS,
+    LINK_INTERVAL
 } LinkOp;
 
 /* How an isolated FMU was lost. */
@@ -55,8 +56,15 @@ enum {
 typedef enum {
     LINK_Real, LINK_Integer, LINK_Boolean2, LINK_String2, LINK_Float64, LINK_Float32, LINK_Int8, LINK_UInt8, LINK_Int16,
     LINK_UInt16, LINK_Int32, LINK_UInt32, LINK_Int64, LINK_UInt64, LINK_Boolean3, LINK_String3,
-    LINK_Binary, LINK_TYPES
+    LINK_Binary, LINK_Clock, LINK_TYPES
 } LinkType;
+
+/* When a clock ticks. */
+typedef struct {
+    double seconds;
+    uint64_t counter, resolution;
+    int32_t qualifier, reserved;
+} LinkInterval;
 
 /* Values of one type, in the request area: this head, `n_references` uint32_t, values; each begins at a multiple of 8
  * bytes. Of Binaries, the values are their sizes, uint64_t, and all bytes behind these. */

@@ -31,7 +31,7 @@ from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.core.errors import FmuError
 from cosim.core.interrupt import CANCELLERS
 from cosim.core.memory import physical_memory
-from cosim.engine.library import INTEGRATOR
+from cosim.engine.library import INTEGRATOR, INTERMEDIATE
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.environment import what_changed
 
@@ -56,7 +56,8 @@ uint32_t link_no_memory(const Link *l);
 int link_load(Link *l, const char *library, const char *functions, int version);
 const char *link_said(const Link *l);
 bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, bool exchange, int events,
-                      LinkLogger log);
+                      const uint32_t *required, size_t n_required, LinkLogger log);
+void link_follow(Link *l, void *update);
 uint32_t link_integrate(Link *l, const char *setup, size_t size, double t);
 uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set);
 """
@@ -105,8 +106,9 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     ffi.cdef(header + _EXPORTED)
     try:
         toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
-        client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
-        sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c", INTEGRATOR.with_suffix(".c")]
+        client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER, INTERMEDIATE.parent], "client")
+        sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c"]
+        sources += [header.with_suffix(".c") for header in (INTEGRATOR, INTERMEDIATE)]
         worker = cache.program(toolchain, sources, [_FOLDER, ENVIRONMENT.parent, INTEGRATOR.parent])
         loaded = ffi.dlopen(str(client))
         os.register_at_fork(after_in_child=loaded.link_forked)
@@ -239,6 +241,7 @@ class IsolatedLibrary:
         *,
         event_mode: bool = False,
         early_return: bool = False,
+        intermediate: fmi.Intermediate | None = None,
     ) -> Any:
         """The instance, or NULL. `texts` = name, token, folder of resources as this version of FMI wants it."""
         ffi = self._ffi
@@ -248,10 +251,16 @@ class IsolatedLibrary:
             log(status, fmi.text(ffi, category), fmi.text(ffi, message))
 
         keep.append(logger)
+        inputs = list(intermediate[2]) if intermediate else []
+        required = ffi.new("uint32_t[]", inputs), len(inputs)
         how = self._exchange, event_mode | early_return << 1
-        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), *how, logger)
+        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), *how, *required, logger)
         types = fmi.ffi_of(self._version)
         return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
+
+    def follow(self, steps: int) -> None:
+        """Inputs follow inside its steps, as the `IntermediateStep` at this address says."""
+        self._client.link_follow(self._link, self._ffi.cast("void*", steps))
 
     def integrate(self, setup: bytes, t: float) -> int:
         """Make the integrator of a Model Exchange FMU at the end of its initialization; returns a status."""

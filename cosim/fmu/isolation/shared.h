@@ -73,7 +73,8 @@ static inline bool region_of(Region *r, void *memory, size_t size) {
 }
 
 static inline size_t value_size(uint32_t type) {
-    static const unsigned char size[LINK_TYPES] = {8, 4, 4, 0, 8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(bool), 0, 0};
+    static const unsigned char size[LINK_TYPES] = {
+        8, 4, 4, 0, 8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(bool), 0, 0, sizeof(bool)};
     return type < LINK_TYPES ? size[type] : 0;
 }
 

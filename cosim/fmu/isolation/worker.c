@@ -10,6 +10,7 @@
 
 #include "environment.h"
 #include "integrator.h"
+#include "intermediate.h"
 #include "launcher.h"
 
 #include <dlfcn.h>
@@ -41,6 +42,7 @@ static void *setters[LINK_TYPES], *getters[LINK_TYPES], *do_step;
 static Planned plan[LINK_PLANNED];
 static int n_plan;
 static Integrator *integrator;   /* of a Model Exchange FMU */
+static IntermediateUpdate update; /* of the present step */
 static char *blob;
 static size_t blob_size;
 
@@ -155,7 +157,7 @@ static void *function(const char *name) {
 
 static void find_values(void) {
     static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8",
-        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary"};
+        "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary", "Clock"};
     for (int i = version == 2 ? LINK_Real : LINK_Float64; i < (version == 2 ? LINK_Float64 : LINK_TYPES); i++) {
         char full[40];
         snprintf(full, sizeof full, "Set%s", names[i]);
@@ -214,10 +216,12 @@ static uint32_t instantiate(void) {
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, void *, void *))make)(
             name, token, resources, false, true, NULL, (void *)say3);
     } else {
+        const size_t n = (size_t)(region.ask->b >> 2), used = (size_t)(resources + strlen(resources) + 1 - name);
         instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
             size_t, void *, void *, void *))make)(
-            name, token, resources, false, true, (region.ask->b & 1) != 0, (region.ask->b & 2) != 0, NULL, 0, NULL,
-            (void *)say3, NULL);
+            name, token, resources, false, true, (region.ask->b & 1) != 0, (region.ask->b & 2) != 0,
+            n ? (const uint32_t *)(const void *)(region.request + ALIGNED(used)) : NULL, n, &update, (void *)say3,
+            n ? (void *)intermediate_update : NULL);
     }
     return instance ? LINK_OK : LINK_ERROR;
 }
@@ -228,8 +232,9 @@ static char *after(const LinkValues *v, size_t bytes) {
     return (char *)(v + 1) + ALIGNED((size_t)v->n_references * 4) + ALIGNED(bytes);
 }
 
-static uint32_t call_values(void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
-    if (version == 2)
+static uint32_t call_values(
+    uint32_t type, void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
+    if (version == 2 || type == LINK_Clock)
         return ((uint32_t (*)(void *, const uint32_t *, size_t, void *))call)(instance, references, n, values);
     return ((uint32_t (*)(void *, const uint32_t *, size_t, void *, size_t))call)(
         instance, references, n, values, n_values);
@@ -283,7 +288,8 @@ static uint32_t set_record(const char **at) {
     if (!text(v->type)) {
         *at = values + ALIGNED(v->n_values * value_size(v->type));
         return setters[v->type]
-                   ? call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values)
+                   ? call_values(
+                         v->type, setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values)
                    : LINK_ERROR;
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
@@ -292,7 +298,7 @@ static uint32_t set_record(const char **at) {
     for (size_t i = 0; i < v->n_values; i++) texts[i] = p, p += strlen(p) + 1;
     *at = values + ALIGNED(p - values);
     const uint32_t status =
-        call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
+        call_values(v->type, setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
     free(texts);
     return status;
 }
@@ -304,11 +310,12 @@ static uint32_t get_record(const char *at) {
     if (v->type == LINK_Binary) return get_binaries(v);
     if (!text(v->type)) {
         region.answer->reply_used = (uint32_t)(v->n_values * value_size(v->type));
-        return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
+        return call_values(v->type, getters[v->type], references, v->n_references, region.reply, v->n_values);
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
     if (!texts) return LINK_ERROR;
-    const uint32_t status = call_values(getters[v->type], references, v->n_references, texts, v->n_values);
+    const uint32_t status =
+        call_values(v->type, getters[v->type], references, v->n_references, texts, v->n_values);
     size_t used = 0;
     for (size_t i = 0; status <= LARGEST_SUCCESS && i < v->n_values; i++) {
         const char *found = texts[i] ? texts[i] : "";
@@ -337,13 +344,24 @@ static uint32_t learn(const char *at) {
     return LINK_OK;
 }
 
-static uint32_t step(void) {
+/* Inputs that follow: as the master says. */
+static void follow(const char *at, bool stepping) {
+    const LinkValues *v = (const LinkValues *)(const void *)at;
+    update.stepping = stepping && region.ask->b;
+    if (update.stepping)
+        update = (IntermediateUpdate){instance, (EngineValues3)setters[LINK_Float64], (const uint32_t *)(v + 1),
+            v->n_references, true, (double *)(void *)after(v, 0), {0}};
+    else if (region.ask->b) memcpy(region.reply, &update.report, region.answer->reply_used = sizeof update.report);
+}
+
+static uint32_t step(const char *rest) {
     Answer *h = region.answer;
     const double t = region.ask->t, length = region.ask->h;
     const bool prior = region.ask->a != 0;
     uint32_t status;
     memset(h->flags, 0, sizeof h->flags);
     h->last = t;
+    follow(rest, true);
     if (integrator) {
         status = integrator_step2(integrator, t, length, prior);
         h->last = integrator->memory.time;
@@ -357,12 +375,15 @@ static uint32_t step(void) {
         h->flags[0] = event, h->flags[2] = terminate, h->flags[3] = early;
         h->last = last;
     }
+    follow(rest, false);
+    if (update.report.end && status <= LARGEST_SUCCESS) return LINK_ERROR;
     if (status > LARGEST_SUCCESS) return status;
     char *p = region.results;
     for (int i = 0; i < n_plan; i++) {
         const Planned *g = &plan[i];
         h->failed = LINK_FETCHING + (uint32_t)i;
-        const uint32_t one = call_values(getters[g->type], g->references, g->n_references, p + 8, g->n_values);
+        const uint32_t one =
+            call_values(g->type, getters[g->type], g->references, g->n_references, p + 8, g->n_values);
         memcpy(p, &one, 4);
         p += 8 + ALIGNED(g->n_values * value_size(g->type));
     }
@@ -512,6 +533,25 @@ static uint32_t events(void) {
     return status;
 }
 
+/* Interval (a: 0, as a fraction 1) or shift (2, 3) of the clock b. */
+static uint32_t interval(void) {
+    static const char *names[] = {"GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction"};
+    LinkInterval *const x = (LinkInterval *)(void *)region.reply;
+    const uint32_t clock = (uint32_t)region.ask->b;
+    *x = (LinkInterval){.resolution = 1, .qualifier = 1};
+    region.answer->reply_used = sizeof *x;
+    switch (region.ask->a) {
+        case 0: CALL(names[0], (void *, const uint32_t *, size_t, double *, int32_t *),
+            (instance, &clock, 1, &x->seconds, &x->qualifier));
+        case 1: CALL(names[1], (void *, const uint32_t *, size_t, uint64_t *, uint64_t *, int32_t *),
+            (instance, &clock, 1, &x->counter, &x->resolution, &x->qualifier));
+        case 2: CALL(names[2], (void *, const uint32_t *, size_t, double *), (instance, &clock, 1, &x->seconds));
+        case 3: CALL(names[3], (void *, const uint32_t *, size_t, uint64_t *, uint64_t *),
+            (instance, &clock, 1, &x->counter, &x->resolution));
+    }
+    return LINK_ERROR;
+}
+
 static uint32_t dispatch(const char *rest) {
     switch ((LinkOp)region.ask->op) {
         case LINK_LOAD: return load();
@@ -526,7 +566,7 @@ static uint32_t dispatch(const char *rest) {
         case LINK_SET: return LINK_OK; /* all that was to be set is */
         case LINK_GET: return get_record(rest);
         case LINK_PLAN: return learn(rest);
-        case LINK_STEP: return step();
+        case LINK_STEP: return step(rest);
         case LINK_STATUS: return tell_status();
         case LINK_GET_STATE: return a_state(NAMED("GetFMUstate", "GetFMUState"), true);
         case LINK_SET_STATE: return a_state(NAMED("SetFMUstate", "SetFMUState"), false);
@@ -546,6 +586,7 @@ static uint32_t dispatch(const char *rest) {
         case LINK_INTEGRATE: return integrate();
         case LINK_INTEGRATOR: return remember();
         case LINK_EVENTS: return events();
+        case LINK_INTERVAL: return interval();
     }
     return LINK_ERROR;
 }

@@ -22,6 +22,8 @@ typedef struct {
     Values v;
     double now;
     bool early; /* a step may end early */
+    fmi3IntermediateUpdateCallback update; /* NULL: nobody sets inputs inside a step */
+    fmi3InstanceEnvironment environment;
 } Model;
 
 static void start(Values *v);
@@ -42,6 +44,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     Model *m = calloc(1, sizeof *m);
     if (!m) return NULL;
     m->early = early;
+    m->update = intermediate;
+    m->environment = environment;
     start(&m->v);
     return m;
 }

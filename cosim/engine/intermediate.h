@@ -1,0 +1,50 @@
+/* Inputs that follow a straight line inside a step: for Co-Simulation FMUs of FMI 3.0 that call their importer back
+ * (intermediate update).
+ *
+ * The step function computes the lines of the inputs that are extrapolated; the callback sets the inputs to their
+ * values at the time that the FMU gives. Nothing here allocates memory, and there are no globals. Lines that do not
+ * begin with # are also read by cffi. */
+#ifndef INTERMEDIATE_H
+#define INTERMEDIATE_H
+
+#include "engine.h"
+
+/* Why inputs were not set. */
+typedef enum {
+    INTERMEDIATE_FINE,
+    INTERMEDIATE_BAD_TIME,     /* `time` is outside of the step */
+    INTERMEDIATE_SET_FAILED    /* setting them at `time` returned `status` */
+} IntermediateEnd;
+
+typedef struct {
+    uint32_t end, status;
+    double time;
+    int64_t requests;          /* how often the FMU has asked for inputs */
+} IntermediateReport;
+
+/* What the callback needs; the environment of the instance. */
+typedef struct {
+    void *instance;
+    EngineValues3 set;         /* fmi3SetFloat64 */
+    const uint32_t *references;
+    uint32_t n;                /* inputs that follow */
+    bool stepping;
+    double *line;              /* begin and end of the step [s]; of n: values at its begin, slopes, values set last */
+    IntermediateReport report;
+} IntermediateUpdate;
+
+typedef struct {
+    IntermediateUpdate update;
+    EngineStep3 step;          /* of the FMU */
+    const double *values, *scale, *offset;
+    const EngineExtrapolation *lines; /* of update.n inputs */
+} IntermediateStep;
+
+/* fmi3IntermediateUpdateCallback; `environment` is the address of an `IntermediateUpdate`. */
+void intermediate_update(void *environment, double t, bool asks, bool allows, bool finished, bool can_return,
+    bool *returns, double *return_time);
+/* The step function. */
+uint32_t intermediate_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
+    bool *early, double *last);
+
+#endif

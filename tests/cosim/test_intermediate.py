@@ -1,0 +1,166 @@
+"""Inputs that follow inside the steps of FMUs with intermediate update."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign import following
+
+from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return following.build(tmp_path_factory.mktemp("following"))
+
+
+class Parabola(PythonComponent):
+    """t^2."""
+
+    outputs = ("y",)
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = (t + h) ** 2
+
+
+class Ramp(Parabola):
+    """3 t."""
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = 3.0 * (t + h)
+
+
+def run(
+    path: Path,
+    kind: str = "follows",
+    source: PythonComponent | None = None,
+    *,
+    extrapolate: bool = True,
+    target: str = "c.u",
+    **options: bool,
+) -> Recording:
+    """Steps of 0.1 s of an integrator; the source has steps of 0.1 s too."""
+    with System(allow_unconnected=True) as system:
+        system.add("source", source or Ramp(), step="0.1 s")
+        system.add("c", path, step="0.1 s", parameters={"kind": following.KINDS.index(kind)}, **options)
+        system.connect("source.y", target, extrapolate=extrapolate)
+        return system.run(1.0, record=["c.*", "source.y"])
+
+
+def value(system: System, name: str) -> float:
+    """What a variable of the component `c` is now."""
+    component = system.components["c"].implementation
+    return component.get([component.description.variables[name]])[0]
+
+
+def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
+    """The integral of 3 t, from the second step on: the first one does not know the slope."""
+    found = run(fmu)
+    t = found.time
+    assert np.allclose(found["c.x"][1:], 1.5 * t[1:] ** 2 - 0.015, rtol=0, atol=1e-12)
+    assert np.allclose(found["c.y"][2:], 3.0 * t[2:], rtol=0, atol=1e-12)
+    assert found["c.asked"].tolist() == [10 * k for k in range(11)]
+
+
+def test_the_exchange_is_of_second_order(fmu: Path) -> None:
+    """Of t^2, the line through two points gives x to h^2; a value that is held, to h."""
+    exact, errors = 1.0 / 3.0, {}
+    for extrapolate in (True, False):
+        for n in (10, 20):
+            with System(allow_unconnected=True) as system:
+                system.add("source", Parabola(), step=f"{1 / n} s")
+                system.add("c", fmu, step=f"{1 / n} s")
+                system.connect("source.y", "c.u", extrapolate=extrapolate)
+                errors[extrapolate, n] = abs(system.run(1.0, record=["c.x"])["c.x"][-1] - exact)
+    assert 3.5 < errors[True, 10] / errors[True, 20] < 4.5
+    assert 1.8 < errors[False, 10] / errors[False, 20] < 2.2
+
+
+def test_an_input_that_is_not_extrapolated_is_held(fmu: Path) -> None:
+    found = run(fmu, extrapolate=False)
+    assert np.allclose(found["c.y"][1:], found["source.y"][:-1], rtol=0, atol=1e-15)
+    assert found["c.asked"][-1] == 100, "it has asked, and got nothing"
+
+
+def test_other_inputs_have_the_value_of_the_middle(fmu: Path) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("source", Ramp(), step="0.1 s")
+        system.add("c", fmu, step="0.1 s")
+        system.connect("source.y", "c.free", extrapolate=True)
+        with system.initialize(record=["c.asked"]) as simulation:
+            simulation.advance(0.5)
+            assert value(system, "free") == pytest.approx(3.0 * 0.45)
+
+
+def test_units_are_converted_on_the_line(fmu: Path) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("source", Ramp(), step="0.1 s")
+        system.add("c", fmu, step="0.1 s")
+        system.connect("source.y", "c.u", extrapolate=True, linear=(-2.0, 1.0))
+        found = system.run(1.0, record=["c.y"])
+    assert np.allclose(found["c.y"][2:], 1.0 - 6.0 * found.time[2:], rtol=0, atol=1e-12)
+
+
+def test_repeated_runs_and_saved_states_are_alike(fmu: Path) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("source", Ramp(), step="0.1 s")
+        system.add("c", fmu, step="0.1 s")
+        system.connect("source.y", "c.u", extrapolate=True)
+        first, second = (system.run(1.0, record=["c.x"])["c.x"] for _ in range(2))
+        with system.initialize(record=["c.x"]) as simulation:
+            simulation.advance(0.5)
+            state = simulation.save()
+            simulation.advance(0.8)
+            simulation.restore(state)
+            simulation.advance(1.0)
+            assert value(system, "x") == first[-1]
+    assert np.array_equal(first, second)
+
+
+def test_isolated_fmus_give_the_same_bits(fmu: Path) -> None:
+    here, there = run(fmu, source=Parabola()), run(fmu, source=Parabola(), isolated=True)
+    assert all(np.array_equal(here[n], there[n]) for n in here.names)
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize("kind", ["outside", "no_pointers"])
+def test_callbacks_outside_of_steps_or_without_places_do_no_harm(fmu: Path, kind: str, isolated: bool) -> None:
+    found = run(fmu, kind, isolated=isolated)
+    assert np.array_equal(found["c.x"], run(fmu)["c.x"])
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize("kind", ["silent", "reads"])
+def test_an_fmu_that_never_asks_is_warned_of(fmu: Path, kind: str, isolated: bool, warns) -> None:
+    with warns(FmuWarning):
+        found = run(fmu, kind, isolated=isolated)
+    assert np.allclose(found["c.y"][1:], found["source.y"][:-1], rtol=0, atol=1e-15), "of the begin of each step"
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize("kind", ["not_a_time", "late", "unsettable"])
+def test_what_it_asks_wrongly_ends_the_run_in_a_sentence(fmu: Path, kind: str, isolated: bool, raises) -> None:
+    with raises(ComponentError):
+        run(fmu, kind, isolated=isolated)
+
+
+def test_a_crash_in_the_callback_ends_an_isolated_fmu_only(fmu: Path) -> None:
+    with pytest.raises(ComponentError, match="signal 11"):
+        run(fmu, "crashes", isolated=True)
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_a_step_that_has_failed_ends_early_where_that_is_allowed(tmp_path: Path, allowed: bool) -> None:
+    """The FMU is asked to return from its step at the first part of it, and does so only if it is able to."""
+    with System(allow_unconnected=True) as system:
+        system.add("source", Ramp(), step="0.1 s")
+        fmu = following.build(tmp_path, early_return=allowed)
+        system.add("c", fmu, step="0.1 s", parameters={"kind": following.KINDS.index("unsettable")})
+        system.connect("source.y", "c.u", extrapolate=True)
+        with system.initialize(record=["c.x"]) as simulation:
+            with pytest.raises(ComponentError, match="SetFloat64 returned Error"):
+                simulation.advance(0.1)
+            assert value(system, "early") == int(allowed)
+            assert value(system, "asked") == (1 if allowed else 10)
