@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 MODULES = (
     *("plants.quarter_car", "plants.ride_car", "plants.three_axle_trench", "plants.hydraulic_actuator"),
-    *("plants.wishbone_car", "plants.linear_car", "plants.full_car"),
+    *("plants.wishbone_car", "plants.linear_car", "plants.full_car", "plants.semi_active_damper"),
     *("controllers.lq.hmmwv", "controllers.lq.preview", "controllers.lq.bench", "controllers.lq.three_axle"),
     *("controllers.skyhook", "controllers.mpc.hmmwv", "controllers.mpc.bench", "controllers.mpc.three_axle"),
     *("controllers.force_tracking", "controllers.trench.crossing"),
