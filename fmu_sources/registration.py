@@ -17,7 +17,7 @@ MODULES = (
     *("plants.wishbone_car", "plants.linear_car", "plants.full_car", "plants.semi_active_damper"),
     *("controllers.lq.hmmwv", "controllers.lq.preview", "controllers.lq.bench", "controllers.lq.three_axle"),
     *("controllers.skyhook", "controllers.mpc.hmmwv", "controllers.mpc.bench", "controllers.mpc.three_axle"),
-    *("controllers.semi_active",),
+    *("controllers.semi_active", "controllers.mpc.semi_active"),
     *("controllers.force_tracking", "controllers.trench.crossing"),
     *("sensing.sensor_suite", "sensing.bench_encoders", "estimators.kalman_hmmwv"),
     *("sensing.preview_sensor", "sensing.preview_buffer"),

@@ -153,7 +153,7 @@ def _component(name: str, description: str, source: str, *notes: str) -> Compone
         sample_time=PERIOD,
         description=f"Semi-active dampers, four corners: {description}",
         source=source,
-        notes=(*notes, *_NOTES),
+        notes=(*notes, *NOTES),
     )
 
 
@@ -273,7 +273,7 @@ def semi_active_lqr(car: Component, name: str = "SemiActiveLqr") -> Component:
     return c
 
 
-_NOTES = (
+NOTES = (
     (
         "Wiring: the inputs carry the names of RideCarHmmwv's outputs; current.* go to four SemiActiveDamper, whose"
         " forces go to the car. Set the damping of the car's own suspension to 0: these dampers take its place."

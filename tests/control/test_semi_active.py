@@ -7,6 +7,9 @@ import pytest
 from named import Named
 
 from fmu_sources.controllers.lq.hmmwv import TABLE_1_1_KILONEWTON, lqr_gain
+from fmu_sources.controllers.mpc.qp import CondensedQp
+from fmu_sources.controllers.mpc.semi_active import PERIOD as MPC_PERIOD
+from fmu_sources.controllers.mpc.semi_active import semi_active_mpc, semi_active_settings
 from fmu_sources.controllers.semi_active import (
     CROSSOVER,
     PERIOD,
@@ -15,7 +18,7 @@ from fmu_sources.controllers.semi_active import (
     semi_active_lqr,
 )
 from fmu_sources.models.corners import CORNERS
-from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES
+from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES, relative_model
 from fmu_sources.plants import ride_car
 from fmu_sources.plants.semi_active_damper import LARGEST_CURRENT, LEAST, MOST, VELOCITY
 from fmu_sources.vehicles import load_ride_car
@@ -165,3 +168,56 @@ def test_damper_at_rest_gets_no_force(laws):
     for law in laws.values():
         still = shown(law, dict.fromkeys((*RELATIVE_STATES, *ACCELERATION), 0.0))
         assert [still[f] for f in FORCES] == [0.0] * 4
+
+
+@pytest.fixture(scope="module")
+def mpc(car):
+    return semi_active_mpc(car).model()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_mpc_keeps_within_the_damper_and_solves(mpc, seed):
+    """Every force is between the curves at the velocity now; the program is solved."""
+    x = states(seed)
+    found = shown(mpc, x)
+    assert (found["solver.status"], found["command.held"]) == (0, 0)
+    assert found["solver.residual"] < 1e-6
+    for k in CORNERS:
+        v = at_corner(x, k) - x[f"wheel.{k}.vz"]
+        low, high = sorted([-resistance(v, 0.0), -resistance(v, 1.0)])
+        assert low - 1e-6 <= found[f"force.{k}"] <= high + 1e-6
+        assert found[f"force.{k}"] * v <= 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mpc_without_the_constraint_is_the_unconstrained_solution(car, mpc, seed):
+    """Small motion with ideal actuators: the first move is that of the Hessian and the gradient alone."""
+    x = states(seed, 0.02)
+    settings = semi_active_settings(car)
+    qp = CondensedQp(settings)
+    state = np.array([x[n] for n in RELATIVE_STATES])
+    free, A, rows = state, settings.model.A, []
+    for _ in range(settings.horizon.prediction):
+        free = A @ free
+        rows.append(settings.model.C @ free)
+    weights = np.tile([o.weight**2 for o in settings.outputs], settings.horizon.prediction)
+    gradient = 2 * qp.response.T @ (weights * np.concatenate(rows))
+    u = -np.linalg.solve(qp.plain_hessian(0), gradient)[:4]
+    found = shown(mpc, x, passive=False)
+    for k, request in zip(CORNERS, u, strict=True):
+        v = at_corner(x, k) - x[f"wheel.{k}.vz"]
+        assert found[f"force.{k}"] == pytest.approx(request - DAMPING * v, rel=1e-6, abs=1e-4)
+
+
+def test_mpc_over_a_long_horizon_approaches_the_lqr(car):
+    """The same index; what differs is its sum over samples instead of the integral, and the end."""
+    rest, model = np.random.default_rng(5), relative_model(car)
+    absolute = [rest.normal(0, 0.01 if n.endswith((".z", ".roll", ".pitch")) else 0.05) for n in model.absolute]
+    x = dict(zip(RELATIVE_STATES, model.T @ absolute, strict=True))  # over a flat road, as the regulator assumes
+    K, _ = lqr_gain(car, TABLE_1_1_KILONEWTON, MPC_PERIOD)
+    found = shown(semi_active_mpc(car, blocks=(1,) * 40).model(), x, passive=False)
+    own = [DAMPING * (at_corner(x, k) - x[f"wheel.{k}.vz"]) for k in CORNERS]
+    got = np.array([found[f] for f in FORCES]) + own
+    expected = -K @ [x[n] for n in RELATIVE_STATES]
+    print(got, expected)
+    assert np.linalg.norm(got - expected) < 0.15 * np.linalg.norm(expected)
