@@ -38,12 +38,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.controllers.lq.hmmwv import TABLE_1_1_KILONEWTON, lqr_gain
+from fmu_sources.controllers.lq.hmmwv import TABLE_1_1, lqr_gain
 from fmu_sources.models.corners import TWO_AXLES, Corners
 from fmu_sources.models.hmmwv_states import (
     FORCES,
@@ -58,6 +59,10 @@ from fmu_sources.registration import component
 PERIOD = 5e-3  # s, assumed
 HOOKS = {"sky": (10e3, 0.0), "ground": (0.0, 6e3)}  # N.s/m, assumed: about half of critical, of body and wheel
 RELATIVE = 1.5e3  # N.s/m, assumed: the slope of the damper's lower curve
+WEIGHTS = replace(TABLE_1_1, force=1e-7)
+"""Of the clipped LQR and the MPC: 001 Table 1.1, but 1 kN counts as 0.1 m/s2 do. This force weight is assumed, between
+both readings of the table: one in N requests hardly any force, one in kN far more than a damper can give.
+"""
 CROSSOVER = 2 * math.pi * 2.8  # rad/s, 1.5 times the resonance of the body; assumed
 
 
@@ -241,16 +246,16 @@ def semi_active_add(car: Component, name: str = "SemiActiveAdd", *, mixed: bool 
 
 @component("SemiActiveLqr{s}", "clipped-optimal semi-active dampers, LQR of paper 001", of="ride_car_hmmwv")
 def semi_active_lqr(car: Component, name: str = "SemiActiveLqr") -> Component:
-    """The regulator of `LqrHmmwvKilonewton` with the car's own damping, clipped to the range of the dampers."""
-    gain, _ = lqr_gain(car, TABLE_1_1_KILONEWTON, PERIOD)
+    """The regulator of the car with its own damping and `WEIGHTS`, clipped to the range of the dampers."""
+    gain, _ = lqr_gain(car, WEIGHTS, PERIOD)
     c = _component(
         name,
         "clipped linear-quadratic regulator",
-        "Tseng, Hedrick 1994; 001 section 1.4, Table 1.1 with the force in kN",
+        "Tseng, Hedrick 1994; 001 section 1.4, Table 1.1 with another force weight",
         (
-            "gain is that of LqrHmmwvKilonewton for this sample time, designed on the car with its own dampers. The"
-            " dampers here take their place, so the request is D = c v + K x at each corner, which is the same force"
-            " between body and wheel. passive off: exactly that regulator."
+            "gain is designed as that of LqrHmmwv, on the car with its own dampers, with a force weight of"
+            f" {WEIGHTS.force:g} 1/N2. The dampers here take the place of its own, so the request is D = c v + K x at"
+            " each corner, which is the same force between body and wheel. passive off: exactly that regulator."
         ),
     )
     law = DampedCar(c, car)
@@ -260,7 +265,7 @@ def semi_active_lqr(car: Component, name: str = "SemiActiveLqr") -> Component:
         None,
         "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
         tunable=True,
-        source="001 Table 1.1 with the force in kN, designed on the car",
+        source="001 Table 1.1 with another force weight, designed on the car",
         rows=["N"] * len(FORCES),
         columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
     )

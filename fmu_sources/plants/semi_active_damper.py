@@ -28,7 +28,7 @@ from build_fmus.component import Component
 from fmu_sources.plants.tables import check_increasing, linear_table
 from fmu_sources.registration import component
 
-_HALF = {0.05: (75, 2000), 0.2: (300, 4500), 0.5: (700, 6500), 1.0: (1200, 8500), 2.0: (2000, 11000)}
+_HALF = {0.05: (75, 700), 0.2: (300, 2400), 0.5: (700, 4800), 1.0: (1200, 7200), 2.0: (2000, 10500)}
 """Resistance [N] without and with the largest current over velocity [m/s], the same in both directions; assumed."""
 VELOCITY = (*(-v for v in reversed(_HALF)), 0.0, *_HALF)
 LEAST, MOST = ((*(-f[i] for f in reversed(_HALF.values())), 0.0, *(f[i] for f in _HALF.values())) for i in (0, 1))

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from named import Named
 
-from fmu_sources.controllers.lq.hmmwv import TABLE_1_1_KILONEWTON, lqr_gain
+from fmu_sources.controllers.lq.hmmwv import lqr_gain
 from fmu_sources.controllers.mpc.semi_active import semi_active_mpc, semi_active_settings
 from fmu_sources.controllers.semi_active import (
     CROSSOVER,
     PERIOD,
+    WEIGHTS,
     semi_active_add,
     semi_active_hook,
     semi_active_lqr,
@@ -132,7 +133,7 @@ def test_left_and_right_are_alike(laws, seed):
 def test_active_laws_give_their_request(car, laws, seed):
     """Ideal actuators: the LQR on the car with its own dampers, skyhook without a damper; no current."""
     x = states(seed, 0.2)
-    K, _ = lqr_gain(car, TABLE_1_1_KILONEWTON, PERIOD)
+    K, _ = lqr_gain(car, WEIGHTS, PERIOD)
     control = -K @ [x[n] for n in RELATIVE_STATES]
     lqr, skyhook = (shown(laws[law], x, passive=False) for law in ("lqr", "skyhook"))
     for k, u in zip(CORNERS, control, strict=True):
@@ -202,7 +203,7 @@ def riccati(model, weights, force, steps):
 def test_mpc_without_the_constraint_is_the_unconstrained_optimum(car):
     """Small motion with ideal actuators: the command of dynamic programming for the same index."""
     settings = semi_active_settings(car, (1,) * 12)
-    K = riccati(settings.model, [o.weight**2 for o in settings.outputs], TABLE_1_1_KILONEWTON.force, 12)
+    K = riccati(settings.model, [o.weight**2 for o in settings.outputs], WEIGHTS.force, 12)
     mpc = semi_active_mpc(car, blocks=(1,) * 12).model()
     for seed in range(5):
         x = states(seed, 0.02)

@@ -26,27 +26,27 @@ import casadi as ca
 
 from build_fmus.component import Component
 from build_fmus.qp import Daqp
-from fmu_sources.controllers.lq.hmmwv import TABLE_1_1_KILONEWTON, weighted_outputs
+from fmu_sources.controllers.lq.hmmwv import weighted_outputs
 from fmu_sources.controllers.mpc.component import add_mpc, previous_command
 from fmu_sources.controllers.mpc.model import MpcModel
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
-from fmu_sources.controllers.semi_active import NOTES, DampedCar
+from fmu_sources.controllers.semi_active import NOTES, WEIGHTS, DampedCar
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.hmmwv_states import FORCE_LIMIT, FORCES, RELATIVE_STATES, relative_model, sines
 from fmu_sources.registration import component
 
-PERIOD = 10e-3  # s, assumed
-BLOCKS = (1, 1, 2, 3, 5, 8)  # periods between moves, assumed
+PERIOD = 5e-3  # s, assumed
+BLOCKS = (1, 1, 2, 4, 8, 16, 28)  # periods between moves, 0.3 s together; assumed
 VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 _BACKEND = Daqp(max_iterations=150)
 
 
 def semi_active_settings(car: Component, blocks: tuple[int, ...] = BLOCKS) -> Mpc:
     """The index of `SemiActiveLqr` over a horizon; damper velocities are predicted too, without weight."""
-    weights = weighted_outputs(TABLE_1_1_KILONEWTON)
+    weights = weighted_outputs(WEIGHTS)
     lin = relative_model(car).linearization([n for n in (*weights, *VELOCITY) if n not in RELATIVE_STATES])
     unit = 1e3  # N
-    root = math.sqrt(TABLE_1_1_KILONEWTON.force)
+    root = math.sqrt(WEIGHTS.force)
     return Mpc(
         MpcModel.sampled(lin, PERIOD, inputs=FORCES, outputs=[*weights, *VELOCITY]),
         inputs=tuple(Input(f, scale=unit, weight=root * unit) for f in FORCES),
@@ -67,7 +67,7 @@ def semi_active_mpc(car: Component, name: str = "SemiActiveMpc", *, blocks: tupl
         kind="discrete",
         sample_time=PERIOD,
         description="Semi-active dampers, four corners: model predictive control with the passivity constraint",
-        source="Giorgetti, Bemporad, Tseng, Hrovat 2006, simplified; 001 Table 1.1 with the force in kN",
+        source="Giorgetti, Bemporad, Tseng, Hrovat 2006, simplified; 001 Table 1.1 with another force weight",
         symbols=ca.MX,
         notes=(*_NOTES, *NOTES),
     )
@@ -105,7 +105,7 @@ def semi_active_mpc(car: Component, name: str = "SemiActiveMpc", *, blocks: tupl
 
 _NOTES = (
     (
-        f"Index: that of SemiActiveLqr (Table 1.1, force in kN), over {sum(BLOCKS)} periods of {1e3 * PERIOD:g} ms with"
+        f"Index: that of SemiActiveLqr, over {sum(BLOCKS)} periods of {1e3 * PERIOD:g} ms with"
         f" {len(BLOCKS)} moves. The road is a disturbance that is not known."
     ),
     (
