@@ -14,6 +14,12 @@ SYSTEMS = {
 }
 """Passive and semi-active cars, and active ones with ideal actuators."""
 TUNINGS = tuple(i / 8 for i in range(9))
+FAMILIES = {
+    "passive": ["passive"],
+    "semi-active": [c for c in CONTROLLERS if c != "passive"],
+    "active": [f"{c}, ideal" for c in IDEAL],
+}
+"""Kinds of suspension -> their systems."""
 FRONTS = {n: c for n, c in SYSTEMS.items() if c.controller in TUNED}
 REFINED = "sh-add"  # whose runs are repeated with finer steps
 
@@ -26,6 +32,12 @@ def at(system: str, road: str = "random", stretch: int = 0) -> Case:
 def front(system: str) -> list[Case]:
     """Runs from comfort to road holding."""
     return [replace(at(system), road_holding=t) for t in TUNINGS]
+
+
+def family(kind: str) -> list[Case]:
+    """All runs of a kind of suspension on the first stretch of the random road."""
+    systems = FAMILIES[kind]
+    return [at(s) for s in systems] + [case for s in systems if s in FRONTS for case in front(s)]
 
 
 def without_hysteresis(system: str) -> Case:

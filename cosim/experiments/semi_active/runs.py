@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
+from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import rms
 from cosim.experiments.hmmwv.wiring import BUMPS, FIRST_BUMP, add_car, bump_parameters, published
@@ -38,7 +39,7 @@ CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
     "mpc": ("SemiActiveMpc", {}),
 }
 """Name -> FMU, parameters."""
-IDEAL = ("skyhook", "groundhook", "lqr", "mpc")  # laws that ask for a force, so that an ideal actuator can give it
+IDEAL = ("skyhook", "lqr", "mpc")  # laws that request a force that damps body and wheels by itself
 TUNED = ("passive", "skyhook", "skyhook-on-off", "lqr")  # between comfort and road holding
 ACTUATORS = ("dampers", "ideal")
 ROADS = {"random": "RoadOffroadHmmwv", "bump": "RoadBumps", "rig": "RoadOffroadHmmwv"}
@@ -84,7 +85,9 @@ class Case(Stepped):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.actuators == "ideal" and self.controller not in IDEAL:
-            raise CaseError(f"{self.controller} asks for no force, so it has no ideal actuators; give dampers")
+            raise CaseError(
+                f"{self.controller} does not damp the car without dampers: give {surface.given(actuators='dampers')}"
+            )
         if self.road_holding is not None and self.controller not in TUNED:
             raise CaseError(f"{self.controller} is not tuned between comfort and road holding: {', '.join(TUNED)} are")
 
@@ -161,7 +164,7 @@ def configure(system: System, case: Case) -> None:
         return
     controller = system["controller"]
     parameters = dict(CONTROLLERS[case.controller][1])
-    if case.controller in IDEAL:
+    if "passive" in controller.description.parameters:
         parameters["passive"] = case.actuators == "dampers"
     if case.controller.startswith(("skyhook", "groundhook")):
         for i, n in enumerate(("damping.sky", "damping.ground")):
@@ -209,6 +212,7 @@ METRICS = {
     "force_rms": Metric("rms force of a damper or actuator", "N", form="{:.0f}"),
     "power_taken": Metric("power that dampers or actuators take from the car", "W", form="{:.0f}"),
     "power_given": Metric("power that they give to it", "W", form="{:.1f}"),
+    "power_bought": Metric("power from outside, of coils or actuators", "W", form="{:.1f}"),
     "power_coil": Metric("electrical power of the coils", "W", form="{:.1f}"),
 }
 
@@ -229,6 +233,7 @@ def measure(run: Run) -> Row:
         force = columns("damper_{}.force" if case.actuators == "dampers" else "controller.force.{}")
         coil = float(columns("damper_{}.coil.power").sum(axis=1).mean()) if case.actuators == "dampers" else 0.0
     power = force * rate
+    given = float(np.maximum(power, 0.0).sum(axis=1).mean())
     row: Row = {
         "body_rms": rms(r["car.body.az"][counts]),
         "iso2631_rms": rms(weighted_acceleration(r["car.seat.az"], RATE)[counts]),
@@ -237,7 +242,8 @@ def measure(run: Run) -> Row:
         "index": float(sum(w * rms(r[f"car.{n}"][counts]) ** 2 for n, w in INDEX.items())),
         "force_rms": rms(force),
         "power_taken": float(np.maximum(-power, 0.0).sum(axis=1).mean()),
-        "power_given": float(np.maximum(power, 0.0).sum(axis=1).mean()),
+        "power_given": given,
+        "power_bought": given if case.actuators == "ideal" else coil,
         "power_coil": coil,
     }
     if "controller.solver.status" in r:
@@ -273,10 +279,24 @@ def _gains(run: Run) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def _bands(f: np.ndarray, gains: dict[str, np.ndarray]) -> Row:
-    """The rms gain of each of `BANDS`."""
-    return {
+    """The rms gain of each of `BANDS`, and that of the acceleration at the frequency of `invariant`."""
+    at = int(np.argmin(np.abs(f - invariant()[0])))
+    return {"acceleration_invariant": float(gains["acceleration"][at])} | {
         f"{n}_{band}": rms(g[(f >= low) & (f <= high)]) for n, g in gains.items() for band, (low, high) in BANDS.items()
     }
+
+
+@cache
+def invariant() -> tuple[float, float]:
+    """Frequency [Hz] at which no suspension changes the acceleration of the body, and the gain there [1/s].
+
+    The forces on body and wheel add up to that of the tire, m_s a_s + m_u a_u = k_t (r - z_u), whatever is between
+    them. At omega^2 = k_t / m_u the wheel's own terms cancel, and m_s a_s = k_t r (Hedrick, Butsuen 1990).
+    """
+    car = load_ride_car("ride_car_hmmwv")
+    stiffness, wheel = car.tire.front.stiffness.value, car.wheel.front.mass.value
+    omega = np.sqrt(stiffness / wheel)
+    return float(omega / 2 / np.pi), float(stiffness / (car.body.mass.value / len(CORNERS)) / omega)
 
 
 def signals(run: Run) -> Row:
