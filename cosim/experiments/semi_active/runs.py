@@ -218,7 +218,10 @@ METRICS = {
 
 
 def measure(run: Run) -> Row:
-    """`METRICS` in SI units; powers are means over time of all corners, given and taken apart."""
+    """`METRICS` in SI units; powers are means over time of all corners, given and taken apart.
+
+    Those of dampers are by their own velocity: that of the car differs by the error of the exchange.
+    """
     case, r = run.case, run.recording
     counts = np.asarray(r.time >= SETTLED[case.road])
 
@@ -232,7 +235,7 @@ def measure(run: Run) -> Row:
     else:
         force = columns("damper_{}.force" if case.actuators == "dampers" else "controller.force.{}")
         coil = float(columns("damper_{}.coil.power").sum(axis=1).mean()) if case.actuators == "dampers" else 0.0
-    power = force * rate
+    power = columns("damper_{}.power") if "damper_fl.power" in r else force * rate
     given = float(np.maximum(power, 0.0).sum(axis=1).mean())
     row: Row = {
         "body_rms": rms(r["car.body.az"][counts]),
