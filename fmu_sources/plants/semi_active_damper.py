@@ -28,20 +28,23 @@ from build_fmus.component import Component
 from fmu_sources.plants.tables import check_increasing, linear_table
 from fmu_sources.registration import component
 
-_HALF = {0.05: (75, 700), 0.2: (300, 2400), 0.5: (700, 4800), 1.0: (1200, 7200), 2.0: (2000, 10500)}
-"""Resistance [N] without and with the largest current over velocity [m/s], the same in both directions; assumed."""
-VELOCITY = (*(-v for v in reversed(_HALF)), 0.0, *_HALF)
-LEAST, MOST = ((*(-f[i] for f in reversed(_HALF.values())), 0.0, *(f[i] for f in _HALF.values())) for i in (0, 1))
+VELOCITY = (0.05, 0.2, 0.5, 1.0, 2.0)  # m/s
+LEAST, MOST = (75.0, 300.0, 700.0, 1200.0, 2000.0), (700.0, 2400.0, 4800.0, 7200.0, 10500.0)  # N
+"""Resistance without and with the largest current, the same in both directions: from a quarter to about twice the
+damping of the HMMWV of paper 001 (6000 N.s/m); assumed.
+"""
 LARGEST_CURRENT = 2.0  # A, assumed
 
 
 @dataclass(frozen=True)
 class DamperCurves:
-    """The parameters of a damper that its plant and its controllers declare: both curves, and the largest current."""
+    """The parameters of a damper that its plant and its controllers declare: its curves, and the largest current.
+
+    `forces`: direction -> (resistance without current, with the largest one) at the velocities.
+    """
 
     velocity: Any
-    least: Any
-    most: Any
+    forces: dict[str, tuple[Any, Any]]
     current: Any
 
     @classmethod
@@ -51,49 +54,59 @@ class DamperCurves:
             "curve.velocity",
             VELOCITY,
             "m/s",
-            "velocities of the curves (body minus wheel), increasing, with 0 among them; the ends hold beyond",
-            min=-20.0,
+            "velocities of the curves, increasing; at 0 there is no force, and beyond the last one its force holds",
+            min=1e-3,
             max=20.0,
             source="assumed",
         )
         texts = {"least": "without current", "most": "with the largest current"}
-        least, most = (
-            c.parameter(
-                f"curve.{name}",
-                values,
-                "N",
-                f"resistance {text}, by curve.velocity; it has the sign of the velocity",
-                min=-1e6,
-                max=1e6,
-                display_unit="kN",
-                source="assumed; about the damper of the HMMWV of paper 001 (6000 N.s/m)",
+        forces = {
+            direction: tuple(
+                c.parameter(
+                    f"curve.{direction}.{name}",
+                    values,
+                    "N",
+                    f"resistance to {direction} {text}, by curve.velocity",
+                    min=0.0,
+                    max=1e6,
+                    display_unit="kN",
+                    source="assumed, about the damping of the HMMWV of paper 001",
+                )
+                for (name, text), values in zip(texts.items(), (LEAST, MOST), strict=True)
             )
-            for (name, text), values in zip(texts.items(), (LEAST, MOST), strict=True)
-        )
+            for direction in ("extension", "compression")
+        }
         current = c.parameter(
             "current.max",
             LARGEST_CURRENT,
             "A",
-            "current of curve.most; the damper saturates there",
+            "current of curve.*.most; the damper saturates there",
             min=1e-3,
             max=100.0,
             source="assumed",
         )
         check_increasing(c, velocity, "curve.velocity")
-        between = (ca.fabs(most) >= ca.fabs(least)) * (least * velocity >= 0) * (most * velocity >= 0)
-        at_rest = ca.mmax(velocity == 0) * (ca.mmin((velocity != 0) + (least == 0) * (most == 0)))
-        c.check(
-            between,
-            "curve.least and curve.most must have the sign of curve.velocity, and curve.most must be the larger one: a"
-            " damper only resists; correct the curves",
-        )
-        c.check(at_rest, "curve.velocity must contain 0, where curve.least and curve.most are 0; add this point")
-        return cls(velocity, least, most, current)
+        for direction, (least, most) in forces.items():
+            c.check(
+                most >= least,
+                f"curve.{direction}.most must nowhere be less than curve.{direction}.least: the current adds"
+                " resistance; correct the curves",
+            )
+        return cls(velocity, forces, current)  # type: ignore[arg-type]
 
     def resistance(self, velocity: Any) -> tuple[Any, Any]:
         """Force [N] against a velocity [m/s] without and with the largest current."""
-        least, most = (linear_table(velocity, self.velocity, f, beyond=False) for f in (self.least, self.most))
+        extension, compression = self.forces["extension"], self.forces["compression"]
+        least, most = (
+            ca.if_else(velocity < 0, -self._curve(-velocity, down), self._curve(velocity, up))
+            for up, down in zip(extension, compression, strict=True)
+        )
         return least, most
+
+    def _curve(self, speed: Any, force: Any) -> Any:
+        """The curve of a direction, from no force at rest to its first point, and on."""
+        first = force[0] / self.velocity[0] * ca.fmin(speed, self.velocity[0])
+        return first + linear_table(speed, self.velocity, force, beyond=False) - force[0]
 
     def share(self, velocity: Any, resistance: Any, unit: Any) -> Any:
         """Part of the largest current, 0 to 1, that brings the resistance nearest to the requested one [N].
@@ -113,13 +126,13 @@ def semi_active_damper(name: str = "SemiActiveDamper") -> Component:
         kind="continuous",
         description="Semi-active damper: force between two curves by current, with lag and hysteresis",
         source="Kwok et al. 2006 (hysteresis); curves assumed",
-        solver="rk4",
+        solver="ros2",
         solver_step=5e-4,
         notes=_NOTES,
     )
     curves = DamperCurves.declare(c)
     lag = c.parameter(
-        "lag", 10e-3, "s", "time constant of coil and fluid", min=2e-3, max=1.0, display_unit="ms", source="assumed"
+        "lag", 10e-3, "s", "time constant of coil and fluid", min=1e-6, max=1.0, display_unit="ms", source="assumed"
     )
     speed = c.parameter(
         "hysteresis.speed",
@@ -143,11 +156,11 @@ def semi_active_damper(name: str = "SemiActiveDamper") -> Component:
     loss = c.parameter(
         "coil.loss", 6.0, "W", "electrical power of the coil at current.max", min=0.0, max=1e4, source="assumed"
     )
-    command = c.input("current", "A", "requested current; below 0 it counts as 0, above current.max as current.max")
+    command = c.input("current", "A", "requested current; above current.max it counts as that", min=0.0)
     v = c.input("suspension.velocity", "m/s", "body velocity minus wheel velocity, positive extends the damper")
     x = c.input("suspension.deflection", "m", "body height minus wheel height", display_unit="mm")
     coil = c.state("coil.current", "A", "current in the coil", output=True, nominal=1.0)
-    inside = ca.if_else(command > curves.current, curves.current, ca.if_else(command < 0, 0, command))
+    inside = ca.if_else(command > curves.current, curves.current, command)
     c.derivative(coil, (inside - coil) / lag)
     shifted = v + speed * x / ca.sqrt(x**2 + travel**2)
     c.value("shifted_velocity", shifted, source="Kwok et al. 2006, delta sign(x) / beta; sign smoothed")
@@ -174,7 +187,7 @@ _NOTES = (
     ),
     (
         "curve.*: the resistance of a measured damper over velocity without and with the largest current, linear in"
-        " between and, between the curves, in the current. The ends hold beyond the measured velocities."
+        " between and, between the curves, in the current. Beyond the last velocity its force holds."
     ),
     (
         "hysteresis.speed: a sine of the deflection gives a loop of force over velocity that is twice as wide."
@@ -183,12 +196,11 @@ _NOTES = (
         " positive there, as in the published model."
     ),
     (
-        "Passive: without hysteresis power is never positive, whatever the current. Initialization refuses curves that"
-        " do not have the sign of the velocity."
+        "Passive: without hysteresis power is never positive, whatever the current, since both curves resist and meet"
+        " where the damper rests."
     ),
     (
-        "Left out: temperature (a hot damper has less force), the"
-        " accumulator's spring and preload, cavitation, end stops, friction of the seals, dynamics of the current"
-        " driver beyond one lag."
+        "Left out: temperature (a hot damper has less force), the accumulator's spring and preload, cavitation, end"
+        " stops, friction of the seals, dynamics of the current driver beyond one lag."
     ),
 )

@@ -65,7 +65,7 @@ def shown(model, x, **parameters):
 
 
 def resistance(velocity: float, share: float) -> float:
-    least, most = (np.interp(velocity, VELOCITY, curve) for curve in (LEAST, MOST))
+    least, most = (np.sign(velocity) * np.interp(abs(velocity), (0.0, *VELOCITY), (0.0, *c)) for c in (LEAST, MOST))
     return least + share * (most - least)
 
 

@@ -109,7 +109,8 @@ def _table(study: Results, systems: Iterable[str], road: str, id: str, title: st
 @report.section("All systems")
 def _systems(study: Results) -> Content:
     yield """On-off laws switch a damper's force at full size, which the acceleration of the body shows; continuous ones
-    do not. Groundhook gives comfort away for wheels that stay on the ground, skyhook the reverse."""
+    do not. Groundhook damps the hop of the wheels and hardly the body, whose slow motion deflects the tires too: over
+    all frequencies it does not hold the road best."""
     yield _table(study, SYSTEMS, "random", "random", "Random road, class D, 50 km/h")
     yield _table(study, SYSTEMS, "bump", "bump", "Bump of 76 mm, 50 km/h")
 
@@ -149,7 +150,7 @@ def _energy(study: Results) -> Content:
     regained."""
     systems = [s for s in SYSTEMS if s != "passive"]
     bought = {"from outside": [study[at(s)]["power_bought"] for s in systems]}
-    panel = bars("power [W]", "power [W]", [NAMES[s] for s in systems], bought)
+    panel = bars("system [?]", "power [W]", [NAMES[s] for s in systems], bought)
     yield Figure("energy", "Power from outside", "Random road, mean of all four corners.", [panel])
     rows = [
         {"system": NAMES[s]}
