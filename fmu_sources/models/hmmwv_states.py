@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -78,7 +77,7 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
         )
     c.output(
         "force.limited",
-        reduce(ca.fmax, map(ca.fabs, forces)) > limit,
+        ca.mmax(ca.fabs(ca.vertcat(*forces))) > limit,
         None,
         "a force is clipped at force.limit",
         type=bool,

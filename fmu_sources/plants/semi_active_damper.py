@@ -87,11 +87,12 @@ class DamperCurves:
         )
         check_increasing(c, velocity, "curve.velocity")
         for direction, (least, most) in forces.items():
-            c.check(
-                most >= least,
-                f"curve.{direction}.most must nowhere be less than curve.{direction}.least: the current adds"
-                " resistance; correct the curves",
-            )
+            for i in range(len(VELOCITY)):
+                c.check(
+                    most[i] >= least[i],
+                    f"curve.{direction}.most[{i + 1}] must not be less than curve.{direction}.least[{i + 1}]: the"
+                    " current adds resistance; correct the curves",
+                )
         return cls(velocity, forces, current)  # type: ignore[arg-type]
 
     def resistance(self, velocity: Any) -> tuple[Any, Any]:

@@ -88,8 +88,8 @@ def test_current_lags_and_saturates(damper):
 @pytest.mark.parametrize(
     ("changed", "says"),
     [
-        ({"curve.extension.most[2]": 250.0}, "curve.extension.most must nowhere be less than"),
-        ({"curve.compression.least[1]": 800.0}, "curve.compression.most must nowhere be less than"),
+        ({"curve.extension.most[2]": 250.0}, "curve.extension.most[2] must not be less than"),
+        ({"curve.compression.least[1]": 800.0}, "curve.compression.most[1] must not be less than"),
         ({"curve.velocity[2]": 0.5}, "curve.velocity[3] must be larger"),
     ],
 )

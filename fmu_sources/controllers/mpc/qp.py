@@ -261,7 +261,7 @@ class CondensedQp:
         if bounds is None:
             lows, highs = ([limit(n)] * h.control for n in ("min", "max"))
         else:
-            lows, highs = (ca.horzsplit(side) for side in bounds(free))
+            lows, highs = ([side[:, j] for j in range(h.control)] for side in bounds(free))
         # An input outside its bounds (they may jump with the case) comes back as fast as its rate allows: never
         # infeasible.
         first_low = ca.fmin(ca.fmax(down, lows[0] - previous), up)

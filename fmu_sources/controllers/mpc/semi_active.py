@@ -94,7 +94,7 @@ def semi_active_mpc(car: Component, name: str = "SemiActiveMpc", *, blocks: tupl
 
     solution = add_mpc(c, mpc, state=law.x, previous=previous, backend=_BACKEND, bounds=bounds)
     c.update(previous, solution.command)
-    requested = ca.vertsplit(damping * velocity - solution.command)
+    requested = [damping[i] * velocity[i] - solution.command[i] for i in range(len(FORCES))]
     law.outputs([law.nearest(k, d) for k, d in zip(law.corners, requested, strict=True)], requested, passive)
     c.output("command.held", solution.held, None, "the solver found no solution: the last command is kept", type=bool)
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
