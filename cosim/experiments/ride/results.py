@@ -14,6 +14,10 @@ NAMES = {
     "passive": "passive",
     "zero": "zero force",
     "skyhook": "skyhook",
+    "skyhook-on-off": "skyhook, on-off",
+    "groundhook": "groundhook",
+    "add": "ADD",
+    "sh-add": "SH-ADD",
     "lqr": "LQR",
     "lqr-kilonewton": "LQR, weight in kN",
     "mpc": "MPC",
@@ -30,6 +34,7 @@ NAMES = {
 }
 CAR_NAMES = {
     "hmmwv": "HMMWV (001)",
+    "hmmwv-dampers": "HMMWV, semi-active",
     "sedan": "sedan (004)",
     "6x6": "6x6 (003)",
     "full-car": "full car (000)",

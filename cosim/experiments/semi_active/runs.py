@@ -145,15 +145,19 @@ def tuned_gain(road_holding: float) -> np.ndarray:
 
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case."""
-    car = system["car"]
-    x = published(car, "wheel.fl.x")
-    begin = FIRST_BUMP - x - 0.6 * case.speed if case.road == "bump" else 0.0
+    begin = FIRST_BUMP - published(system["car"], "wheel.fl.x") - 0.6 * case.speed if case.road == "bump" else 0.0
     system["speed"].set({"start.speed": case.speed, "start.x": begin})
     if case.road == "bump":
         system["road"].set(bump_parameters(BUMPS["bump"]))
     else:
         profile = {"class": CLASSES.index(case.terrain), "offset": case.stretch * STRETCH}
         system["road"].set({**profile, "flat": FLAT, "ramp": RAMP})
+    configure_vehicle(system, case)
+
+
+def configure_vehicle(system: System, case: Case) -> None:
+    """What of a case concerns car, dampers and controller, on any road."""
+    car = system["car"]
     set_solver_step(car, case)
     t = case.road_holding
     own = case.controller == "passive"
