@@ -2,7 +2,7 @@
 
 At each corner, with the velocity w of the body's corner, u of the wheel and v = w - u of the damper, a control law
 requests a resistance D (force on the body -D). The damper can only give what lies between its curves at v, of the sign
-of v. Continuous laws get the nearest resistance there is; on-off laws switch between the curves.
+of v. Continuous control laws get the nearest resistance there is; on-off ones switch between the curves.
 
 | FMU | control law | source |
 |---|---|---|
@@ -30,8 +30,8 @@ Sources: D. Karnopp, M. J. Crosby, R. A. Harwood: Vibration control using semi-a
 96 (1974). H. E. Tseng, J. K. Hedrick: Semi-active control laws, optimal and sub-optimal, Veh. Syst. Dyn. 23 (1994).
 M. Valasek, M. Novak, Z. Sika, O. Vaculin: Extended ground-hook, Veh. Syst. Dyn. 27 (1997). S. M. Savaresi, E. Silani,
 S. Bittanti: Acceleration-driven-damper (ADD), J. Dyn. Syst. Meas. Control 127 (2005). S. M. Savaresi, C. Spelta:
-Mixed sky-hook and ADD, J. Dyn. Syst. Meas. Control 129 (2007). N. Giorgetti, A. Bemporad, H. E. Tseng, D. Hrovat:
-Hybrid model predictive control application towards optimal semi-active suspension, Int. J. Control 79 (2006).
+Mixed sky-hook and ADD, J. Dyn. Syst. Meas. Control 129 (2007). The source of
+SemiActiveMpc is in its module.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ CROSSOVER = 2 * math.pi * 2.8  # rad/s, 1.5 times the resonance of the body; ass
 
 
 class DampedCar:
-    """What the laws of one car have in common: inputs, motion of the corners, curves of the dampers, and outputs.
+    """What the control laws have in common: inputs, motion of the corners, curves of the dampers, and outputs.
 
     Attributes:
         x: the 15 relative states.
@@ -105,7 +105,7 @@ class DampedCar:
         return heave + k.side * k.arms[1] * roll - k.arms[0] * pitch
 
     def own_damping(self, k: Any) -> Any:
-        """Declare the damping of the car that a law was designed for; the semi-active damper takes its place."""
+        """Declare the damping that a control law was designed with; the semi-active damper takes its place."""
         name = f"suspension.{k}.damping"
         return self.c.parameter(
             name,
@@ -191,7 +191,7 @@ def semi_active_hook(car: Component, name: str = "SemiActiveSkyhook", *, hook: s
     b_ground = c.parameter("damping.ground", ground, description="b_ground: force per velocity of the wheel", **damping)
     b_rel = c.parameter("damping.relative", RELATIVE, description="b_rel: force per velocity of the damper", **damping)
     on_off = c.parameter(
-        "on_off", False, None, "whether the law switches between the curves", tunable=True, source="option"
+        "on_off", False, None, "whether the control law switches between the curves", tunable=True, source="option"
     )
     passive = law.switch()
     hooks = [b_sky * k.body - b_ground * k.wheel for k in law.corners]

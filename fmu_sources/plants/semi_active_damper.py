@@ -202,6 +202,6 @@ _NOTES = (
     ),
     (
         "Left out: temperature (a hot damper has less force), the accumulator's spring and preload, cavitation, end"
-        " stops, friction of the seals, dynamics of the current driver beyond one lag."
+        " stops, friction, dynamics of the current driver beyond one lag."
     ),
 )

@@ -59,7 +59,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
         Parameter("limit of the seat's acceleration", LIMIT_G, "g", "mobility models"),
         Parameter("closeness of speeds", TOLERANCE, "1", "own"),
     ]
-    for car in CARS.values():
+    for car in {car.plant: car for car in CARS.values()}.values():
         for p in parameters(fmus.path(car.plant)):
             if p.name.startswith("seat."):
                 rows.append(Parameter(f"{car.plant} {p.name}", p.value, p.unit, p.source))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cosim.experiments.semi_active.published import FAMILIES, SYSTEMS, at, family, without_hysteresis
+from cosim.experiments.semi_active.published import FAMILIES, at, family, without_hysteresis
 from cosim.experiments.semi_active.runs import STRETCHES, Case, invariant
 from cosim.study import ClaimList, Results
 from cosim.study.judges import Quantities, View, compare
@@ -35,11 +35,9 @@ class DamperView(View):
     }
 
     def places(self, at: Any, road: str) -> Sequence[Any]:  # noqa: ARG002
-        """`rig`, `random` (all its stretches), `no hysteresis`, or every kind of run of a semi-active law."""
+        """`rig`, `random` (all its stretches), or the runs without hysteresis of every semi-active control law."""
         if at == "semi-active":
             return [without_hysteresis(s) for s in FAMILIES["semi-active"]]
-        if at == "systems":
-            return [SYSTEMS[s] for s in SYSTEMS]
         return [at] if at != "random" else [("random", i) for i in range(STRETCHES)]
 
     def case(self, subject: str, place: Any) -> Case:

@@ -90,12 +90,13 @@ def _main_result(study: Results) -> Content:
 def _about(_: Results) -> Content:
     yield """The HMMWV of paper 001 with seven degrees of freedom drives over a random road (ISO 8608) and a bump. Only
     what is between body and wheels differs: its own dampers; semi-active dampers, whose current the control law sets;
-    or ideal actuators, which give any force that the same law requests. All have the same springs. Passive dampers from
-    soft to hard, hooks from sky to ground and weights of the LQR from acceleration to tires make the fronts."""
+    or ideal actuators, which give any force that the same control law requests. All have the same springs. Passive
+    dampers from soft to hard, hooks from sky to ground and weights of the LQR from acceleration to tires make the
+    fronts."""
     yield """The curves of the damper are assumed, from a quarter to about twice the damping of the HMMWV; with a
     measured damper the numbers change. Its temperature is left out. The MPC and the LQR have the same index, the MPC
     as sum over its samples, the LQR as exact integral: with ideal actuators, whose force the index hardly weighs, the
-    MPC leaves more acceleration between the samples."""
+    acceleration between the samples is larger under the MPC."""
 
 
 def _table(study: Results, systems: Iterable[str], road: str, id: str, title: str) -> Table:
@@ -108,9 +109,9 @@ def _table(study: Results, systems: Iterable[str], road: str, id: str, title: st
 
 @report.section("All systems")
 def _systems(study: Results) -> Content:
-    yield """On-off laws switch a damper's force at full size, which the acceleration of the body shows; continuous ones
-    do not. Groundhook damps the hop of the wheels and hardly the body, whose slow motion deflects the tires too: over
-    all frequencies it does not hold the road best."""
+    yield """On-off control laws switch a damper's force at full size, which the acceleration of the body shows;
+    continuous ones do not. Groundhook damps the hop of the wheels and hardly the body, whose slow motion deflects the
+    tires too: over all frequencies it does not hold the road best."""
     yield _table(study, SYSTEMS, "random", "random", "Random road, class D, 50 km/h")
     yield _table(study, SYSTEMS, "bump", "bump", "Bump of 76 mm, 50 km/h")
 

@@ -39,7 +39,7 @@ CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
     "mpc": ("SemiActiveMpc", {}),
 }
 """Name -> FMU, parameters."""
-IDEAL = ("skyhook", "lqr", "mpc")  # laws that request a force that damps body and wheels by itself
+IDEAL = ("skyhook", "lqr", "mpc")  # request a force that damps body and wheels by itself
 TUNED = ("passive", "skyhook", "skyhook-on-off", "lqr")  # between comfort and road holding
 ACTUATORS = ("dampers", "ideal")
 ROADS = {"random": "RoadOffroadHmmwv", "bump": "RoadBumps", "rig": "RoadOffroadHmmwv"}

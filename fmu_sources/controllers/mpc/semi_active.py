@@ -13,8 +13,8 @@ and a convex quadratic program, solved by DAQP. The first move, which alone is a
 The program's input is the force on top of the car's own dampers, u = F + c v, as the LQR has it. Without the
 constraint the command is that of dynamic programming for the index summed over the samples of the horizon.
 
-Source: N. Giorgetti, A. Bemporad, H. E. Tseng, D. Hrovat: Hybrid model predictive control application towards optimal
-semi-active suspension, Int. J. Control 79 (2006); the logic is simplified as above.
+Source: N. Giorgetti, A. Bemporad, H. E. Tseng, D. Hrovat, on hybrid model predictive control of semi-active
+suspensions, Int. J. Control 79 (2006); the logic is simplified as above.
 """
 
 from __future__ import annotations
