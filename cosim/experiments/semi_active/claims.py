@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,9 +16,13 @@ COMFORT, ROAD_HOLDING = "body_rms", "tire_rms"
 
 
 def best(study: Results, kind: str, metric: str, other: str) -> float:
-    """The least value of a metric over the runs of a kind of suspension whose `other` is no worse than the HMMWV's."""
+    """The least value of a metric over the runs of a kind of suspension whose `other` is no worse than the HMMWV's.
+
+    Infinite if none is.
+    """
     limit = study[at("passive")][other]
-    return min(float(row[metric]) for row in (study[c] for c in family(kind)) if row[other] <= limit)
+    rows = (study[c] for c in family(kind))
+    return min((float(row[metric]) for row in rows if row[other] <= limit), default=math.inf)
 
 
 def _off_invariant(view: View, subject: str, place: Any) -> float:
