@@ -540,7 +540,8 @@ def test_main_result(page: Any) -> None:
         "On the course of 1 in rms, the driver absorbs 6 W at these speeds: HMMWV (001) 10.2 km/h (passive, hydraulic)"
         " and 13.2 km/h (MPC with preview, hydraulic); sedan (004) 13.0 km/h (passive) and 16.0 km/h (preview LQ road"
         " holding); 6x6 (003) 16.0 km/h (passive) and 17.5 km/h (MPC with preview); full car (000) 19.0 km/h (passive)"
-        " and 20.5 km/h (GPC with preview); full car, public model 22.0 km/h (passive)."
+        " and 20.5 km/h (GPC with preview); full car, public model 22.0 km/h (passive);"
+        " HMMWV, semi-active 25.0 km/h (passive) and 28.5 km/h (MPC)."
     )
     assert made_up.axes(page, "main-result") == {"": ("detrended rms of the course [mm]", "speed of 6 W [km/h]")}
     (panel,) = page.figure.panels

@@ -41,7 +41,7 @@ _COLORS: dict[str, Color] = {
     "explicit": "orange",
     "preview": "green",
 }
-_CAR_COLORS: dict[str, Color] = dict(zip(CARS, ("blue", "sky", "orange", "green", "purple", "vermilion"), strict=True))
+_CAR_COLORS: dict[str, Color] = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion", "sky"), strict=True))
 _ROUGHNESS = "detrended rms of the course [mm]", "speed of 6 W [km/h]"
 _SHOWN: Mapping[str, int] = {  # beside a speed of 6 W, with these decimals
     "iso2631_rms": 2,

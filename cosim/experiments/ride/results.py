@@ -34,11 +34,11 @@ NAMES = {
 }
 CAR_NAMES = {
     "hmmwv": "HMMWV (001)",
-    "hmmwv-dampers": "HMMWV, semi-active",
     "sedan": "sedan (004)",
     "6x6": "6x6 (003)",
     "full-car": "full car (000)",
     "public": "full car, public model",
+    "hmmwv-dampers": "HMMWV, semi-active",
 }
 WORDS = {"never": "never", "always": "at any speed"}
 

@@ -112,17 +112,6 @@ CARS = {
         _without_comfort,
         hmmwv.configure_vehicle,
     ),
-    "hmmwv-dampers": Car(
-        "ride_car_hmmwv",
-        hmmwv.CORNERS,
-        {c: {"controller": c} for c in semi_active.CONTROLLERS if c != "groundhook-on-off"},  # the least comfortable
-        "RideCarHmmwv",
-        "RoadProvingGroundHmmwv",
-        semi_active.ROADS["random"],
-        semi_active.Case,
-        semi_active.wire,
-        semi_active.configure_vehicle,
-    ),
     "sedan": Car(
         "sedan",
         preview_lq.CORNERS,
@@ -168,6 +157,17 @@ CARS = {
         _enveloping,
         _as_it_is,
         driver=True,
+    ),
+    "hmmwv-dampers": Car(
+        "ride_car_hmmwv",
+        hmmwv.CORNERS,
+        {c: {"controller": c} for c in semi_active.CONTROLLERS if c != "groundhook-on-off"},  # the least comfortable
+        "RideCarHmmwv",
+        "RoadProvingGroundHmmwv",
+        semi_active.ROADS["random"],
+        semi_active.Case,
+        semi_active.wire,
+        semi_active.configure_vehicle,
     ),
 }
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
