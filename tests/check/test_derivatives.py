@@ -1,4 +1,4 @@
-"""Central differences that derivatives are compared with: of smooth functions, and where there is nothing to compare."""
+"""Central differences that derivatives are compared with: of smooth functions, and where there are none."""
 
 from __future__ import annotations
 

@@ -545,7 +545,8 @@ def test_main_result(page: Any) -> None:
     )
     assert made_up.axes(page, "main-result") == {"": ("detrended rms of the course [mm]", "speed of 6 W [km/h]")}
     (panel,) = page.figure.panels
-    assert [s.dash for s in panel.series] == ["dash", "solid"] * 4 + ["dash", "dash", "solid"]  # the public car has one law
+    pair = ["dash", "solid"]
+    assert [s.dash for s in panel.series] == [*pair * 4, "dash", *pair]  # the public car has one law
     curve = made_up.series(page, "main-result", "", "6x6 (003), MPC with preview")
     assert curve.x_values == pytest.approx([24.62, 44.30, 83.83], abs=0.01)
     assert np.asarray(curve.y) == pytest.approx([17.5, 8.6625, 4.33125])
