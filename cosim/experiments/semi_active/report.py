@@ -94,7 +94,8 @@ def _about(_: Results) -> Content:
     dampers from soft to hard, hooks from sky to ground and weights of the LQR from acceleration to tires make the
     fronts."""
     yield """The curves of the damper are assumed, from a quarter to about twice the damping of the HMMWV; with a
-    measured damper the numbers change. Its temperature is left out. The MPC and the LQR have the same index, the MPC
+    measured damper the numbers change. They, and the force weight of LQR and MPC, were chosen after first runs. The
+    damper's temperature is left out. The MPC and the LQR have the same index, the MPC
     as sum over its samples, the LQR as exact integral: with ideal actuators, whose force the index hardly weighs, the
     acceleration between the samples is larger under the MPC."""
 
