@@ -14,9 +14,10 @@ from typing import Any, TypeVar
 
 MODULES = (
     *("plants.quarter_car", "plants.ride_car", "plants.three_axle_trench", "plants.hydraulic_actuator"),
-    *("plants.wishbone_car", "plants.linear_car", "plants.full_car"),
+    *("plants.wishbone_car", "plants.linear_car", "plants.full_car", "plants.semi_active_damper"),
     *("controllers.lq.hmmwv", "controllers.lq.preview", "controllers.lq.bench", "controllers.lq.three_axle"),
     *("controllers.skyhook", "controllers.mpc.hmmwv", "controllers.mpc.bench", "controllers.mpc.three_axle"),
+    *("controllers.semi_active", "controllers.mpc.semi_active"),
     *("controllers.force_tracking", "controllers.trench.crossing"),
     *("sensing.sensor_suite", "sensing.bench_encoders", "estimators.kalman_hmmwv"),
     *("sensing.preview_sensor", "sensing.preview_buffer"),

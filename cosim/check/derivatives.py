@@ -287,10 +287,17 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
     for relative in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
         h = relative * size
         try:
-            coarse, fine = ([(x - y) / (2 * d) for x, y in zip(f(at + d), f(at - d), strict=True)] for d in (h, h / 2))
+            here, sides = f(at), [(d, f(at + d), f(at - d)) for d in (h, h / 2)]
         except Refused:
             continue
+        coarse, fine = ([(x - y) / (2 * d) for x, y in zip(up, down, strict=True)] for d, up, down in sides)
+        wide, bend = (
+            max((abs(x - 2 * z + y) / d for x, y, z in zip(up, down, here, strict=True)), default=0.0)
+            for d, up, down in sides
+        )
         scale = max(map(abs, fine), default=0.0)
+        if bend > max(0.9 * wide, 1e-3 * scale):  # a kink at the point itself: its slopes do not come closer
+            continue
         gap = max((abs(x - y) for x, y in zip(coarse, fine, strict=True)), default=0.0)
         if scale == 0.0 and gap == 0.0:
             return fine

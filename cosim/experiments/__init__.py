@@ -1,4 +1,4 @@
-"""The experiments of the five papers, and `ride`, which compares their cars.
+"""The experiments of the five papers; `ride`, which compares their cars; `semi-active`, which compares dampers.
 
 Each is a folder of the same layout, declared by its `EXPERIMENT`: `__init__` (EXPERIMENT), `runs` (wiring and
 measuring), `published` (printed values of the paper, and the plan of the study), `claims`, `report`.
@@ -14,6 +14,7 @@ EXPERIMENTS = {
         "hmmwv-readings",
         "preview-lq",
         "ride",
+        "semi-active",
         "three-axle",
         "trench",
         "trench-readings",

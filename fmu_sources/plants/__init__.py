@@ -11,6 +11,7 @@
 - `tables`: tables that are linear in between, as parameters
 - `obstacle`: outlines of obstacles, and how far discs touch them
 - `hydraulic_actuator`: servo valve, cylinder and bypass of an active strut
+- `semi_active_damper`: damper between two curves by current, with hysteresis
 - `friction`: Coulomb friction that is smooth where it changes its sign
 - `free_body`: body with six degrees of freedom, its driver and what it shows: of every nonlinear full car
 - `gravity`: acceleration of gravity
@@ -22,6 +23,7 @@ from fmu_sources.plants.hydraulic_actuator import hydraulic_actuator
 from fmu_sources.plants.linear_car import linear_ride_car
 from fmu_sources.plants.quarter_car import quarter_car
 from fmu_sources.plants.ride_car import ride_car
+from fmu_sources.plants.semi_active_damper import semi_active_damper
 from fmu_sources.plants.three_axle_trench import three_axle_trench
 from fmu_sources.plants.wishbone_car import wishbone_car
 
@@ -31,6 +33,7 @@ __all__ = [
     "linear_ride_car",
     "quarter_car",
     "ride_car",
+    "semi_active_damper",
     "three_axle_trench",
     "wishbone_car",
 ]

@@ -230,6 +230,7 @@ UNCHECKED = {
     "MpcThreeAxle": "quadratic program: its data and solution are in units of the scaling",
     "MpcBench": "quadratic program: its data and solution are in units of the scaling",
     "MpcBenchMoves": "quadratic program: its data and solution are in units of the scaling",
+    "SemiActiveMpc": "quadratic program: its data and solution are in units of the scaling",
     "KalmanHmmwv": "covariance and gain are computed on measurements that are divided by their noise",
     "KalmanHmmwvPrinted": "its matrices are of the design, as numbers",
     "GpcImplicit": "published law in g, degrees and thousands of newtons",

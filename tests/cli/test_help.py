@@ -23,6 +23,7 @@ from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride import runs as ride
+from cosim.experiments.semi_active import runs as semi_active
 from cosim.experiments.three_axle import runs as three_axle
 from cosim.experiments.trench import runs as trench
 from fmu_sources.catalog import default_catalog
@@ -94,6 +95,12 @@ CHOICES = {
         "--actuators": hmmwv.ACTUATORS,
         "--course": [*ride.NUMBER, "FILE.crg"],
         "--sides": ride.SIDES,
+    },
+    "semi-active": {
+        "--controller": semi_active.CONTROLLERS,
+        "--actuators": semi_active.ACTUATORS,
+        "--road": semi_active.ROADS,
+        "--terrain": hmmwv.CLASSES,
     },
     "three-axle": {"--controller": three_axle.CONTROLLERS, "--estimator": three_axle.ESTIMATORS},
     "trench": TRENCH,

@@ -45,6 +45,7 @@ HMMWV = {
     "Lqr",
     "Lqr{}Kilonewton",
     "Skyhook",
+    *(f"SemiActive{law}" for law in ("Skyhook", "Groundhook", "Add", "ShAdd", "Lqr", "Mpc")),
     "Mpc",
     "Kalman",
     "Kalman{}Printed",

@@ -303,7 +303,7 @@ def test_a_search_for_an_obstacle_has_one_seed_and_passes_failed_runs() -> None:
 
 
 def test_every_car_under_every_law_that_fits_it() -> None:
-    assert len(systems()) == len(set(systems())) == 29
+    assert len(systems()) == len(set(systems())) == 37
     assert {s[:2] for s in systems()} == {(c, law) for c, car in CARS.items() for law in car.controllers}
     assert [s for s in systems("hmmwv") if s[1] in ("passive", "mpc")] == [
         ("hmmwv", "passive", "hydraulic"),
@@ -311,7 +311,7 @@ def test_every_car_under_every_law_that_fits_it() -> None:
         ("hmmwv", "mpc", "ideal"),
     ]
     searches = plan(seeds=2)
-    assert len(searches) == len(set(searches)) == 29 * (3 + 1 + len(HEIGHTS))
+    assert len(searches) == len(set(searches)) == 37 * (3 + 1 + len(HEIGHTS))
     for search in searches:
         rougher = search.case.course in ("2in", "4in")
         several = (search.case.course == "1in" and search.case.sides == "alike") or (
@@ -418,7 +418,7 @@ def six_watt_rows(page: Any) -> dict[tuple[str, str, str], dict[str, Any]]:
 
 def test_speeds_of_six_watts(page: Any) -> None:
     rows = six_watt_rows(page)
-    assert len(rows) == 29 * 3
+    assert len(rows) == 37 * 3
     row = rows["HMMWV (001)", "2in", "MPC, hydraulic"]  # base 10 + 5 x 0.5 + 0.2, over 2, first seed
     assert row["6 W, third order [km/h]"] == "6.3"
     assert row["6 W, second order [km/h]"] == "6.9"
@@ -540,11 +540,13 @@ def test_main_result(page: Any) -> None:
         "On the course of 1 in rms, the driver absorbs 6 W at these speeds: HMMWV (001) 10.2 km/h (passive, hydraulic)"
         " and 13.2 km/h (MPC with preview, hydraulic); sedan (004) 13.0 km/h (passive) and 16.0 km/h (preview LQ road"
         " holding); 6x6 (003) 16.0 km/h (passive) and 17.5 km/h (MPC with preview); full car (000) 19.0 km/h (passive)"
-        " and 20.5 km/h (GPC with preview); full car, public model 22.0 km/h (passive)."
+        " and 20.5 km/h (GPC with preview); full car, public model 22.0 km/h (passive);"
+        " HMMWV, semi-active 25.0 km/h (passive) and 28.5 km/h (MPC)."
     )
     assert made_up.axes(page, "main-result") == {"": ("detrended rms of the course [mm]", "speed of 6 W [km/h]")}
     (panel,) = page.figure.panels
-    assert [s.dash for s in panel.series] == ["dash", "solid"] * 4 + ["dash"]  # the public car has one law
+    pair = ["dash", "solid"]
+    assert [s.dash for s in panel.series] == [*pair * 4, "dash", *pair]  # the public car has one law
     curve = made_up.series(page, "main-result", "", "6x6 (003), MPC with preview")
     assert curve.x_values == pytest.approx([24.62, 44.30, 83.83], abs=0.01)
     assert np.asarray(curve.y) == pytest.approx([17.5, 8.6625, 4.33125])
@@ -569,7 +571,7 @@ def test_checks_hold(study: Results) -> None:
     total = sum(len(s.metrics) * s.seeds for s in study.tasks if s.case.controller != "comfort-preview")  # type: ignore[union-attr]
     assert found["search"][1] == f"{total} of {total} speeds"
     assert found["definitions"][1] == "0.91 to 0.91 of it"
-    assert found["rougher-is-slower"][1] == found["higher-is-slower"][1] == "29 of 29"
+    assert found["rougher-is-slower"][1] == found["higher-is-slower"][1] == "37 of 37"
     assert found["preview-is-faster"][1] == "1.04 to 1.04 times as fast"
 
 
@@ -694,6 +696,7 @@ def test_the_run_nearest_to_the_limit(study: Results) -> None:
 GROUPS = ["1 in rms", "2 in rms", "4 in rms", "half-round"]
 LIVE = {
     "hmmwv": ["passive, hydraulic", "LQR", "MPC", "MPC with preview"],
+    "hmmwv-dampers": ["passive", "skyhook", "SH-ADD", "MPC"],
     "sedan": ["passive", "LQ comfort", "LQ comfort, rear wheels preview", "preview LQ comfort"],
     "6x6": ["passive", "LQR", "MPC", "MPC with preview"],
     "full-car": ["passive", "GPC implicit", "GPC explicit", "GPC with preview"],

@@ -56,6 +56,7 @@ GROUPS = (
     ),
     _experiment("preview_lq"),
     _experiment("three_axle"),
+    _experiment("semi_active"),
     Group(
         "ride",
         tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report", "web")),

@@ -33,14 +33,24 @@ def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> 
 SPEEDS = {False: "SpeedProfile", True: "SpeedCommand"}  # whether somebody drives
 
 
-def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: bool = False) -> None:
-    """Speed, road and car; `driven`: the speed is an input of the system."""
+def add_car(
+    system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: bool = False, rig: bool = False
+) -> None:
+    """Speed, road and car.
+
+    `driven`: the speed is an input of the system. `rig`: all wheels get the road of the front left one.
+    """
     system.add("speed", fmus.path(SPEEDS[driven]))
     system.add("road", fmus.path(road))
     system.add("car", fmus.path("RideCarHmmwv"), step=step)
     system.connect("speed.x", "road.x")
     system.connect("speed.speed", "road.speed")
-    system.connect_matching("road", "car", "road.*")
+    if not rig:
+        system.connect_matching("road", "car", "road.*")
+        return
+    for k in CORNERS:
+        for what in ("height", "rate"):
+            system.connect(f"road.road.fl.{what}", f"car.road.{k}.{what}")
 
 
 def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction = EXCHANGE) -> None:

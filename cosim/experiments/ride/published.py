@@ -32,6 +32,7 @@ GUESS = {
     "6x6": (31.0, 0.63, 0.54),
     "full-car": (35.0, 0.53, 0.39),
     "public": (15.0, 0.6, 0.4),
+    "hmmwv-dampers": (20.0, 0.8, 0.7),
 }
 """Where searches begin: speed [km/h] of 6 W on the first course, and parts of it on the others. They decide how many
 runs a search takes.

@@ -23,6 +23,10 @@ _COLORS: dict[str, Color] = {
     "passive": "black",
     "zero": "gray",
     "skyhook": "sky",
+    "skyhook-on-off": "vermilion",
+    "groundhook": "green",
+    "add": "gray",
+    "sh-add": "purple",
     "lqr": "orange",
     "lqr-kilonewton": "vermilion",
     "mpc": "blue",
@@ -37,7 +41,7 @@ _COLORS: dict[str, Color] = {
     "explicit": "orange",
     "preview": "green",
 }
-_CAR_COLORS: dict[str, Color] = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion"), strict=True))
+_CAR_COLORS: dict[str, Color] = dict(zip(CARS, ("blue", "orange", "green", "purple", "vermilion", "sky"), strict=True))
 _ROUGHNESS = "detrended rms of the course [mm]", "speed of 6 W [km/h]"
 _SHOWN: Mapping[str, int] = {  # beside a speed of 6 W, with these decimals
     "iso2631_rms": 2,
@@ -55,7 +59,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
         Parameter("limit of the seat's acceleration", LIMIT_G, "g", "mobility models"),
         Parameter("closeness of speeds", TOLERANCE, "1", "own"),
     ]
-    for car in CARS.values():
+    for car in {car.plant: car for car in CARS.values()}.values():
         for p in parameters(fmus.path(car.plant)):
             if p.name.startswith("seat."):
                 rows.append(Parameter(f"{car.plant} {p.name}", p.value, p.unit, p.source))

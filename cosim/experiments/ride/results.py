@@ -14,6 +14,10 @@ NAMES = {
     "passive": "passive",
     "zero": "zero force",
     "skyhook": "skyhook",
+    "skyhook-on-off": "skyhook, on-off",
+    "groundhook": "groundhook",
+    "add": "ADD",
+    "sh-add": "SH-ADD",
     "lqr": "LQR",
     "lqr-kilonewton": "LQR, weight in kN",
     "mpc": "MPC",
@@ -34,6 +38,7 @@ CAR_NAMES = {
     "6x6": "6x6 (003)",
     "full-car": "full car (000)",
     "public": "full car, public model",
+    "hmmwv-dampers": "HMMWV, semi-active",
 }
 WORDS = {"never": "never", "always": "at any speed"}
 

@@ -17,6 +17,7 @@ from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
+from cosim.experiments.semi_active import runs as semi_active
 from cosim.experiments.three_axle import runs as three_axle
 from cosim.study.case import Case as BaseCase
 from cosim.study.case import CaseError, check_choice, option
@@ -157,10 +158,21 @@ CARS = {
         _as_it_is,
         driver=True,
     ),
+    "hmmwv-dampers": Car(
+        "ride_car_hmmwv",
+        hmmwv.CORNERS,
+        {c: {"controller": c} for c in semi_active.CONTROLLERS if c != "groundhook-on-off"},  # the least comfortable
+        "RideCarHmmwv",
+        "RoadProvingGroundHmmwv",
+        semi_active.ROADS["random"],
+        semi_active.Case,
+        semi_active.wire,
+        semi_active.configure_vehicle,
+    ),
 }
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
 CONTROLLERS = tuple(dict.fromkeys(controller for car in CARS.values() for controller in car.controllers))
-ROADS = tuple(car.road for car in CARS.values())
+ROADS = tuple(dict.fromkeys(car.road for car in CARS.values()))
 FMUS = tuple(
     dict.fromkeys(
         [
@@ -170,6 +182,7 @@ FMUS = tuple(
             *filter(None, hmmwv.CONTROLLERS.values()),
             "HydraulicActuator",
             "ForceTracking",
+            *(n for n in semi_active.FMUS if not n.startswith("Road")),
             preview_lq.CAR,
             *(preview_lq.WEIGHTED_CONTROLLERS[w][0] for w in ("comfort", "road-holding")),
             *(n for n in three_axle.FMUS if not n.startswith("Road")),

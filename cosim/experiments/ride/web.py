@@ -13,6 +13,7 @@ from fmu_sources.roads.rms_course import COURSES
 
 SHOWN = {
     "hmmwv": ("passive", "lqr", "mpc", "mpc-preview"),
+    "hmmwv-dampers": ("passive", "skyhook", "sh-add", "mpc"),
     "sedan": ("passive", "comfort-active", "comfort-delay", "comfort-preview"),
 }
 """Controllers that are side by side, where a car has more than fit on a page."""

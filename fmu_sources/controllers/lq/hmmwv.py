@@ -65,6 +65,11 @@ TABLE_1_1_KILONEWTON = replace(TABLE_1_1, force=1e-4 / 1000.0**2)
 """001 Table 1.1 with the force in kN, everything else in SI: a million times cheaper forces, which saturate."""
 
 
+def weighted_outputs(weights: LqrWeights) -> dict[str, float]:
+    """Outputs of the car in the index -> weights of their squares."""
+    return {n: getattr(weights, kind) for kind, group in _WEIGHTED.items() for n in group}
+
+
 def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -> tuple[np.ndarray, np.ndarray]:
     """`K` (4, 15) on the relative states, and the gain (4, 14) on the car's own states that it stands for; u = -K x.
 
@@ -72,10 +77,9 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
         LqError: the index has no optimum on this car.
         ValueError: a weight, or a car without the outputs that are weighted.
     """
-    names = [n for group in _WEIGHTED.values() for n in group]
-    rho = [getattr(weights, kind) for kind, group in _WEIGHTED.items() for _ in group]
-    plant = LinearPlant.of(car.linearize(), FORCES, ROAD_HEIGHTS, names)
-    absolute = sampled_lq(plant, output_index(plant, rho, [weights.force] * len(FORCES)), period).K
+    rho = weighted_outputs(weights)
+    plant = LinearPlant.of(car.linearize(), FORCES, ROAD_HEIGHTS, [*rho])
+    absolute = sampled_lq(plant, output_index(plant, [*rho.values()], [weights.force] * len(FORCES)), period).K
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 
 

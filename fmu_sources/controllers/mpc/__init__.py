@@ -7,6 +7,7 @@
 - `component`: inputs, outputs and solver of a control law in a component; `mpc_component` makes a whole one
 - `bench`: the published control laws of the quarter-car bench (paper 002)
 - `hmmwv`: the published control law of the HMMWV (paper 001)
+- `semi_active`: semi-active dampers of the HMMWV: bounds that change with the velocity
 - `three_axle`: the published control laws of the 6x6 (paper 003)
 
 Public names are imported from here. `tests/oracles/mpc.py` computes the same step by another solver.

@@ -18,7 +18,7 @@ from build_fmus.component import Component
 from build_fmus.qp import Backend
 from fmu_sources.controllers.mpc.model import MpcError, position
 from fmu_sources.controllers.mpc.observer import Observer
-from fmu_sources.controllers.mpc.qp import CondensedQp
+from fmu_sources.controllers.mpc.qp import Bounds, CondensedQp
 from fmu_sources.controllers.mpc.settings import INFINITE, Mpc
 
 
@@ -87,6 +87,7 @@ def add_mpc(
     case: Any = 0,
     backend: Backend | Sequence[Backend] | None = None,
     solver: str = "solver",
+    bounds: Bounds | None = None,
 ) -> MpcSolution:
     """Add the control law to a component: its quadratic program, and the command that follows from it.
 
@@ -103,6 +104,7 @@ def add_mpc(
         case: number of the case.
         backend: solver, or several of which the first is used; the default of the build when None.
         solver: prefix of the outputs `.status`, `.iterations` and `.residual`.
+        bounds: bounds of the inputs that change from step to step, instead of their `min` and `max`.
 
     Raises:
         MpcError: the component's sample time is not the model's, or it is not made of MX symbols.
@@ -114,7 +116,13 @@ def add_mpc(
     qp = CondensedQp(mpc)
     prefix = "" if solver == "solver" else f"{solver}_"
     data = qp.expressions(
-        state, previous, disturbance, reference, case, lambda name, *rest, **more: c.value(prefix + name, *rest, **more)
+        state,
+        previous,
+        disturbance,
+        reference,
+        case,
+        lambda name, *rest, **more: c.value(prefix + name, *rest, **more),
+        bounds,
     )
     solution = c.quadratic_program(
         solver,
@@ -129,14 +137,18 @@ def add_mpc(
     held = solution.status > 0.5
     moves = ca.if_else(held, 0, qp.all_moves(solution.z))
     requested = previous + moves[: len(mpc.inputs)]
-    command = clipped(mpc, requested, previous, case)
+    now = None if bounds is None else tuple(side[:, 0] for side in bounds(data.free))
+    command = clipped(mpc, requested, previous, case, now)
     slack = solution.z[-1] * float(qp.columns[-1]) if mpc.soft else ca.MX(0)
     planned = ca.horzcat(command, qp.planned(previous, moves)[:, 1:])
     return MpcSolution(command, previous, held, slack, planned, qp.predicted(data.free, moves))
 
 
-def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any) -> Any:
-    """Commands (nu,) within rate bounds, and within input bounds as far as the rate bounds let them."""
+def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any, bounds: tuple[Any, Any] | None = None) -> Any:
+    """Commands (nu,) within rate bounds, and within input bounds as far as the rate bounds let them.
+
+    `bounds`: those of now, instead of `min` and `max`.
+    """
 
     def limit(name: str) -> Any:
         values = np.array([[getattr(i, name) for i in inputs] for inputs in mpc.case_inputs], dtype=float).T
@@ -145,7 +157,8 @@ def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any) -> Any:
 
     low, high = previous + limit("rate_min"), previous + limit("rate_max")
     requested = ca.fmin(ca.fmax(requested, low), high)
-    return ca.fmin(ca.fmax(requested, ca.fmin(limit("min"), high)), ca.fmax(limit("max"), low))
+    least, most = bounds or (limit("min"), limit("max"))
+    return ca.fmin(ca.fmax(requested, ca.fmin(least, high)), ca.fmax(most, low))
 
 
 def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:

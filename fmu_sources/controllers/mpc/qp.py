@@ -33,6 +33,10 @@ Named = Callable[..., Any]
 """`(name, expression, source="") -> expression`, such as `Component.value`."""
 
 
+Bounds = Callable[[Any], tuple[Any, Any]]
+"""`free` (ny, prediction), the outputs without any move -> least and largest inputs (nu, control) of each move."""
+
+
 def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: ARG001
     return expression
 
@@ -214,12 +218,20 @@ class CondensedQp:
         return ca.mtimes(C, chosen) + ca.repmat(seen, 1, h.prediction) + through[:, 1:]
 
     def expressions(
-        self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any, named: Named = _unnamed
+        self,
+        x: Any,
+        previous: Any,
+        disturbance: Any,
+        reference: Any,
+        case: Any,
+        named: Named = _unnamed,
+        bounds: Bounds | None = None,
     ) -> QpExpressions:
         """q, l, u of the scaled program; `named` gets the names of the values.
 
         Args (CasADi MX): `x` (n,) state now; `previous` (nu,) inputs of the step before; `disturbance` (nw,
-        prediction + 2) or None; `reference` (ny, prediction) or None for 0; `case` number of the case.
+        prediction + 2) or None; `reference` (ny, prediction) or None for 0; `case` number of the case; `bounds` of the
+        inputs instead of their `min` and `max`.
         """
         mpc, h = self.mpc, self.mpc.horizon
         cases = range(len(mpc.cases))
@@ -245,19 +257,23 @@ class CondensedQp:
         def limit(name: str) -> Any:
             return self._by_case([[getattr(i, name) for i in mpc.case_inputs[c]] for c in cases], case)
 
-        low, high, down, up = limit("min"), limit("max"), limit("rate_min"), limit("rate_max")
+        down, up = limit("rate_min"), limit("rate_max")
+        if bounds is None:
+            lows, highs = ([limit(n)] * h.control for n in ("min", "max"))
+        else:
+            lows, highs = ([side[:, j] for j in range(h.control)] for side in bounds(free))
         # An input outside its bounds (they may jump with the case) comes back as fast as its rate allows: never
         # infeasible.
-        first_low = ca.fmin(ca.fmax(down, low - previous), up)
-        first_high = ca.fmax(ca.fmin(up, high - previous), down)
+        first_low = ca.fmin(ca.fmax(down, lows[0] - previous), up)
+        first_high = ca.fmax(ca.fmin(up, highs[0] - previous), down)
         named("first_low", first_low, source="bounds of the first move")
         named("first_high", first_high)
         lower = [first_low, ca.repmat(down, h.control - 1, 1)]
         upper = [first_high, ca.repmat(up, h.control - 1, 1)]
         for j in range(1, h.control):
             fastest = j + 1 - 2 * CATCH_UP
-            lower.append(ca.fmin(low - previous, fastest * up))
-            upper.append(ca.fmax(high - previous, fastest * down))
+            lower.append(ca.fmin(lows[j] - previous, fastest * up))
+            upper.append(ca.fmax(highs[j] - previous, fastest * down))
         if mpc.soft:
             lower.append(0)
             upper.append(INFINITE)
@@ -266,13 +282,13 @@ class CondensedQp:
             places = [step * ny + i for step, i, _, _ in self._output_rows]
             column: Any = ca.vec(free)
             there = column[places]
-            bounds = []
+            sides = []
             for which, off, value in ((-1, -INFINITE, "min"), (1, INFINITE, "max")):
                 table = [[getattr(o, value) for o in mpc.case_outputs[c]] for c in cases]
                 rows = [[t[i] if side in (0, which) else off for _, i, side, _ in self._output_rows] for t in table]
-                bounds.append(self._by_case(rows, case) - there)
-            lower.append(bounds[0])
-            upper.append(bounds[1])
+                sides.append(self._by_case(rows, case) - there)
+            lower.append(sides[0])
+            upper.append(sides[1])
         length = ca.DM(self._constraint[1])
         named("row_lengths", ca.MX(length))
         q = named("column_scales", ca.MX(ca.DM(self.columns))) * linear
