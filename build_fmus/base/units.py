@@ -106,6 +106,7 @@ UNITS: dict[str, Unit] = {
         _unit("N", "kN", kg=1, m=1, s=-2),
         _unit("N/s", kg=1, m=1, s=-3),
         _unit("N.m", "kN.m", kg=1, m=2, s=-2),
+        _unit("N.m.s/rad", kg=1, m=2, s=-1, rad=-1),
         _unit("N/m", "N/mm", kg=1, s=-2),
         _unit("N/m3", kg=1, m=-2, s=-2),
         _unit("N.s/m", "kN.s/m", kg=1, s=-1),
