@@ -164,7 +164,17 @@ def test_solver_is_stable_and_the_course_too(car, basic):
 def mirrored(names, values):
     """The same situation seen in a mirror along the road."""
     swap = {"fl": "fr", "fr": "fl", "rl": "rr", "rr": "rl"}
-    odd = ("y", "body.roll", "body.yaw", "body.vy", "body.roll_rate", "body.yaw_rate", "target.y")
+    odd = (
+        "y",
+        "body.roll",
+        "body.yaw",
+        "body.vy",
+        "body.ay",
+        "body.roll_rate",
+        "body.yaw_rate",
+        "target.y",
+        "steering.wheel",
+    )
     out = np.empty_like(values)
     for name, value in zip(names, values, strict=True):
         parts = [swap.get(part, part) for part in name.split(".")]
