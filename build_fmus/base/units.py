@@ -103,6 +103,8 @@ UNITS: dict[str, Unit] = {
         _unit("rad/s2", "deg/s2", rad=1, s=-2),
         _unit("rad/m", rad=1, m=-1),
         _unit("rad.s/m", rad=1, s=1, m=-1),
+        _unit("rad.s2/m", rad=1, s=2, m=-1),
+        _unit("s/m", s=1, m=-1),
         _unit("N", "kN", kg=1, m=1, s=-2),
         _unit("N/s", kg=1, m=1, s=-3),
         _unit("N.m", "kN.m", kg=1, m=2, s=-2),
