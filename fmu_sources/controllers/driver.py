@@ -161,8 +161,8 @@ _NOTES = (
         " 0. The turn of the wheel is limited by steering.max_rate and steering.max_angle."
     ),
     (
-        "Wiring: x, y, body.yaw, body.yaw_rate and speed from a full car; steering.wheel, throttle and brake to it, with"
-        " its parameter driver.mode 1. steering.ratio and wheelbase are those of the car. Another driver, a recording,"
+        "Wiring: x, y, body.yaw, body.yaw_rate and speed from a full car; steering.wheel, throttle and brake to it,"
+        " with its parameter driver.mode 1. steering.ratio and wheelbase are those of the car. Another driver, a recording,"
         " a steering wheel on the desk or a gamepad takes this place with the same three outputs."
     ),
 )
