@@ -1,4 +1,4 @@
-"""The experiments of the five papers, and `ride`, which compares their cars.
+"""The experiments of the five papers, `ride`, which compares their cars, and `handling`, which steers them.
 
 Each is a folder of the same layout, declared by its `EXPERIMENT`: `__init__` (EXPERIMENT), `runs` (wiring and
 measuring), `published` (printed values of the paper, and the plan of the study), `claims`, `report`.
@@ -10,6 +10,7 @@ EXPERIMENTS = {
         "bench",
         "gpc",
         "gpc-readings",
+        "handling",
         "hmmwv",
         "hmmwv-readings",
         "preview-lq",

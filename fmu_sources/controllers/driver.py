@@ -151,18 +151,18 @@ def driver(name: str = "Driver") -> Component:
 
 _NOTES = (
     (
-        f"The path is {POINTS} points in their order, path.x[i] and path.y[i], with straight lines between; it may close"
-        " and cross itself, since the car is looked for within 20 m of path around its last place. It begins at the"
+        f"The path is {POINTS} points in their order, path.x[i] and path.y[i], with straight lines between; it may"
+        " close and cross itself, since the car is looked for within 20 m of path around its last place. It begins at the"
         " first point, and goes straight on after the last one. No two points in a row may be the same: a path with"
         " fewer corners gets more points on its lines."
     ),
     (
-        "reaction_time delays wheel and pedals by whole samples, from 0 to 0.5 s; in the first samples of a run they are"
-        " 0. The turn of the wheel is limited by steering.max_rate and steering.max_angle."
+        "reaction_time delays wheel and pedals by whole samples, from 0 to 0.5 s; in the first samples of a run they"
+        " are 0. The turn of the wheel is limited by steering.max_rate and steering.max_angle."
     ),
     (
         "Wiring: x, y, body.yaw, body.yaw_rate and speed from a full car; steering.wheel, throttle and brake to it,"
-        " with its parameter driver.mode 1. steering.ratio and wheelbase are those of the car. Another driver, a recording,"
-        " a steering wheel on the desk or a gamepad takes this place with the same three outputs."
+        " with its parameter driver.mode 1. steering.ratio and wheelbase are those of the car. Another driver, a"
+        " recording, a steering wheel on the desk or a gamepad takes this place with the same three outputs."
     ),
 )
