@@ -152,8 +152,8 @@ def driver(name: str = "Driver") -> Component:
 _NOTES = (
     (
         f"The path is {POINTS} points in their order, path.x[i] and path.y[i], with straight lines between; it may"
-        " close and cross itself, since the car is looked for within 20 m of path around its last place. It begins at the"
-        " first point, and goes straight on after the last one. No two points in a row may be the same: a path with"
+        " close and cross itself, since the car is looked for within 20 m of path around its last place. It begins at"
+        " the first point, and goes straight on after the last one. No two points in a row may be the same: a path with"
         " fewer corners gets more points on its lines."
     ),
     (

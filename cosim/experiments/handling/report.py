@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 from cosim.experiments.handling import EXPERIMENT
@@ -20,7 +21,7 @@ _SHOWN = (
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    return [p for car in CARS.values() for p in parameters(fmus.path(car))]
+    return [replace(p, name=f"{NAMES[c]}: {p.name}") for c, fmu in CARS.items() for p in parameters(fmus.path(fmu))]
 
 
 report = StudyReport(
