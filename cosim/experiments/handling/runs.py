@@ -97,7 +97,7 @@ class Case(BaseCase):
     """One run: a car in a manoeuvre on a road."""
 
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
-    manoeuvre: str = option("step", choices=MANOEUVRES, help="what the driver does", always=True)
+    manoeuvre: str = option("step", choices=MANOEUVRES, help="manoeuvre", always=True)
     speed_kmh: float = option(
         60.0, name="speed", unit="km/h", within=(10, 150), label="{:g}kmh", help="speed at the start", always=True
     )
