@@ -13,6 +13,7 @@
 - `hydraulic_actuator`: servo valve, cylinder and bypass of an active strut
 - `friction`: Coulomb friction that is smooth where it changes its sign
 - `free_body`: body with six degrees of freedom, its driver and what it shows: of every nonlinear full car
+- `driving`: steering wheel, pedals, powertrain and brakes of nonlinear full cars
 - `gravity`: acceleration of gravity
 - `seat`: acceleration of the driver's seat
 """
