@@ -18,7 +18,7 @@ MODULES = (
     *("controllers.lq.hmmwv", "controllers.lq.preview", "controllers.lq.bench", "controllers.lq.three_axle"),
     *("controllers.skyhook", "controllers.mpc.hmmwv", "controllers.mpc.bench", "controllers.mpc.three_axle"),
     *("controllers.semi_active", "controllers.mpc.semi_active"),
-    *("controllers.force_tracking", "controllers.trench.crossing"),
+    *("controllers.force_tracking", "controllers.trench.crossing", "controllers.driver"),
     *("sensing.sensor_suite", "sensing.bench_encoders", "estimators.kalman_hmmwv"),
     *("sensing.preview_sensor", "sensing.preview_buffer"),
     *("roads.bumps", "roads.hole_bump", "roads.iso8608", "roads.shallow_trench", "roads.half_cylinder"),

@@ -1,4 +1,5 @@
-"""The experiments of the five papers; `ride`, which compares their cars; `semi-active`, which compares dampers.
+"""The experiments of the five papers; `ride`, which compares their cars, `handling`, which steers them, and
+`semi-active`, which compares dampers.
 
 Each is a folder of the same layout, declared by its `EXPERIMENT`: `__init__` (EXPERIMENT), `runs` (wiring and
 measuring), `published` (printed values of the paper, and the plan of the study), `claims`, `report`.
@@ -10,6 +11,7 @@ EXPERIMENTS = {
         "bench",
         "gpc",
         "gpc-readings",
+        "handling",
         "hmmwv",
         "hmmwv-readings",
         "preview-lq",

@@ -16,6 +16,7 @@ from fmu_sources.vehicles import RideCar, Vehicle, VehicleError, load_vehicle, v
 KINDS = {
     "bench": ("quarter_car",),
     "gpc": ("full_car",),
+    "handling": ("full_car", "wishbone_car"),
     "hmmwv": ("ride_car", "actuator", "sensors"),
     "preview-lq": ("ride_car",),
     "ride": ("ride_car", "full_car", "three_axle", "wishbone_car", "actuator"),

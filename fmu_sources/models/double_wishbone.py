@@ -154,8 +154,48 @@ class DoubleWishbone:
         )
         return Position(wheel, turn, upper, lower, upper_turn, lower_turn, spring, damper)
 
-    def _closed(self, travel: float, wheel: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Wheel center and rotation of the upright at a travel, by Newton's method from those near by."""
+    def steered(self, most: float, count: int = 25) -> tuple[np.ndarray, np.ndarray]:
+        """How the wheel steers at design when the linkage shifts the inner end of the tierod to the side.
+
+        The shift is given as the angle [rad] that it would give if both stayed in proportion as they are at design. So
+        both rows, `count` angles each, have the slope 1 at 0. The right wheel is the mirror image.
+
+        Args:
+            most: largest angle; where the joints do not close that far, the rows end before.
+            count: of the angles, an odd number.
+
+        Returns:
+            Angles in proportion to the shift, and the steer angles of the left wheel, positive left.
+        """
+        design = self.points["wheel_centre"], np.eye(3)
+
+        def angle(at: tuple[np.ndarray, np.ndarray]) -> float:
+            return float(np.arctan2(-at[1][0, 1], at[1][1, 1]))
+
+        small = 1e-4  # m
+        near = [angle(self._closed(0.0, *design, shift=s)) for s in (-small, small)]
+        per_angle = 2 * small / (near[1] - near[0])
+        angles = np.linspace(-most, most, count)
+        found = {count // 2: 0.0}
+        for direction in (-1, 1):
+            now, i = design, count // 2 + direction
+            try:
+                while 0 <= i < count:
+                    now = self._closed(0.0, *now, shift=per_angle * angles[i])
+                    found[i] = angle(now)
+                    i += direction
+            except HardpointError:
+                pass
+        places = sorted(found)
+        return angles[places], np.array([found[i] for i in places])
+
+    def _closed(
+        self, travel: float, wheel: np.ndarray, turn: np.ndarray, shift: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Wheel center and rotation of the upright at a travel, by Newton's method from those near by.
+
+        `shift` [m] moves the inner end of the tierod to the left.
+        """
         p, design = self.points, self.points["wheel_centre"]
         rods = [(f"{arm}_{end}", f"{arm}_ball") for arm in ("upper", "lower") for end in ("front", "rear")]
         rods.append(("tierod_inner", "tierod_outer"))
@@ -163,7 +203,7 @@ class DoubleWishbone:
             errors, rows = [wheel[2] - design[2] - travel], [np.array([0, 0, 1.0, 0, 0, 0])]
             for fixed, moving in rods:
                 arm = turn @ (p[moving] - design)
-                along = wheel + arm - p[fixed]
+                along = wheel + arm - p[fixed] - np.array([0, shift if fixed == "tierod_inner" else 0.0, 0])
                 length = np.linalg.norm(p[moving] - p[fixed])
                 errors.append((along @ along - length**2) / (2 * length))
                 rows.append(np.concatenate([along, np.cross(arm, along)]) / length)

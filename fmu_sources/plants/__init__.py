@@ -14,6 +14,7 @@
 - `semi_active_damper`: damper between two curves by current, with hysteresis
 - `friction`: Coulomb friction that is smooth where it changes its sign
 - `free_body`: body with six degrees of freedom, its driver and what it shows: of every nonlinear full car
+- `driving`: steering wheel, pedals, powertrain and brakes of nonlinear full cars
 - `gravity`: acceleration of gravity
 - `seat`: acceleration of the driver's seat
 """

@@ -153,6 +153,8 @@ def body_outputs(c: Component, body: FreeBody, acceleration: Any, angular: Any, 
         seat: parameters with the seat's position from the CG.
     """
     c.output("speed", body.speed, "m/s", "forward speed of the CG", display_unit="km/h")
+    c.output("body.ax", ca.dot(acceleration, body.ahead), "m/s2", "horizontal acceleration of the CG, forward")
+    c.output("body.ay", ca.dot(acceleration, body.left), "m/s2", "horizontal acceleration of the CG, to the left")
     c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
     for i, axis in enumerate(_AXES):
         c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")

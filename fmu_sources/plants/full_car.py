@@ -13,7 +13,15 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.models.corners import TWO_AXLES, Corners
+from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
+from fmu_sources.plants.driving import (
+    DRIVING_NOTES,
+    Controls,
+    antiroll_force,
+    control_inputs,
+    nominal_angle,
+    pedal_torques,
+)
 from fmu_sources.plants.free_body import (
     LOW_SPEED,
     body_motion,
@@ -49,7 +57,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         source="000 section III; derivation in the source of this component",
         solver="am2",
         solver_step=5e-4,
-        notes=(*_NOTES, SEAT_NOTE),
+        notes=(*_NOTES, *DRIVING_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle, leave_out=_REPLACED if vehicle.tire.file else ())
     tire = tire_of(c, vehicle.tire.file)
@@ -62,6 +70,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     road_and_force_inputs(c, corners)
     target_speed, target_y = driver_inputs(c)
+    controls = control_inputs(c)
 
     # ------------------------------------------------------------------------------------------------------ states
 
@@ -100,11 +109,13 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     limited = c.value(
         "driver_torque", limit(requested, p.speed_control.max_torque), source="driver: torque of each wheel"
     )
-    steer = course_steering(p.steering, body, target_y)
-    c.value("steering_angle", steer, source="driver: course")
-
-    wheel_ahead = ca.cos(steer) * ahead + ca.sin(steer) * left
-    wheel_left = ca.cos(steer) * left - ca.sin(steer) * ahead
+    course = course_steering(p.steering, body, target_y)
+    c.value("steering_angle", course, source="driver: course")
+    pedal_torques(c, p, controls, corners, p.wheel.radius, low_speed)
+    c.check(
+        ca.if_else(controls.steers, 1 - _narrower(p) * ca.tan(p.steering.max_angle), 1),
+        "steering.max_angle would bring the center of turn between the wheels: make it or steering.ackermann smaller",
+    )
 
     # ------------------------------------------------------------------------------------ forces, corner by corner
 
@@ -114,23 +125,29 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     for k in corners:
         # Points of the body: where the strut acts, beside the hub, and above the contact patch. The strut acts at CG
         # height, which leaves the weight no lever arm when the body pitches.
-        top = turn @ ca.vertcat(k.x, k.y, 0)
-        hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
-        patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
-        for point, of in ((top, "strut"), (hub, "hub"), (patch, "patch")):
+        k.top = turn @ ca.vertcat(k.x, k.y, 0)
+        k.hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
+        k.patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
+        for point, of in ((k.top, "strut"), (k.hub, "hub"), (k.patch, "patch")):
             c.value(f"{of}_{k}", point, source=f"{of} {k} from the CG, road axes")
+        k.travel = body.z + k.top[2] - k.z
+        k.travel_rate = body.velocity[2] + ca.cross(omega, k.top)[2] - k.vz
+    for k in corners:
+        top, hub, patch = k.top, k.hub, k.patch
 
-        # Strut: preload, spring and damper through the motion ratio, stops, actuator; vertical, equal and opposite.
-        k.travel = body.z + top[2] - k.z
-        k.travel_rate = body.velocity[2] + ca.cross(omega, top)[2] - k.vz
+        # Strut: preload, spring and damper through the motion ratio, stops, actuator, anti-roll bar; vertical, equal
+        # and opposite.
         strut = (
             k.static_load
             - p.suspension.motion_ratio**2 * (k.strut.spring * k.travel + k.strut.damper * k.travel_rate)
             - _stop(k.travel, p.suspension.stop)
             + k.force
+            - antiroll_force(p, corners, k, "travel")
         )
         c.value(
-            f"strut_force_{k}", strut, source="preload, spring and damper through the motion ratio, stops, actuator"
+            f"strut_force_{k}",
+            strut,
+            source="preload, spring and damper through the motion ratio, stops, actuator, bar",
         )
 
         # Tire, vertical: the road rises under the moving wheel with slope x speed; a tire takes no tension.
@@ -142,7 +159,9 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         k.load = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
 
         # Tire, horizontal: slips lag by a relaxation length.
-        forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
+        steer = ca.if_else(controls.steers, _steer_angle(p, controls, k), course) if k.steered else 0
+        forward = ca.cos(steer) * ahead + ca.sin(steer) * left if k.steered else ahead
+        sideways = ca.cos(steer) * left - ca.sin(steer) * ahead if k.steered else left
         rolling = ca.dot(hub_velocity, forward)
         sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
         pace = ca.sqrt(rolling**2 + low_speed**2)
@@ -159,9 +178,10 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.value(f"drive_force_{k}", drive, source=law)
         c.value(f"side_force_{k}", corner, source=law)
 
-        # Wheel; torque is reduced where it makes the wheel slip.
+        # Wheel; the internal driver reduces the torque where it makes the wheel slip.
         torque = ca.fmax(0, limited) * _eased(k.slip_x) + ca.fmin(0, limited) * _eased(-k.slip_x)
-        c.value(f"wheel_torque_{k}", torque, source="reduced where it makes the wheel slip")
+        torque = ca.if_else(controls.drives, k.pedals, torque)
+        c.value(f"wheel_torque_{k}", torque, source="of the pedals, or reduced where it makes the wheel slip")
         applied += torque
         k.wheel_force = k.load - strut - p.wheel.mass * g
         k.spin_torque = torque - drive * p.wheel.radius + ground.my
@@ -195,7 +215,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.derivative(k.slip_x, k.slip_x_rate, source="slips lag by a relaxation length")
         c.derivative(k.slip_y, k.slip_y_rate, source="slips lag by a relaxation length")
     winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * requested), requested * error > 0)
-    c.derivative(speed_error, ca.if_else(winding_up, 0, error))
+    c.derivative(speed_error, ca.if_else(ca.logic_or(winding_up, controls.drives), 0, error))
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
@@ -291,6 +311,21 @@ def _within_ellipse(tire: Any, k: Any) -> Forces:
     return Forces(
         grip * drive, grip * corner, relaxation_x=tire.longitudinal_relaxation, relaxation_y=tire.lateral_relaxation
     )
+
+
+def _steer_angle(p: Any, controls: Controls, k: Corner) -> Any:
+    """Angle [rad] of a front wheel under the steering wheel.
+
+    With `steering.ackermann` 1 the axes of both wheels meet on the rear axle's: cot of the angle differs from that of
+    the mean one by half the track over the wheelbase.
+    """
+    tangent = ca.tan(nominal_angle(p, controls))
+    return ca.atan(tangent / (1 - k.side * (_narrower(p) * tangent)))
+
+
+def _narrower(p: Any) -> Any:
+    """By how much the tangent of the inner wheel's steer angle is larger, per tangent of the mean one."""
+    return p.steering.ackermann * p.body.track / (2 * p.body.wheelbase)
 
 
 def _eased(slip: Any) -> Any:

@@ -32,6 +32,14 @@ import numpy as np
 from build_fmus.component import Component
 from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
 from fmu_sources.models.double_wishbone import Spline
+from fmu_sources.plants.driving import (
+    DRIVING_NOTES,
+    Controls,
+    antiroll_force,
+    control_inputs,
+    nominal_angle,
+    pedal_torques,
+)
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
 from fmu_sources.plants.free_body import (
     LOW_SPEED,
@@ -95,7 +103,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         source="Lagrange's and Kirchhoff's equations, in the source of this component; data: see the parameters",
         solver="am2",
         solver_step=5e-4,
-        notes=(*_NOTES, SEAT_NOTE),
+        notes=(*_NOTES, *DRIVING_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle, leave_out=_LEFT_OUT + (_REPLACED if vehicle.tire.file else ()))
     tire = p.tire.formula = tire_of(c, vehicle.tire.file)
@@ -116,6 +124,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     corners.each(geometry=lambda k: getattr(p.suspension, k.axle))
     road_and_force_inputs(c, corners)
     target_speed, target_y = driver_inputs(c)
+    controls = control_inputs(c)
     corners.each(
         contact=lambda k: c.input(
             f"contact.{k}",
@@ -182,8 +191,9 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error
     limited = limit(requested, p.speed_control.max_force)
     torque = c.value("wheel_torque", limited * p.speed_control.lever / 4, source="driver: torque of each wheel")
-    steer = course_steering(p.steering, body, target_y)
-    c.value("steering_angle", steer, source="driver: course")
+    course = course_steering(p.steering, body, target_y)
+    c.value("steering_angle", course, source="driver: course")
+    pedal_torques(c, p, controls, corners, p.tire.radius, low_speed)
 
     # ------------------------------------------------------------------------------------ masses, and what acts on them
 
@@ -198,6 +208,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         _strut(k, p)
         c.value(f"strut_{k}", k.strut, source=f"{k} spring, stops and damper, at the wheel along its travel")
         k.along = k.strut - k.force - g * ca.dot(k.first_d, up)  # generalized force of the travel
+        k.along -= antiroll_force(p, corners, k, "q")
 
         # Tire, vertical.
         k.from_cg = turn @ k.center
@@ -216,7 +227,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         k.load = ca.if_else(k.depth > 0, ca.fmax(0, bearing), 0)
 
         # Tire, horizontal: slips lag, that of a friction ellipse only along the wheel and by a short length.
-        heading = k.lean[2] + (steer if k.axle == "front" else 0)
+        steer = ca.if_else(controls.steers, _steer_angle(p, controls, k), course) if k.axle == "front" else 0
+        heading = k.lean[2] + steer
         forward = ca.cos(heading) * body.ahead + ca.sin(heading) * body.left
         sideways = ca.cos(heading) * body.left - ca.sin(heading) * body.ahead
         against = turn.T @ normal  # body axes
@@ -260,7 +272,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
             turned = turn.T @ (ground.mx * forward + ground.mz * normal)  # the upright takes it
             moment += turned
             k.along += ca.dot(k.turning, turned)
-        k.spin_torque = torque - ground.fx * (p.tire.radius - k.depth) + ground.my
+        wheel_torque = c.value(f"wheel_torque_{k}", ca.if_else(controls.drives, k.pedals, torque))
+        k.spin_torque = wheel_torque - ground.fx * (p.tire.radius - k.depth) + ground.my
     c.value("body_force", force, source="all forces from outside, body axes")
     c.value("body_moment", moment, source="of these about the CG, body axes")
 
@@ -304,7 +317,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         if tire:
             c.derivative(k.slip_y, k.slip_y_rate, source="slip lags by a relaxation length")
     winding_up = ca.logic_and(ca.fabs(requested) > p.speed_control.max_force, requested * error > 0)
-    c.derivative(speed_error, ca.if_else(winding_up, 0, error))
+    c.derivative(speed_error, ca.if_else(ca.logic_or(winding_up, controls.drives), 0, error))
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
@@ -460,6 +473,13 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
             for row, (unit, text) in rows.items()
         }
         symbols.count = spline.count
+    angles, steered = vehicle.suspension.front.mechanism.steered(vehicle.steering.max_angle.value)
+    at, of = "suspension.front.steering", "of the left front wheel"
+    p.linkage = SimpleNamespace(
+        nominal=number(f"{at}.nominal", angles, "rad", f"steer angle {of} by the ratio alone, increasing", nominal=0.1),
+        angle=number(f"{at}.angle", steered, "rad", f"steer angle {of} there, at design, linear between", nominal=0.1),
+    )
+    check_increasing(c, p.linkage.nominal, f"{at}.nominal")
     total = sum(m for m, _ in fixed)
     place = sum(m * r for m, r in fixed) / total
     second = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in fixed)
@@ -470,6 +490,17 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
         position=number("fixed.position", place, "m", "their center of mass from the CG", nominal=0.1),
         inertia=number("fixed.inertia", second, "kg.m2", "their inertia about the CG", nominal=100.0),
     )
+
+
+def _steer_angle(p: Any, controls: Controls, k: Corner) -> Any:
+    """Angle [rad] of a front wheel under the steering wheel, from the hardpoints of its tierod; the right one mirrors.
+
+    Beyond the table it continues as the angle by the ratio alone.
+    """
+    nominal = k.side * nominal_angle(p, controls)
+    row = p.linkage.nominal
+    inside = ca.fmax(row[0], ca.fmin(row[row.numel() - 1], nominal))
+    return k.side * (linear_table(inside, row, p.linkage.angle, beyond=False) + (nominal - inside))
 
 
 def _cg(vehicle: WishboneCar) -> np.ndarray:
@@ -795,8 +826,10 @@ _NOTES = (
     (
         "The car of a published open multibody model, with the same masses, hardpoints, springs, stops, dampers and"
         " vertical characteristic of the tires. Joints are ideal. Simplifications: rotations of uprights are taken"
-        " to second order, the center of mass of an arm moves along with its ball joint, the steering"
-        " is held, and the horizontal forces of the tires are those of a friction ellipse."
+        " to second order, the center of mass of an arm moves along with its ball joint, and the"
+        " horizontal forces of the tires are those of a friction ellipse. steering.wheel steers the wheels as the"
+        " tierods do at design (suspension.front.steering.*), and the travel adds its toe; what turns is where the"
+        " tires point, while masses, camber and caster stay as without steering."
     ),
     (
         "wheel.*.travel is the coordinate of the suspension; paths of the wheel centers, camber, caster, toe and the"

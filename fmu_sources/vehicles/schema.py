@@ -75,14 +75,19 @@ def quantity(
     nominal: float | None = None,
     size: int | None = None,
     increasing: bool = False,
+    default: float | tuple[float, ...] | None = None,
 ) -> Any:
     """Declare a field of type `Quantity` or `Numbers`.
 
     `nominal` is for values that may well be 0. Of `Numbers`, `size`: how many (None: two at least); `increasing`: where
-    a table relies on it.
+    a table relies on it. `default`: of files without this field, in `unit`; None: every file has it.
     """
     declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
-    return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
+    given: dict[str, Any] = {}
+    if default is not None:
+        kind = Numbers if isinstance(default, tuple) else Quantity
+        given["default"] = kind(value=default, unit=unit, source="assumed: not in the vehicle file")  # type: ignore[arg-type]
+    return Field(description=description, json_schema_extra={"declared": declared}, **given)  # type: ignore[dict-item]
 
 
 class Section(BaseModel):
@@ -445,11 +450,103 @@ class _SpeedControl(Section):
     max_torque: Quantity = quantity("N.m", "largest drive or brake torque of one wheel", min=0.0, max=1e6)
 
 
+class _Table(Section):
+    """A table of two rows that have as many values each."""
+
+    @model_validator(mode="after")
+    def _as_long(self) -> Any:
+        rows = {n: len(v.value) for n in type(self).model_fields if isinstance(v := getattr(self, n), Numbers)}
+        if len(set(rows.values())) > 1:
+            told = ", ".join(f"{n} has {size} values" for n, size in rows.items())
+            raise PydanticCustomError("row", "{text}", {"text": f"{told}; rows of a table have the same number"})
+        return self
+
+
 class _Steering(Section):
     offset_gain: Quantity = quantity("rad/m", "steer angle per lateral offset", min=0.0, max=10.0)
     heading_gain: Quantity = quantity("1", "steer angle per heading error", min=0.0, max=10.0)
     yaw_rate_gain: Quantity = quantity("s", "steer angle per yaw rate", min=0.0, max=10.0)
     max_angle: Quantity = quantity("rad", "largest steer angle", min=0.0, max=1.2, display_unit="deg")
+    ratio: Quantity = quantity("1", "angle of the steering wheel per steer angle", min=1.0, max=100.0, default=15.0)
+
+
+class _AckermannSteering(_Steering):
+    ackermann: Quantity = quantity(
+        "1",
+        "with steering.wheel: 0 steers both wheels alike, 1 toward one center of turn",
+        min=0.0,
+        max=1.0,
+        nominal=1.0,
+        default=1.0,
+    )
+
+
+class _AntiRoll(Section):
+    front: Quantity = quantity(
+        "N/m",
+        "anti-roll bar of the front axle: force at each wheel per difference of the travels left and right",
+        min=0.0,
+        max=1e7,
+        nominal=1e4,
+        display_unit="N/mm",
+        default=0.0,
+    )
+    rear: Quantity = quantity(
+        "N/m",
+        "anti-roll bar of the rear axle: force at each wheel per difference of the travels left and right",
+        min=0.0,
+        max=1e7,
+        nominal=1e4,
+        display_unit="N/mm",
+        default=0.0,
+    )
+
+
+def _lock(of: str) -> Any:
+    return quantity(
+        "N.m.s/rad",
+        f"{of} per difference of the speeds that it joins; 0: open",
+        min=0.0,
+        max=2e3,
+        nominal=100.0,
+        default=0.0,
+    )
+
+
+class _Powertrain(_Table):
+    speed: Numbers = quantity(
+        "rad/s",
+        "mean speed of the driven wheels, increasing from 0; the torque is linear between and constant beyond",
+        min=0.0,
+        max=1e4,
+        increasing=True,
+        nominal=10.0,
+        default=(0.0, 20.0, 30.0, 40.0, 60.0, 80.0),
+    )
+    torque: Numbers = quantity(
+        "N.m",
+        "torque of all wheels together with full throttle, at that speed",
+        min=0.0,
+        max=1e6,
+        display_unit="kN.m",
+        nominal=1e3,
+        default=(4500.0, 4500.0, 3000.0, 2300.0, 1550.0, 0.0),
+    )
+    front_share: Quantity = quantity(
+        "1", "part of the torque that goes to the front axle", min=0.0, max=1.0, nominal=0.5, default=0.5
+    )
+    front_lock: Quantity = _lock("torque of the front differential lock")
+    rear_lock: Quantity = _lock("torque of the rear differential lock")
+    center_lock: Quantity = _lock("torque of the lock between the axles")
+
+
+class _Brakes(Section):
+    max_torque: Quantity = quantity(
+        "N.m", "torque of all brakes together with the pedal down", min=0.0, max=1e6, display_unit="kN.m", default=1e4
+    )
+    front_share: Quantity = quantity(
+        "1", "part of the brake torque that acts on the front axle", min=0.0, max=1.0, nominal=0.5, default=0.6
+    )
 
 
 class FullCar(Vehicle):
@@ -461,23 +558,14 @@ class FullCar(Vehicle):
     suspension: _Suspension
     tire: _RollingTire
     speed_control: _SpeedControl
-    steering: _Steering
+    steering: _AckermannSteering
+    antiroll: _AntiRoll = Field(default_factory=_AntiRoll)
+    powertrain: _Powertrain = Field(default_factory=_Powertrain)
+    brakes: _Brakes = Field(default_factory=_Brakes)
 
 
 # ------------------------------------------------------------------------------------------------------ double
 # wishbones
-
-
-class _Table(Section):
-    """A table of two rows that have as many values each."""
-
-    @model_validator(mode="after")
-    def _as_long(self) -> Any:
-        rows = {n: len(v.value) for n in type(self).model_fields if isinstance(v := getattr(self, n), Numbers)}
-        if len(set(rows.values())) > 1:
-            told = ", ".join(f"{n} has {size} values" for n, size in rows.items())
-            raise PydanticCustomError("row", "{text}", {"text": f"{told}; rows of a table have the same number"})
-        return self
 
 
 class _SpringTable(_Table):
@@ -713,6 +801,9 @@ class WishboneCar(Vehicle):
     tire: _TableTire
     speed_control: _ForceDriver
     steering: _Steering
+    antiroll: _AntiRoll = Field(default_factory=_AntiRoll)
+    powertrain: _Powertrain = Field(default_factory=_Powertrain)
+    brakes: _Brakes = Field(default_factory=_Brakes)
 
     def wheel_place(self, axle: str) -> tuple[float, float]:
         """Where the left wheel of an axle is at design: ahead of the CG and to its left [m]."""

@@ -164,7 +164,17 @@ def test_solver_is_stable_and_the_course_too(car, basic):
 def mirrored(names, values):
     """The same situation seen in a mirror along the road."""
     swap = {"fl": "fr", "fr": "fl", "rl": "rr", "rr": "rl"}
-    odd = ("y", "body.roll", "body.yaw", "body.vy", "body.roll_rate", "body.yaw_rate", "target.y")
+    odd = (
+        "y",
+        "body.roll",
+        "body.yaw",
+        "body.vy",
+        "body.ay",
+        "body.roll_rate",
+        "body.yaw_rate",
+        "target.y",
+        "steering.wheel",
+    )
     out = np.empty_like(values)
     for name, value in zip(names, values, strict=True):
         parts = [swap.get(part, part) for part in name.split(".")]
@@ -409,12 +419,13 @@ def test_hardest_drive_and_brake_neither_spin_nor_lock_the_wheels(request, vehic
 @settings(max_examples=60, deadline=None)
 @given(
     state=arrays(float, 33, elements=st.sampled_from([-1.0, -0.5, 0.0, 1e-9, 0.3, 1.0])),
-    inputs=arrays(float, 14, elements=st.sampled_from([-1.0, 0.0, 0.5, 1.0])),
+    inputs=arrays(float, 17, elements=st.sampled_from([-1.0, 0.0, 0.5, 1.0])),
     speed=st.sampled_from([0.0, 1e-12, 14.0, 60.0]),
+    mode=st.sampled_from([0, 1]),
 )
-def test_no_nan_anywhere(car, state, inputs, speed):
+def test_no_nan_anywhere(car, state, inputs, speed, mode):
     scale = np.array([{"f": 1e5}.get(n[0], 1.0) for n in car.inputs])
-    u, p = inputs * scale, car.p()
+    u, p = inputs * scale, car.p(driver__mode=mode)
     u[car.inputs.index("target.speed")] = speed
     start = car.start(u, p)
     x = start + state * np.where(np.char.find(car.states, "spin") >= 0, 100.0, 1.0)

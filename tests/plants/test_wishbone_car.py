@@ -129,7 +129,7 @@ def test_left_and_right_are_mirror_images(car):
     x = x + random.normal(size=len(x)) * 0.02
     u[: len(u)] += random.normal(size=len(u)) * 0.01
     swapped = {"fl": "fr", "fr": "fl", "rl": "rr", "rr": "rl"}
-    odd = {"y", "body.roll", "body.yaw", "body.vy", "body.roll_rate", "body.yaw_rate", "target.y"}
+    odd = {"y", "body.roll", "body.yaw", "body.vy", "body.roll_rate", "body.yaw_rate", "target.y", "steering.wheel"}
 
     def mirrored(vector, names):
         def other(name):

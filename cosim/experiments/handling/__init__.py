@@ -1,0 +1,23 @@
+"""Handling of the full cars: steady cornering, steps, sines, lane changes, braking in a turn, rollover.
+
+`runs` wires and measures manoeuvres, open loop from tables or closed loop with `Driver`; `metrics` defines what is
+measured of signals; `published` has the plan of the study; `report` lays out.
+"""
+
+from cosim.experiments.handling import published, runs
+from cosim.study.experiment import Experiment, Measures, RunOptions, Study, Wiring
+
+EXPERIMENT = Experiment(
+    "handling",
+    runs.Case,
+    title="Handling of the full cars: steering, lane changes, braking in a turn, rollover",
+    wiring=Wiring(runs.wire, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, failed=runs.failed),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
+    study=Study(
+        published.plan,
+        report="cosim.experiments.handling.report:report",
+        papers="fmu_sources.catalog:PAPERS",
+    ),
+    module=__name__,
+)
