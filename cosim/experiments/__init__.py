@@ -1,5 +1,6 @@
-"""The experiments of the five papers; `ride`, which compares their cars, `handling`, which steers them, and
-`semi-active`, which compares dampers.
+"""The experiments of the five papers, and those of their cars.
+
+`ride` compares the cars, `handling` steers them, `semi-active` compares dampers.
 
 Each is a folder of the same layout, declared by its `EXPERIMENT`: `__init__` (EXPERIMENT), `runs` (wiring and
 measuring), `published` (printed values of the paper, and the plan of the study), `claims`, `report`.
