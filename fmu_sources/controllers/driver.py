@@ -82,7 +82,8 @@ def driver(name: str = "Driver") -> Component:
     station_row = ca.vertcat(*stations)
     last = c.state("station", "m", "place on the path, from its first point", nominal=10.0)
     expected = last + speed * c.period
-    best, station = None, expected
+    best: Any = None
+    station = expected
     for i, ((a, b), length) in enumerate(zip(steps, lengths, strict=True)):
         size = ca.if_else(length > 0, length, nearest)  # finite for points that check refuses
         along = ((x - path_x[i]) * a + (y - path_y[i]) * b) / size
