@@ -71,7 +71,8 @@ def _lanes(study: Results) -> Content:
     yield "The FMU Driver follows the path; the lanes are those of the standards in our simplification as one line."
     for manoeuvre in ("lane-change", "obstacle"):
         runs = {NAMES[c]: study.signals(at(c, manoeuvre)) for c in CARS}
-        path = [Series("path", *zip(*MANOEUVRES[manoeuvre].path, strict=True), color="black", dash="dot")]  # type: ignore[arg-type, misc]
+        x, y = zip(*MANOEUVRES[manoeuvre].path, strict=True)
+        path = [Series("path", x, y, color="black", dash="dot")]
         track = [curve(n, s, "y", x="x") for n, s in runs.items()]
         gg = [curve(n, s, "ax", x="ay") for n, s in runs.items()]
         yield Figure(
