@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from importlib import metadata
+from typing import Any
 
 from lxml import etree
 
@@ -191,30 +192,37 @@ def annotate(
     root: etree._Element,
     fmi: int,
     attributes: Mapping[str, str],
-    inputs: Mapping[str, tuple[float, float]],
+    inputs: Mapping[str, dict[str, str]],
     outputs: Mapping[str, float],
     sources: Mapping[str, str],
 ) -> None:
     """Annotation with what FMI has no place for, by names of variables.
 
-    `attributes`: kind, sample time; constants that a source and its target must agree on, as `inputs` (value,
-    tolerance) and `outputs`; `sources` of values. Beside each variable a source would stand once per element of an
+    `attributes`: kind, sample time; what is told of `inputs` (`told_of_input`); constants of `outputs` that a source
+    and its target must agree on; `sources` of values. Beside each variable a source would stand once per element of an
     array.
     """
     holder = etree.SubElement(root, "VendorAnnotations" if fmi == 2 else "Annotations")
     tool = etree.SubElement(holder, *(("Tool", {"name": TOOL}) if fmi == 2 else ("Annotation", {"type": TOOL})))
     element = etree.SubElement(tool, "Component", dict(attributes))
-    for name, (value, tolerance) in inputs.items():
-        etree.SubElement(element, "Input", name=name, mustEqual=repr(value), tolerance=repr(tolerance))
+    for name, told in inputs.items():
+        etree.SubElement(element, "Input", name=name, **told)
     for name, constant in outputs.items():
         etree.SubElement(element, "Output", name=name, constant=repr(constant))
     for name, source in sources.items():
         etree.SubElement(element, "Variable", name=name, source=source)
 
 
+def told_of_input(v: Any) -> dict[str, str]:
+    """Attributes of an input in the annotation: the constant that its source must have, or that it may stay open."""
+    if v.must_equal is not None:
+        return {"mustEqual": repr(v.must_equal), "tolerance": repr(v.tolerance)}
+    return {"optional": "true"} if v.optional else {}
+
+
 def _annotate(root: etree._Element, fmi: int, component: Model) -> None:
     sampled = {} if component.sample_time is None else {"sampleTime": repr(component.sample_time)}
-    inputs = {v.name: (v.must_equal, v.tolerance) for v in component.constant_inputs if v.must_equal is not None}
+    inputs = {v.name: told for v in component.variables if (told := told_of_input(v))}
     sources = {v.name: v.source for v in component.variables if v.source}
     annotate(root, fmi, {"kind": component.kind, **sampled}, inputs, component.constant_outputs, sources)
 

@@ -297,12 +297,14 @@ class Component:
         max: float | None = None,
         nominal: float | None = None,
         display_unit: str | None = None,
+        optional: bool = False,
     ) -> Any:
         """Declare an input (vector when `shape` is given). Returns what the equations are written with.
 
         A real input with `min` or `max` is clipped to them in the equations, so that a solver that overshoots by a
         hair does no harm: the FMU takes any finite value, warns once, and its derivatives are 0 beyond a limit.
-        Integers and Booleans are refused outside their range.
+        Integers and Booleans are refused outside their range. `optional`: the model description says that it may stay
+        unconnected, and a master does not warn of it.
         """
         kind = _TYPES[type]
         symbol = self._add(
@@ -317,6 +319,7 @@ class Component:
             max=max,
             nominal=nominal,
             display_unit=display_unit,
+            optional=optional,
         )
         if kind != "Float64":
             return symbol

@@ -72,6 +72,7 @@ class Variable:
     symbol: Any = field(default=None, repr=False)
     derivative_of: str | None = None
     must_equal: float | None = None
+    optional: bool = False
     rows: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
 

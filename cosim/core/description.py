@@ -56,6 +56,7 @@ class Variable:
     constant: float | None = None  # the value that an output always has
     must_equal: float | None = None  # of an input: the constant that its source must have
     tolerance: float = 0.0  # difference from `must_equal` that passes
+    optional: bool = False  # an input that may stay unconnected, as its FMU says
     display: DisplayUnit | None = None  # the unit in which the FMU wants it displayed
     source: str | None = None  # where its value comes from, in words, if the FMU says so
     nominal: float = 1.0  # its typical size, positive

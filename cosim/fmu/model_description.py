@@ -239,6 +239,9 @@ class _Reader:
                 continue
             if element.tag == "Input":
                 what = f"Input '{variable.name}'"
+                if element.get("optional") == "true":
+                    changed[variable.name] = replace(variable, optional=True)
+                    continue
                 value, tolerance = (_number(element.get(k, ""), f"{what}: {k}") for k in ("mustEqual", "tolerance"))
                 changed[variable.name] = replace(variable, must_equal=value, tolerance=tolerance)
             elif element.tag == "Output":

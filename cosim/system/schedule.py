@@ -160,13 +160,18 @@ def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
 
 
 def unconnected(components: Iterable[SystemComponent], targets: Container[str]) -> list[str]:
-    """Inputs that are not among the `targets` of connections and were given no start value."""
+    """Inputs that are not among the `targets` of connections, were given no start value and are not optional."""
     return [
         f"{m.name}.{i}"
         for m in components
         for i in (*m.description.inputs, *m.description.triggered)
-        if f"{m.name}.{i}" not in targets and i not in m.values
+        if f"{m.name}.{i}" not in targets and i not in m.values and not _optional(m, i)
     ]
+
+
+def _optional(component: SystemComponent, name: str) -> bool:
+    variable = component.description.inputs.get(name)
+    return variable is not None and variable.optional
 
 
 def _groups(declared: Iterable[Group], continuous: list[SystemComponent]) -> Iterable[Group]:

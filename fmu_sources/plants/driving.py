@@ -56,9 +56,10 @@ def control_inputs(c: Component) -> Controls:
         min=-50.0,
         max=50.0,
         display_unit="deg",
+        optional=True,
     )
     throttle, brake = (
-        c.input(name, "1", f"{name} pedal, 1: all the way down (driver.mode 1)", min=0.0, max=1.0)
+        c.input(name, "1", f"{name} pedal, 1: all the way down (driver.mode 1)", min=0.0, max=1.0, optional=True)
         for name in ("throttle", "brake")
     )
     return Controls(wheel, throttle, brake, mode > 0.5, ca.logic_and(mode > 0.5, mode < 1.5))
