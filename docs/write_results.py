@@ -57,7 +57,7 @@ FEATURED = {
 JUDGED = [n for n in NAMES if import_module(EXPERIMENTS[n]).EXPERIMENT.study.claims]
 """Experiments whose study judges claims."""
 
-READINGS = [n for n in NAMES if n not in JUDGED]
+READINGS = [n for n in NAMES if n.endswith("-readings")]
 """Experiments whose study judges the claims of others under several readings of the paper."""
 
 IN_FULL = {SHORT[v] for v in OUTCOMES[:2]}

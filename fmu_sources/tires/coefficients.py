@@ -256,3 +256,7 @@ POSITIVE = (
     *("LFZO", "LMUX", "LMUY", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"),
 )
 """Coefficients that must be above 0."""
+
+EXPONENTS = ("PKX3", "PTX3", "QSY7", "QSY8")
+"""Coefficients in exponents, whose size is at most `LARGEST_EXPONENT`."""
+LARGEST_EXPONENT = 20.0

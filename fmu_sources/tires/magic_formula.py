@@ -24,7 +24,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.tires.coefficients import COEFFICIENTS, ONLY, POSITIVE
+from fmu_sources.tires.coefficients import COEFFICIENTS, EXPONENTS, LARGEST_EXPONENT, ONLY, POSITIVE
 from fmu_sources.tires.tir_file import Tire
 
 LEAST_LOAD = 0.01  # by the nominal load; below it the coefficients stay those of this load
@@ -67,7 +67,8 @@ def tire_of(c: Component, tire: Tire | None) -> MagicFormula | None:
             k.unit,
             f"{k.section.lower().replace('_', ' ')}: {k.text}",
             source=f"tire file {tire.name}",
-            min=_LEAST if name in POSITIVE else None,
+            min=_LEAST if name in POSITIVE else -LARGEST_EXPONENT if name in EXPONENTS else None,
+            max=LARGEST_EXPONENT if name in EXPONENTS else None,
             nominal=max(1.0, abs(tire.values[name])),
         )
         for name, k in COEFFICIENTS.items()

@@ -14,7 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from build_fmus.base.checks import did_you_mean, plain
-from fmu_sources.tires.coefficients import COEFFICIENTS, FORCE_SECTIONS, LEFT_OUT, ONLY, OTHER_NAMES, POSITIVE
+from fmu_sources.tires.coefficients import (
+    COEFFICIENTS,
+    EXPONENTS,
+    FORCE_SECTIONS,
+    LARGEST_EXPONENT,
+    LEFT_OUT,
+    ONLY,
+    OTHER_NAMES,
+    POSITIVE,
+)
 
 _UNITS = {"LENGTH": ("meter", "m"), "FORCE": ("newton", "n"), "ANGLE": ("radians", "radian", "rad"),
           "MASS": ("kg",), "TIME": ("second", "s", "sec"), "PRESSURE": ("pascal", "pa")}  # fmt: skip
@@ -175,6 +184,9 @@ def _check(path: Path, values: Mapping[str, float]) -> None:
     for name in (*POSITIVE, *(["PTY2"] if values["PTY1"] else [])):
         if values[name] <= 0:
             raise TireError(f"{path}: {name} = {values[name]:g}: must be above 0")
+    for name in EXPONENTS:
+        if abs(values[name]) > LARGEST_EXPONENT:
+            raise TireError(f"{path}: {name} = {values[name]:g}: an exponent of at most {LARGEST_EXPONENT:g} is needed")
     if values["PKY1"] >= 0 or not values["PDY1"]:
         raise TireError(
             f"{path}: PKY1 = {values['PKY1']:g}, PDY1 = {values['PDY1']:g}: PKY1 must be below 0, so that the side"

@@ -20,6 +20,7 @@ from build_fmus.base import terminal
 from build_fmus.compile import PLATFORMS
 from cosim.experiments.bench import runs as bench
 from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.handling import runs as handling
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride import runs as ride
@@ -81,6 +82,7 @@ CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},
     "gpc": GPC,
     "gpc-readings": GPC,
+    "handling": {"--car": handling.CARS, "--manoeuvre": handling.MANOEUVRES},
     "hmmwv": HMMWV,
     "hmmwv-readings": HMMWV,
     "preview-lq": {

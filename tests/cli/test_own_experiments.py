@@ -18,7 +18,7 @@ from built import FMUS, ROOT, BuiltFmus, one_at_a_time, share_objects
 
 from build_fmus.builder import Options
 from cosim import System
-from cosim.experiments import bench, gpc, hmmwv, preview_lq, ride, three_axle, trench
+from cosim.experiments import bench, gpc, handling, hmmwv, preview_lq, ride, three_axle, trench
 from cosim.experiments.own_files import KINDS, bases, own_fmus
 from cosim.study import FmuSet, Runner
 from fmu_sources import cli
@@ -55,6 +55,13 @@ def _preview_lq(fmus: FmuSet) -> Iterator[System]:
         for weights in preview_lq.runs.WEIGHTED_CONTROLLERS:
             yield runner.system(preview_lq.runs.Case(weights=weights))
         yield runner.system(preview_lq.runs.Case(tunable=True))
+
+
+def _handling(fmus: FmuSet) -> Iterator[System]:
+    with Runner(handling.EXPERIMENT, fmus) as runner:
+        for car, fmu in handling.runs.CARS.items():
+            if fmu in fmus.own:
+                yield runner.system(handling.runs.Case(car, "lane-change"))
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
@@ -113,6 +120,7 @@ EXPERIMENTS = {
             )
         },
     ),
+    "handling": Experiment(_handling, {"full_car": ("FullCar{}",), "wishbone_car": ("FullCar{}",)}),
     "hmmwv": Experiment(
         _hmmwv,
         {
@@ -186,12 +194,16 @@ EXPERIMENTS = {
 PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
 COSTLY = {
     ("gpc", "hmmwv_modified"),
+    ("gpc", "hmmwv_tires"),
     ("hmmwv", "ride_car_hmmwv"),
     ("hmmwv", "sensors_hmmwv"),
     ("preview-lq", "sedan"),
     ("three-axle", "three_axle"),
     ("trench", "three_axle_trench"),
-    *(("ride", b) for b in ("hmmwv", "hmmwv_modified", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")),
+    *(
+        ("ride", b)
+        for b in ("hmmwv", "hmmwv_modified", "hmmwv_tires", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")
+    ),
 }
 """Pairs that are the published experiment under other names and take minutes to build: left to `make test-full`."""
 

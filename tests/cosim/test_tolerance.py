@@ -24,7 +24,7 @@ from cosim import (
     System,
     WiringError,
 )
-from cosim.study.driver import job_context
+from cosim.study.driver import refuse_tolerance
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -433,8 +433,6 @@ def test_stepping_by_hand_stop_conditions_and_another_run_change_nothing():
     assert n - 1 <= len(stopped) <= n + 1
     np.testing.assert_array_equal(stopped.data[:n], whole.data[:n])
     assert stopped.stopped_by == "a.x < 0"
-
-
-def test_studies_do_not_run_with_a_tolerance():
-    with pytest.raises(CosimError, match="studies, sweeps and searches run with fixed steps"):
-        job_context(None, None, [], {}, Execution(tolerance=1e-3))  # type: ignore[arg-type]
+def test_sweeps_and_searches_do_not_run_with_a_tolerance():
+    with pytest.raises(CosimError, match="sweeps and searches run with fixed steps"):
+        refuse_tolerance(Execution(tolerance=1e-3))

@@ -26,6 +26,7 @@ from cosim.study.loading import load
 WHILE = {
     "hmmwv": 0.7,
     "preview-chain": 0.7,
+    "semi-active": 0.7,
     "trench": 0.1,
 }  # s; the first wheel has met what there is to meet
 ELSEWHERE = 0.25  # s

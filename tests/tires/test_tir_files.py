@@ -63,6 +63,7 @@ def test_pressure_that_is_not_given_has_no_influence(tmp_path):
     (("FITTYP   = 52", "FITTYP = 21"), "own.tir:13: FITTYP = 21: Magic Formula 5.2"),
     (("FITTYP   = 52", "PROPERTY_FILE_FORMAT = 'FIALA'"), "own.tir:13: PROPERTY_FILE_FORMAT = 'FIALA': Magic"),
     (("FITTYP   = 52", ""), "own.tir: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]: Magic"),
+    (("PKX3 = 0.2", "PKX3 = 200"), "own.tir: PKX3 = 200: an exponent of at most 20 is needed"),
     (("TYRESIDE = 'LEFT'", "TYRESIDE = 'TOP'"), "own.tir:14: TYRESIDE = 'TOP': must be 'LEFT' or 'RIGHT'"),
     (("KPUMIN = -1.0", "KPUMIN = 0.1"), "own.tir: KPUMIN = 0.1, KPUMAX = 1: 0 must lie between them"),
     (("FZMAX = 12000", "FZMAX = 100"), "own.tir: FZMIN = 150 must be at least 0 and below FZMAX"),

@@ -11,7 +11,12 @@ from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS
 from cosim.report import Figure, Panel, Parameter, Series, Table, curve
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 
-NAMES = {"hmmwv": "HMMWV", "modified": "modified HMMWV", "public": "public HMMWV"}
+NAMES = {
+    "hmmwv": "HMMWV",
+    "modified": "modified HMMWV",
+    "tires": "modified HMMWV, tires by file",
+    "public": "public HMMWV",
+}
 DEG = 180 / pi
 _SHOWN = (
     ("wheel", "steering wheel [deg]", DEG),

@@ -26,7 +26,12 @@ from cosim.study.fmus import FmuSet
 from cosim.tables import Table
 from fmu_sources.controllers.driver import POINTS
 
-CARS = {"hmmwv": "FullCarHmmwv", "modified": "FullCarHmmwvModified", "public": "FullCarHmmwvPublic"}
+CARS = {
+    "hmmwv": "FullCarHmmwv",
+    "modified": "FullCarHmmwvModified",
+    "tires": "FullCarHmmwvTires",
+    "public": "FullCarHmmwvPublic",
+}
 DRIVER, ROUGH = "Driver", "RoadIso8608"
 FMUS = (*CARS.values(), DRIVER, ROUGH)
 CORNERS = ("fl", "fr", "rl", "rr")
@@ -97,7 +102,7 @@ class Case(BaseCase):
     """One run: a car in a manoeuvre on a road."""
 
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
-    manoeuvre: str = option("step", choices=MANOEUVRES, help="manoeuvre", always=True)
+    manoeuvre: str = option("lane-change", choices=MANOEUVRES, help="manoeuvre", always=True)
     speed_kmh: float = option(
         60.0, name="speed", unit="km/h", within=(10, 150), label="{:g}kmh", help="speed at the start", always=True
     )
