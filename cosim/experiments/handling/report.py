@@ -33,7 +33,7 @@ report = StudyReport(
     EXPERIMENT,
     "Handling of the full cars",
     parameters=_parameters,
-    looks=dict(zip(NAMES.values(), ("blue", "orange", "green"), strict=True)),
+    looks=dict(zip(NAMES.values(), ("blue", "orange", "purple", "green"), strict=True)),
 )
 
 
