@@ -433,6 +433,8 @@ def test_stepping_by_hand_stop_conditions_and_another_run_change_nothing():
     assert n - 1 <= len(stopped) <= n + 1
     np.testing.assert_array_equal(stopped.data[:n], whole.data[:n])
     assert stopped.stopped_by == "a.x < 0"
+
+
 def test_sweeps_and_searches_do_not_run_with_a_tolerance():
     with pytest.raises(CosimError, match="sweeps and searches run with fixed steps"):
         refuse_tolerance(Execution(tolerance=1e-3))
