@@ -198,7 +198,7 @@ def annotate(
 ) -> None:
     """Annotation with what FMI has no place for, by names of variables.
 
-    `attributes`: kind, sample time; what is told of `inputs` (`told_of_input`); constants of `outputs` that a source
+    `attributes`: kind, sample time; attributes of `inputs` (`told_of_input`); constants of `outputs` that a source
     and its target must agree on; `sources` of values. Beside each variable a source would stand once per element of an
     array.
     """
