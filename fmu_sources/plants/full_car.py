@@ -347,8 +347,8 @@ _NOTES = (
     ),
     (
         "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
-        "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tire tables, "
-        "powertrain and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
+        "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, gears "
+        "and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
         "their mass is added there at CG height."
     ),
     (
