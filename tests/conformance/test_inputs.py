@@ -28,7 +28,7 @@ def beyond(fmu: Library, name: str) -> list[tuple[float, float]]:
 
 def constants(fmu: Model) -> dict[str, float]:
     """Inputs that take a constant of their source, with that constant, from the annotation."""
-    return {e.get("name"): float(e.get("mustEqual")) for e in fmu.xml.iterfind(".//Component/Input")}
+    return {e.get("name"): float(e.get("mustEqual")) for e in fmu.xml.iterfind(".//Component/Input[@mustEqual]")}
 
 
 def whole(fmu: Model) -> list[tuple[str, float]]:
