@@ -198,7 +198,7 @@ def annotate(
 ) -> None:
     """Annotation with what FMI has no place for, by names of variables.
 
-    `attributes`: kind, sample time; attributes of `inputs` (`told_of_input`); constants of `outputs` that a source
+    `attributes`: kind, sample time; attributes of `inputs` (`input_annotation`); constants of `outputs` that a source
     and its target must agree on; `sources` of values. Beside each variable a source would stand once per element of an
     array.
     """
@@ -213,7 +213,7 @@ def annotate(
         etree.SubElement(element, "Variable", name=name, source=source)
 
 
-def told_of_input(v: Any) -> dict[str, str]:
+def input_annotation(v: Any) -> dict[str, str]:
     """Attributes of an input in the annotation: the constant that its source must have, or that it may stay open."""
     if v.must_equal is not None:
         return {"mustEqual": repr(v.must_equal), "tolerance": repr(v.tolerance)}
@@ -222,7 +222,7 @@ def told_of_input(v: Any) -> dict[str, str]:
 
 def _annotate(root: etree._Element, fmi: int, component: Model) -> None:
     sampled = {} if component.sample_time is None else {"sampleTime": repr(component.sample_time)}
-    inputs = {v.name: told for v in component.variables if (told := told_of_input(v))}
+    inputs = {v.name: told for v in component.variables if (told := input_annotation(v))}
     sources = {v.name: v.source for v in component.variables if v.source}
     annotate(root, fmi, {"kind": component.kind, **sampled}, inputs, component.constant_outputs, sources)
 

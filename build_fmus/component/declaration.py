@@ -103,11 +103,6 @@ class Declaration:
         return [e for e in self.elements("state", "output") if e.variable.output]
 
     @property
-    def constant_inputs(self) -> list[Variable]:
-        """Inputs that take a constant of their source."""
-        return [v for v in self.variables if v.must_equal is not None]
-
-    @property
     def clipped_inputs(self) -> list[Variable]:
         """Inputs that the equations clip to their range."""
         inputs = [v for v in self.variables if v.role == "input" and v.type == "Float64"]

@@ -164,7 +164,7 @@ def _annotate(root: etree._Element, fmi: int, facts: Facts, schedule: Schedule, 
         root,
         fmi,
         {"kind": facts.kind, "tick": str(schedule.tick), **sampled},
-        {n: told for n, c, v in known if c == "input" and (told := base.told_of_input(v))},
+        {n: told for n, c, v in known if c == "input" and (told := base.input_annotation(v))},
         {n: v.constant for n, c, v in known if c == "output" and v.constant is not None},
         {n: v.source for n, c, v in known if c == "parameter" and v.source},
     )

@@ -44,14 +44,17 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.controllers.lq.hmmwv import TABLE_1_1, lqr_gain
-from fmu_sources.models.corners import TWO_AXLES, Corners
+from fmu_sources.controllers.lq.hmmwv import TABLE_1_1, declare_gain, lqr_gain
 from fmu_sources.models.hmmwv_states import (
-    FORCES,
+    BODY_SPEED,
     RELATIVE_STATES,
+    at_corner,
+    car_corners,
+    car_parameter,
     force_outputs,
     relative_inputs,
     sines,
+    usual_motion,
 )
 from fmu_sources.plants.semi_active_damper import DamperCurves
 from fmu_sources.registration import component
@@ -80,36 +83,19 @@ class DampedCar:
         self.unit = c.constant("curve.gap", 1.0, "N", "in place of no difference between the curves", source="own")
         self.x = relative_inputs(c, car)
         self.value = {n: self.x[i] for i, n in enumerate(RELATIVE_STATES)}
-        self.corners = Corners(TWO_AXLES)
+        self.corners = car_corners(c, car)
         for k in self.corners:
-            k.arms = [self._place(k.name, what, low) for what, low in (("x", -50.0), ("half_track", 0.0))]
-            k.body = self.at(k, *(self.value[n] for n in ("body.vz", "body.roll_rate", "body.pitch_rate")))
+            k.body = at_corner(k, *(self.value[n] for n in BODY_SPEED))
             k.wheel = self.value[f"wheel.{k}.vz"]
             k.velocity = k.body - k.wheel
             c.value(f"damper_velocity_{k}", k.velocity)
-
-    def _place(self, corner: str, what: str, low: float) -> Any:
-        name = f"wheel.{corner}.{what}"
-        text = {"x": "position ahead of the CG", "half_track": "distance from the middle"}[what]
-        return self.c.parameter(
-            name, self._start(name), "m", f"{text} of the {corner} wheel", min=low, max=50.0, source="vehicle file"
-        )
-
-    def _start(self, name: str) -> float:
-        start = self.car.variable(name).start
-        assert start is not None  # parameters always have start values
-        return float(start[0])
-
-    def at(self, k: Any, heave: Any, roll: Any, pitch: Any) -> Any:
-        """A rate of heave, roll and pitch, as vertical rate of the body's corner."""
-        return heave + k.side * k.arms[1] * roll - k.arms[0] * pitch
 
     def own_damping(self, k: Any) -> Any:
         """Declare the damping that a control law was designed with; the semi-active damper takes its place."""
         name = f"suspension.{k}.damping"
         return self.c.parameter(
             name,
-            self._start(name),
+            car_parameter(self.car, name),
             "N.s/m",
             f"damping at {k} that the design of this control law takes for granted, so that the damper has to give it",
             min=0.0,
@@ -234,7 +220,7 @@ def semi_active_add(car: Component, name: str = "SemiActiveAdd", *, mixed: bool 
     )
     shares = []
     for k in law.corners:
-        a = c.value(f"body_acceleration_{k}", law.at(k, *rates))
+        a = c.value(f"body_acceleration_{k}", at_corner(k, *rates))
         add = a * k.velocity >= 0
         if alpha is not None:
             add = ca.if_else(a**2 <= (alpha * k.body) ** 2, k.body * k.velocity >= 0, add)
@@ -259,22 +245,12 @@ def semi_active_lqr(car: Component, name: str = "SemiActiveLqr") -> Component:
         ),
     )
     law = DampedCar(c, car)
-    K = c.parameter(
-        "gain",
-        gain,
-        None,
-        "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
-        tunable=True,
-        source="001 Table 1.1 with another force weight, designed on the car",
-        rows=["N"] * len(FORCES),
-        columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
-    )
+    K = declare_gain(c, car, gain, "001 Table 1.1 with another force weight, designed on the car")
     passive = law.switch()
     forces = ca.vertsplit(K @ law.x)
     requested = [law.own_damping(k) * k.velocity + f for k, f in zip(law.corners, forces, strict=True)]
     law.outputs([law.nearest(k, d) for k, d in zip(law.corners, requested, strict=True)], requested, passive)
-    scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
-    c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
+    c.reference_input(usual_motion())
     return c
 
 

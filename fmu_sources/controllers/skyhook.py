@@ -7,8 +7,16 @@ there. The body's corners follow from the velocities of the rigid body.
 from __future__ import annotations
 
 from build_fmus.component import Component
-from fmu_sources.models.corners import TWO_AXLES, Corners
-from fmu_sources.models.hmmwv_states import RELATIVE_STATES, SAMPLE_TIME, force_outputs, relative_inputs, sines
+from fmu_sources.models.hmmwv_states import (
+    BODY_SPEED,
+    RELATIVE_STATES,
+    SAMPLE_TIME,
+    at_corner,
+    car_corners,
+    force_outputs,
+    relative_inputs,
+    sines,
+)
 from fmu_sources.registration import component
 
 SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
@@ -45,23 +53,12 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
         tunable=True,
         source="001 section 1.4",
     )
-    corners = Corners(TWO_AXLES)
-    for k in corners:
-        for what, text, low in (
-            ("x", "position ahead of the CG", -50.0),
-            ("half_track", "distance from the middle", 0.0),
-        ):
-            start = car.variable(f"wheel.{k}.{what}").start
-            assert start is not None  # parameters always have start values
-            place = c.parameter(
-                f"wheel.{k}.{what}", start[0], "m", f"{text} of the {k} wheel", min=low, max=50.0, source="vehicle file"
-            )
-            setattr(k, what, place)
+    corners = car_corners(c, car)
     x = relative_inputs(c, car)
     value = {n: x[i] for i, n in enumerate(RELATIVE_STATES)}
     forces = []
     for k in corners:
-        body = value["body.vz"] + k.side * k.half_track * value["body.roll_rate"] - k.x * value["body.pitch_rate"]
+        body = at_corner(k, *(value[n] for n in BODY_SPEED))
         c.value(f"body_velocity_{k}", body)
         forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
     force_outputs(c, forces)

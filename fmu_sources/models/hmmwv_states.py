@@ -14,7 +14,7 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.models import relative
-from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.corners import CORNERS, TWO_AXLES, Corner, Corners
 from fmu_sources.models.relative import RelativeModel
 
 SUSPENSION = tuple(f"suspension.{k}.deflection" for k in CORNERS)  # m, body minus wheel
@@ -47,6 +47,33 @@ def relative_inputs(c: Component, car: Component) -> Any:
         v = car.variable(name)
         symbols.append(c.input(name, v.unit, v.description, nominal=v.nominal, display_unit=v.display_unit))
     return ca.vertcat(*symbols)
+
+
+def car_parameter(car: Component, name: str) -> float:
+    """The value of a parameter of a car."""
+    start = car.variable(name).start
+    assert start is not None  # parameters always have start values
+    return float(start[0])
+
+
+def car_corners(c: Component, car: Component) -> Corners:
+    """Declare where the wheels are; corners with their `x` ahead of the CG and `half_track` to its side [m]."""
+    corners = Corners(TWO_AXLES)
+    for k in corners:
+        for what, text, low in (
+            ("x", "position ahead of the CG", -50.0),
+            ("half_track", "distance from the middle", 0.0),
+        ):
+            name = f"wheel.{k}.{what}"
+            start = car_parameter(car, name)
+            about = f"{text} of the {k} wheel"
+            setattr(k, what, c.parameter(name, start, "m", about, min=low, max=50.0, source="vehicle file"))
+    return corners
+
+
+def at_corner(k: Corner, heave: Any, roll: Any, pitch: Any) -> Any:
+    """A rate of heave, roll and pitch of the body, as vertical rate of its corner."""
+    return heave + k.side * k.half_track * roll - k.x * pitch
 
 
 def force_outputs(c: Component, forces: Sequence[Any]) -> None:
@@ -82,6 +109,12 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
         "a force is clipped at force.limit",
         type=bool,
     )
+
+
+def usual_motion() -> dict[str, Callable[[float], float]]:
+    """Reference inputs of a controller: all relative states, each as large as on a road."""
+    sizes = {SUSPENSION: 0.02, TIRE: 0.005, WHEEL_SPEED: 0.5, BODY_SPEED: 0.3}
+    return sines({name: size for names, size in sizes.items() for name in names})
 
 
 def sines(amplitudes: Mapping[str, float]) -> dict[str, Callable[[float], float]]:

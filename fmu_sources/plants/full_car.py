@@ -59,7 +59,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         solver_step=5e-4,
         notes=(*_NOTES, *DRIVING_NOTES, SEAT_NOTE),
     )
-    p = declare(c, vehicle, leave_out=_REPLACED if vehicle.tire.file else ())
+    p = declare(c, vehicle)
     tire = tire_of(c, vehicle.tire.file)
     start_x = start_position(c)
     g = gravity(c)
@@ -292,16 +292,6 @@ def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
         body = z - k.x * slope + k.y * twist
         k.rest = (p.tire.stiffness * k.road + k.rate * body) / (p.tire.stiffness + k.rate)
     return _Rest(z, roll, pitch)
-
-
-_REPLACED = (
-    "tire.slip_stiffness",
-    "tire.cornering_stiffness",
-    "tire.friction",
-    "tire.longitudinal_relaxation",
-    "tire.lateral_relaxation",
-)
-"""What a tire property file takes the place of."""
 
 
 def _within_ellipse(tire: Any, k: Any) -> Forces:

@@ -71,18 +71,6 @@ _LEFT_OUT = (
     "lower_arm",
     *(f"suspension.{axle}.{what}" for axle in ("front", "rear") for what in ("reference", "travel", "points")),
 )
-_REPLACED = tuple(
-    f"tire.{name}"
-    for name in (
-        "slip_stiffness",
-        "cornering_stiffness",
-        "longitudinal_friction",
-        "lateral_friction",
-        "rolling_resistance",
-        "relaxation",
-    )
-)
-"""What a tire property file takes the place of."""
 _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle file"
 
 
@@ -105,7 +93,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         solver_step=5e-4,
         notes=(*_NOTES, *DRIVING_NOTES, SEAT_NOTE),
     )
-    p = declare(c, vehicle, leave_out=_LEFT_OUT + (_REPLACED if vehicle.tire.file else ()))
+    p = declare(c, vehicle, leave_out=_LEFT_OUT)
     tire = p.tire.formula = tire_of(c, vehicle.tire.file)
     _declare_computed(c, p, vehicle)
     g = gravity(c)

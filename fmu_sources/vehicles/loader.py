@@ -101,8 +101,9 @@ def declare(c: Component, section: Section, prefix: str = "", leave_out: Collect
     gets its own parameters: `p.suspension.fl.stiffness`.
     """
     symbols = SimpleNamespace()
+    replaced = section.by_file if getattr(section, "file", None) else ()  # type: ignore[attr-defined]
     for name, info in type(section).model_fields.items():
-        if prefix + name in leave_out:
+        if prefix + name in leave_out or name in replaced:
             continue
         value, declared = getattr(section, name), type(section).declared(name)
         if isinstance(value, Quantity | Numbers) and declared is not None:

@@ -423,8 +423,10 @@ class _Suspension(Section):
 
 
 class _FormulaTire(Section):
-    """Part of a tire: a tire property file in the place of slip stiffness, friction and relaxation."""
+    """Part of a tire: a tire property file may take the place of some fields."""
 
+    by_file: ClassVar[tuple[str, ...]]
+    """Fields that a file takes the place of; `declare` leaves them out then."""
     file: Tire | None = None
 
     @field_validator("file", mode="before")
@@ -437,6 +439,7 @@ class _FormulaTire(Section):
 
 
 class _RollingTire(_FormulaTire, _Tire):
+    by_file = ("slip_stiffness", "cornering_stiffness", "friction", "longitudinal_relaxation", "lateral_relaxation")
     slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
     cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
     friction: Quantity = quantity("1", "friction coefficient", min=0.01, max=5.0)
@@ -753,6 +756,10 @@ class _Solid(Section):
 
 
 class _TableTire(_FormulaTire, _Table):
+    by_file = (
+        *("slip_stiffness", "cornering_stiffness", "longitudinal_friction", "lateral_friction"),
+        *("rolling_resistance", "relaxation"),
+    )
     radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
     deflection: Numbers = quantity(
         "m",

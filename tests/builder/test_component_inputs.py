@@ -112,7 +112,7 @@ def reader() -> Component:
 
 def test_a_constant_input_has_no_limits_and_starts_unconnected() -> None:
     c = reader()
-    (v,) = c.model().constant_inputs
+    v = c.model().variable("height.step")
     assert (v.name, v.must_equal, v.start, v.min, v.max) == ("height.step", 0.03, (0.0,), None, None)
     assert v.tolerance == pytest.approx(3e-8)
     assert c.reference_inputs["height.step"](0.0) == 0.03, "the reference result shows it connected"

@@ -325,15 +325,22 @@ def test_relaxation_lengths():
     assert found["relaxation_y"] == pytest.approx(stiffness / v["LATERAL_STIFFNESS"], rel=1e-6)
 
 
-@pytest.mark.parametrize(("scale", "what", "at"), [
-    ("LMUX", "fx", {"slip": 0.9}), ("LMUY", "fy", {"angle": 0.69}), ("LKX", "fx", {"slip": 1e-7}),
-    ("LKY", "fy", {"angle": 1e-7}), ("LMY", "my", {}), ("LMX", "mx", {"angle": 0.3}),
-])  # fmt: skip
-def test_scales(tire, scale, what, at):
-    flat = centered(tire)
-    if scale in ("LMUX", "LMUY"):  # the peak: where the slip is does not matter
-        flat = with_(flat, PEX1=1.0, PEX2=0.0, PEX3=0.0, PEY1=1.0, PEY2=0.0, PCX1=1.0, PCY1=1.0)
-    assert forces(with_(flat, **{scale: 0.8}), **at)[what] == pytest.approx(0.8 * forces(flat, **at)[what], rel=2e-2)
+SCALES = [
+    (("LMUX", "LKX"), "fx", {"slip": 0.3}),  # friction and stiffness together: the whole curve
+    (("LMUY", "LKY"), "fy", {"angle": 0.3}),
+    (("LKX",), "fx", {"slip": 1e-9}),
+    (("LKY",), "fy", {"angle": 1e-9}),
+    (("LMY",), "my", {}),
+    (("LMX",), "mx", {"angle": 0.3}),
+    (("LTR",), "mz", {"angle": 0.01}),
+]
+
+
+@pytest.mark.parametrize(("scales", "what", "at"), SCALES)
+def test_scales(tire, scales, what, at):
+    flat = with_(centered(tire), QDZ8=0.0, QDZ9=0.0)
+    scaled = with_(flat, **dict.fromkeys(scales, 0.8))
+    assert forces(scaled, **at)[what] == pytest.approx(0.8 * forces(flat, **at)[what], rel=1e-9)
 
 
 def test_derivatives_exist_everywhere(tire):

@@ -22,11 +22,13 @@ def side_slip(vx: Array, vy: Array, yaw: Array) -> Array:
 def understeer_gradient(steer: Array, yaw_rate: Array, speed: Array, ay: Array, wheelbase: float) -> float:
     """Steer angle per lateral acceleration beyond that of the turn's geometry [rad.s2/m]; positive: understeer.
 
-    Slope of `steer - wheelbase yaw_rate / speed` over `ay`, in least squares with an offset, where `ay` is `SLIGHT`.
+    Slope of `steer - wheelbase yaw_rate / speed` over `ay`, in least squares with an offset, where `ay` is `SLIGHT` and
+    has not been above it: what a car does after it has slid does not count.
 
     Returns NaN where the manoeuvre has fewer than 10 such samples.
     """
-    used = (np.abs(ay) >= SLIGHT[0]) & (np.abs(ay) <= SLIGHT[1])
+    slight = np.maximum.accumulate(np.abs(ay)) <= SLIGHT[1]
+    used = slight & (np.abs(ay) >= SLIGHT[0])
     if used.sum() < 10:
         return float("nan")
     beyond = (steer - wheelbase * yaw_rate / speed)[used]
@@ -56,7 +58,7 @@ def response_time(time: Array, steer: Array, response: Array) -> float:
 
 
 def overshoot(response: Array) -> float:
-    """Largest response beyond the final one, as a part of that one; 0 if there is none."""
+    """By how much the largest response is above the final one, divided by the final one; 0 if it is not above."""
     final = settled(response)
     return max(float((response / final).max()) - 1.0, 0.0) if final else 0.0
 

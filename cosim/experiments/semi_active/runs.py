@@ -297,8 +297,8 @@ def _bands(f: np.ndarray, gains: dict[str, np.ndarray]) -> Row:
 def invariant() -> tuple[float, float]:
     """Frequency [Hz] at which no suspension changes the acceleration of the body, and the gain there [1/s].
 
-    The forces on body and wheel add up to that of the tire, m_s a_s + m_u a_u = k_t (r - z_u), whatever is between
-    them. At omega^2 = k_t / m_u the wheel's own terms cancel, and m_s a_s = k_t r (Hedrick, Butsuen 1990).
+    Forces of the suspension cancel in the sum over body and wheel, m_s a_s + m_u a_u = k_t (r - z_u). At omega^2 =
+    k_t / m_u the wheel's own terms cancel, and m_s a_s = k_t r (Hedrick, Butsuen 1990).
     """
     car = load_ride_car("ride_car_hmmwv")
     stiffness, wheel = car.tire.front.stiffness.value, car.wheel.front.mass.value

@@ -10,6 +10,7 @@ such gains this is the smallest one (least squares), which leaves the warp of th
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, fields, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,7 +29,7 @@ from fmu_sources.models.hmmwv_states import (
     force_outputs,
     relative_inputs,
     relative_model,
-    sines,
+    usual_motion,
 )
 from fmu_sources.registration import component
 
@@ -83,6 +84,20 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 
 
+def declare_gain(c: Component, car: Component, gain: Any, source: str) -> Any:
+    """Declare the gain (4, 15) of a regulator of the car on its relative states."""
+    return c.parameter(
+        "gain",
+        gain,
+        None,
+        "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
+        tunable=True,
+        source=source,
+        rows=["N"] * len(FORCES),
+        columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
+    )
+
+
 @component("Lqr{v}", "LQR of paper 001, force weighted in N, as published", of="ride_car_hmmwv")
 def lqr_hmmwv(
     car: Component,
@@ -101,21 +116,11 @@ def lqr_hmmwv(
         source="001 section 1.4, Table 1.1",
         notes=_NOTES,
     )
-    K = c.parameter(
-        "gain",
-        gain,
-        None,
-        "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
-        tunable=True,
-        source="001 Table 1.1, designed on the car",
-        rows=["N"] * len(FORCES),
-        columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
-    )
+    K = declare_gain(c, car, gain, "001 Table 1.1, designed on the car")
     x = relative_inputs(c, car)
     force_outputs(c, ca.vertsplit(-K @ x))
     c.provenance = {"weights": weights.__dict__, "car": car.name, "period": period, "gain": gain.tolist()}
-    scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
-    c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
+    c.reference_input(usual_motion())
     return c
 
 

@@ -32,7 +32,7 @@ from fmu_sources.controllers.mpc.model import MpcModel
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
 from fmu_sources.controllers.semi_active import NOTES, WEIGHTS, DampedCar
 from fmu_sources.models.corners import CORNERS
-from fmu_sources.models.hmmwv_states import FORCE_LIMIT, FORCES, RELATIVE_STATES, relative_model, sines
+from fmu_sources.models.hmmwv_states import FORCE_LIMIT, FORCES, RELATIVE_STATES, relative_model, usual_motion
 from fmu_sources.registration import component
 
 PERIOD = 5e-3  # s, assumed
@@ -98,8 +98,7 @@ def semi_active_mpc(car: Component, name: str = "SemiActiveMpc", *, blocks: tupl
     law.outputs([law.nearest(k, d) for k, d in zip(law.corners, requested, strict=True)], requested, passive)
     c.output("command.held", solution.held, None, "the solver found no solution: the last command is kept", type=bool)
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
-    scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
-    c.reference_input(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
+    c.reference_input(usual_motion())
     return c
 
 
