@@ -368,15 +368,22 @@ def stop_when(system: System, case: Case) -> list[StopWhen]:
     return [StopWhen("car.x", ">=", window(Run(case, None, system))[1])] if CARS[case.car].driver else []
 
 
+def force_name(case: Case) -> str:
+    """The forces between body and wheels that a control law decides, by corner: of actuators or dampers, or requested."""
+    if case.actuators == "hydraulic":
+        return "actuator_{}.force"
+    return "damper_{}.force" if case.car == "hmmwv-dampers" else "controller.force.{}"
+
+
 def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
     names = [distance(case), "car.seat.az", "car.body.az"]
     for k in CARS[case.car].corners:
         names += [f"car.suspension.{k}.deflection", f"car.suspension.{k}.velocity"]
-        if case.controller != "passive" and case.actuators == "ideal" and case.controller != "zero":
-            names.append(f"controller.force.{k}")
+        if case.actuators == "hydraulic" or case.controller not in ("passive", "zero"):
+            names.append(force_name(case).format(k))
         if case.actuators == "hydraulic":
-            names += [f"actuator_{k}.force", f"actuator_{k}.power"]
+            names.append(f"actuator_{k}.power")
     return names
 
 
@@ -425,7 +432,7 @@ def measure(run: Run) -> Row:
         "travel_rms": rms(travel),
         "travel_peak": peak(travel),
     }
-    source = "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}"
+    source = force_name(case)
     if source.format(corners[0]) in r:
         force = np.column_stack([r[source.format(k)] for k in corners])[counts]
         rate = np.column_stack([r[f"car.suspension.{k}.velocity"] for k in corners])[counts]
