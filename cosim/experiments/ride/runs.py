@@ -369,7 +369,7 @@ def stop_when(system: System, case: Case) -> list[StopWhen]:
 
 
 def force_name(case: Case) -> str:
-    """The forces between body and wheels that a control law decides, by corner: of actuators or dampers, or requested."""
+    """The forces between body and wheels that a control law decides: of actuators or dampers, or requested."""
     if case.actuators == "hydraulic":
         return "actuator_{}.force"
     return "damper_{}.force" if case.car == "hmmwv-dampers" else "controller.force.{}"
