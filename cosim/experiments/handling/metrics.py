@@ -72,3 +72,12 @@ def delay(time: Array, steer: Array, response: Array) -> float:
 def rollover_index(left: Array, right: Array) -> Array:
     """Difference of the vertical tire forces of both sides over their sum; 1: all wheels of the left side lift off."""
     return np.asarray((right - left) / np.maximum(right + left, 1.0))
+
+
+def load_transfer(left: Array, right: Array) -> float:
+    """Largest lateral load transfer of an axle, as part of its static load: max |F_r - F_l| / (F_l + F_r at the start).
+
+    Vertical tire forces (samples,) [N] of a car that starts in equilibrium. 1: half of the static load of the axle has
+    gone from one wheel to the other, so that a wheel lifts unless the axle bears more than its static load.
+    """
+    return float(np.abs(right - left).max() / (left[0] + right[0]))
