@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.experiments.handling.runs import CARS, CONTROLLERS, MANOEUVRES, Case
+from cosim.experiments.handling.runs import CARS, CONTROLLERS, MANOEUVRES, REDESIGNED, Case
 from cosim.study.experiment import Task
 
 SPEED = 60.0  # km/h
@@ -32,9 +32,10 @@ def rough(car: str, manoeuvre: str) -> Case:
     return at(car, manoeuvre, road="iso8608")
 
 
-def controlled(controller: str, manoeuvre: str, actuators: str = "ideal") -> Case:
-    """The run of the controlled car."""
-    return at(CONTROLLED, manoeuvre, controller=controller, actuators=actuators)
+def controlled(controller: str, manoeuvre: str, actuators: str = "ideal", *, design: str = "car") -> Case:
+    """The run of the controlled car; LQR and MPC are designed on it unless `design` says "paper"."""
+    own = {"design": design} if controller in REDESIGNED else {}
+    return at(CONTROLLED, manoeuvre, controller=controller, actuators=actuators, **own)
 
 
 def j_turns(car: str) -> list[Case]:

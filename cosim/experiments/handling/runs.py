@@ -1,7 +1,8 @@
 """Manoeuvres of the full cars: their inputs, the wiring, and what is measured of them.
 
 Controllers of the suspension are those of papers 000 and 001 as published: GPC was identified on the modified HMMWV,
-the others were designed on the linear ride car of paper 001. None of them gets the steering or lateral acceleration.
+the others were designed on the linear ride car of paper 001, or are designed here on the car that is driven. None gets
+the steering or the lateral acceleration.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import Array, peak, rms
 from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.handling.design import DESIGNED, designed_mpc, lqr_parameters
 from cosim.experiments.handling.metrics import (
     delay,
+    follows_until,
     load_transfer,
     overshoot,
     response_time,
@@ -51,6 +54,8 @@ COURSE = {car: ride.CARS["public" if car == "public" else "full-car"].road for c
 MAP = ride.CARS["hmmwv"].road  # the same courses with the preview of the MPC
 ROADS = ("flat", "iso8608", *COURSES)
 CONTROLLERS = {**{n: c for n, c in hmmwv.CONTROLLERS.items() if n != "zero"}, **gpc.CONTROLLERS}
+REDESIGNED = ("lqr", "lqr-kilonewton", "mpc", "mpc-preview")  # whose design needs a linear car
+DESIGNS = ("paper", "car")
 PREVIEWING = ("mpc-preview", "preview")
 FMUS = (
     *(*CARS.values(), DRIVER, RANDOM, *dict.fromkeys(COURSE.values()), MAP),
@@ -146,6 +151,13 @@ class Case(BaseCase):
         help="class of the random road (ISO 8608)",
     )
     controller: str = option("passive", choices=CONTROLLERS, help="control law of the suspension")
+    design: str = option(
+        "paper",
+        choices=DESIGNS,
+        only=(lambda c: c.controller in REDESIGNED, "LQR and MPC"),
+        label="designed-on-the-{}",
+        help="car that the control law is designed on: that of paper 001, or the one that is driven, near rest",
+    )
     actuators: str = option(
         "ideal",
         choices=hmmwv.ACTUATORS,
@@ -160,6 +172,11 @@ class Case(BaseCase):
                 " RMS course"
             )
 
+        if self.design == "car" and self.car not in DESIGNED:
+            raise CaseError(
+                f"no control law is designed on the car {self.car}: {', '.join(DESIGNED)} can be linearized"
+            )
+
     @property
     def speed(self) -> float:
         """Speed at the start [m/s]."""
@@ -168,7 +185,7 @@ class Case(BaseCase):
 
 def passive(case: Case) -> Case:
     """What a run is compared with: the same car on its springs and dampers alone."""
-    return replace(case, controller="passive", actuators="ideal")
+    return replace(case, controller="passive", actuators="ideal", design="paper")
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -212,17 +229,27 @@ def _add_road(system: System, file: Path, case: Case, name: str = "road") -> Non
     """A road under the wheels of the car."""
     system.add(name, file)
     own = {"class": CLASSES.index(case.terrain)} if case.road == "iso8608" else {"course": ride.NUMBER[case.road]}
-    places = {f"wheel.{k}.x": axles(system)[k.startswith("r")] for k in CORNERS}
-    system[name].set({**own, **places})
+    system[name].set({**own, **_wheels(system)})
     system.connect("car.x", f"{name}.x")
     system.connect("car.speed", f"{name}.speed")
+
+
+def _wheels(system: System) -> dict[str, float]:
+    """Parameters of roads and skyhook: where the wheels of the car are."""
+    return {f"wheel.{k}.x": axles(system)[k.startswith("r")] for k in CORNERS}
 
 
 def _add_control(system: System, fmus: FmuSet, case: Case) -> None:
     """Controller and actuators. On courses, the preview of the MPC is from a map of the road that it drives on."""
     controller = CONTROLLERS[case.controller]
     if controller is not None:
-        system.add("controller", fmus.path(controller))
+        own = case.design == "car" and controller == hmmwv.CONTROLLERS["mpc"]
+        car = case.car, fmus.path(CARS[case.car])
+        system.add("controller", designed_mpc(*car, fmus.fmi) if own else fmus.path(controller))
+        if case.design == "car" and not own:
+            system["controller"].set(lqr_parameters(*car, cheap=controller != hmmwv.CONTROLLERS["lqr"]))
+        if controller == hmmwv.CONTROLLERS["skyhook"]:
+            system["controller"].set(_wheels(system))
         system.connect_matching("car", "controller")
     if case.actuators == "hydraulic":
         add_actuators(system, fmus, driven=controller is not None)
@@ -294,7 +321,7 @@ def stop_time(system: System, case: Case) -> float:
 
 _BODY = (
     *("x", "y", "speed", "seat.az"),
-    *(f"body.{n}" for n in ("vx", "vy", "ax", "ay", "yaw", "yaw_rate", "roll", "roll_rate")),
+    *(f"body.{n}" for n in ("vx", "vy", "ax", "ay", "yaw", "yaw_rate", "roll", "roll_rate", "az")),
 )
 
 
@@ -315,6 +342,7 @@ def recorded(case: Case) -> Sequence[str]:
 
 METRICS: Mapping[str, Metric] = {
     "understeer": Metric("understeer gradient", "deg.s2/m", 180 / pi, "{:.3f}"),
+    "circle_end": Metric("follows the circle until", "s", form="{:.1f}"),
     "yaw_gain": Metric("yaw rate per steering wheel angle", "1/s", form="{:.3f}"),
     "ay_gain": Metric("lateral acceleration per steering wheel angle", "(m/s2)/rad", form="{:.2f}"),
     "response_time": Metric("response time of the yaw rate", "s", form="{:.3f}"),
@@ -337,6 +365,7 @@ METRICS: Mapping[str, Metric] = {
     "power_peak": Metric("largest power of the actuators", "kW", 1e-3, "{:.2f}"),
     "power_rms": Metric("power of the actuators, rms", "kW", 1e-3, "{:.2f}"),
     **{n: ride.METRICS[n] for n in ("seat_rms", "iso2631_rms", "absorbed_power_nrmm", "absorbed_power")},
+    "iso2631_rms_cg": Metric("ISO 2631-1 weighted rms of the CG", "m/s2", form="{:.3f}"),
 }
 
 
@@ -347,8 +376,8 @@ def signals(run: Run) -> Row:
 
 def _signals(run: Run) -> dict[str, Array]:
     r = run.recording
-    left, right = (sum(r[f"car.tire.{axle}{side}.force"] for axle in "fr") for side in "lr")
-    return {
+    load = {k: r[f"car.tire.{k}.force"] for k in CORNERS}
+    found = {
         "time": r.time,
         "wheel": r["driver.steering.wheel"],
         "yaw_rate": r["car.body.yaw_rate"],
@@ -357,18 +386,24 @@ def _signals(run: Run) -> dict[str, Array]:
         "roll": r["car.body.roll"],
         "roll_rate": r["car.body.roll_rate"],
         "slip": side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
-        "rollover": rollover_index(left, right),
+        "transfer_front": load_transfer(load["fl"], load["fr"]),
+        "transfer_rear": load_transfer(load["rl"], load["rr"]),
+        "rollover": rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
         "speed": r["car.speed"],
         "x": r["car.x"],
         "y": r["car.y"],
     }
+    steady = run.case.manoeuvre == "steady"
+    end = follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
+    return {n: v[:end] for n, v in found.items()}
 
 
 def measure(run: Run) -> Row:
     """`METRICS` in SI units, as far as the manoeuvre has them.
 
     Forces are those of all actuators, rms over time and corners; powers are those that all actuators together give to
-    the car, P = sum of F_k v_k with the velocities v_k at which the suspensions extend.
+    the car, P = sum of F_k v_k with the velocities v_k at which the suspensions extend. Steady cornering counts as long
+    as the car follows its circle (`follows_until`).
     """
     s, r = _signals(run), run.recording
     row: Row = {
@@ -377,8 +412,8 @@ def measure(run: Run) -> Row:
         "slip_peak": peak(s["slip"]),
         "roll_peak": peak(s["roll"]),
         "roll_rate_peak": peak(s["roll_rate"]),
-        "transfer_front": load_transfer(r["car.tire.fl.force"], r["car.tire.fr.force"]),
-        "transfer_rear": load_transfer(r["car.tire.rl.force"], r["car.tire.rr.force"]),
+        "transfer_front": peak(s["transfer_front"]),
+        "transfer_rear": peak(s["transfer_rear"]),
         "rollover": peak(s["rollover"]),
         "speed_end": float(s["speed"][-1]),
     }
@@ -397,7 +432,7 @@ def failed(_: Case, error: Exception) -> Row:
 def _steady(run: Run, s: dict[str, Array]) -> Row:
     steer = s["wheel"] / steering_ratio(run.system)
     k = understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
-    return {"understeer": k} if np.isfinite(k) else {}
+    return {"circle_end": float(s["time"][-1])} | ({"understeer": k} if np.isfinite(k) else {})
 
 
 def _stepped(_: Run, s: dict[str, Array]) -> Row:
@@ -421,11 +456,13 @@ def _followed(run: Run, _: dict[str, Array]) -> Row:
 
 
 def _straight(run: Run, s: dict[str, Array]) -> Row:
-    """Comfort at the driver's seat, from where the road has its full height under all wheels."""
+    """Comfort of the driver's seat, and of the CG, from where the road has its full height under all wheels."""
     if run.case.road == "flat":
         return {}
     begin = 0.0 if run.case.road in COURSES else run.start("road.flat") + run.start("road.ramp")
-    return ride.comfort(run.recording["car.seat.az"], s["x"] >= begin - axles(run.system)[1])
+    counts = s["x"] >= begin - axles(run.system)[1]
+    seat, cg = (ride.comfort(run.recording[f"car.{at}.az"], counts) for at in ("seat", "body"))
+    return {**seat, "iso2631_rms_cg": cg["iso2631_rms"]}
 
 
 _OF: dict[str, Callable[[Run, dict[str, Array]], Row]] = {
