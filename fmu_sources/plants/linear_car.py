@@ -182,12 +182,12 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 
 @component("RideCar{v}", "linear 7-DOF ride car of that car near rest, by its own derivatives", of="hmmwv_public")
 def linear_ride_car(
-    vehicle: WishboneCar | FullCar, name: str = "RideCarHmmwvPublic", values: Mapping[str, float] | None = None
+    vehicle: WishboneCar | FullCar, name: str = "RideCarHmmwvPublic", parameters: Mapping[str, float] | None = None
 ) -> Component:
     """Ride car with seven degrees of freedom, linearized near rest.
 
-    Its matrices are those of `wishbone_car` or `full_car` near rest, with other `values` of parameters by name. Inputs,
-    states and outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
+    Its matrices are those of `wishbone_car` or `full_car` near rest, with other values of `parameters` by name.
+    Inputs, states and outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
     shown = (
         "seat.ax",
@@ -196,7 +196,7 @@ def linear_ride_car(
         *(f"tire.{k}.force" for k in CORNERS),
     )
     car = full_car(vehicle, name) if isinstance(vehicle, FullCar) else wishbone_car(vehicle, name)
-    motion = ride_motion(car.model(), {**(values or {}), **linear_values(vehicle)}, shown)
+    motion = ride_motion(car.model(), {**(parameters or {}), **linear_values(vehicle)}, shown)
     c = Component(
         name,
         kind="continuous",

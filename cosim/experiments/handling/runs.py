@@ -188,6 +188,11 @@ def passive(case: Case) -> Case:
     return replace(case, controller="passive", actuators="ideal", design="paper")
 
 
+def called(case: Case) -> str:
+    """The control law; the passive car on hydraulic actuators has their pump off."""
+    return "pump off" if (case.controller, case.actuators) == ("passive", "hydraulic") else case.controller
+
+
 # ------------------------------------------------------------------------------------------------------------- wiring
 
 
@@ -203,8 +208,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     """The car with a table of inputs, or with a driver; on its road; with the controller of its suspension."""
     manoeuvre = MANOEUVRES[case.manoeuvre]
     system = System(allow_unconnected=True)  # no actuators; a flat road, and the pedals that a manoeuvre leaves alone
-    hydraulic = {"step": EXCHANGE} if case.actuators == "hydraulic" else {}
-    system.add("car", fmus.path(CARS[case.car]), **hydraulic)
+    system.add("car", fmus.path(CARS[case.car]), step=EXCHANGE if case.actuators == "hydraulic" else None)
     system["car"].set({"driver.mode": manoeuvre.mode, "target.speed": case.speed, "start.x": start(system, case)})
     if manoeuvre.path:
         system.add("driver", fmus.path(DRIVER))

@@ -404,8 +404,8 @@ METRICS = {
 }
 
 
-def comfort(az: Array, counts: Array) -> Row:
-    """Comfort of a seat whose vertical acceleration is `az` (samples,) [m/s2] at `RATE`, where `counts` is true.
+def comfort(az: Array, counts: np.ndarray) -> Row:
+    """Comfort of a seat whose vertical acceleration is `az` (samples,) [m/s2] at `RATE`, where `counts` (samples,) is true.
 
     The filters run over the whole signal. Absorbed power [W] is a mean, by third and second order; `iso2631_rms` is
     the rms after the weighting W_k of ISO 2631-1 [m/s2].
