@@ -24,9 +24,9 @@ from cosim.experiments.handling.published import (
     rough,
 )
 from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, REDESIGNED, Case
-from cosim.report import Figure, Panel, Parameter, Series, Table, curve
+from cosim.report import Figure, Panel, Parameter, Result, Series, Table, curve
 from cosim.report.model import Look
-from cosim.study import Content, FmuSet, Results, StudyReport, parameters
+from cosim.study import Content, FmuSet, Results, RunFailed, StudyReport, parameters
 from cosim.study.experiment import Row
 
 NAMES = {
@@ -66,11 +66,24 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     return [replace(p, name=f"{NAMES[c]}: {p.name}") for c, fmu in CARS.items() for p in parameters(fmus.path(fmu))]
 
 
+def _results(study: Results, _: object) -> list[Result]:
+    shown = [(METRICS[k], k, m) for k, m in (("roll_peak", "lane-change"), ("iso2631_rms", "straight"))]
+    try:
+        return [
+            Result(f"{metric.text}, {name}", float(metric.shown(study[controlled(c, m)][k])), metric.unit)
+            for metric, k, m in shown
+            for c, name in LAWS.items()
+        ]
+    except RunFailed:
+        return []
+
+
 report = StudyReport(
     EXPERIMENT,
     "Handling of the full cars",
     CLAIMS,
     parameters=_parameters,
+    results=_results,
     looks={
         **dict(zip(NAMES.values(), ("blue", "orange", "purple", "green"), strict=True)),
         **dict(zip(LAWS.values(), _LAW_LOOKS, strict=True)),

@@ -464,7 +464,7 @@ def _straight(run: Run, s: dict[str, Array]) -> Row:
     if run.case.road == "flat":
         return {}
     begin = 0.0 if run.case.road in COURSES else run.start("road.flat") + run.start("road.ramp")
-    counts = s["x"] >= begin - axles(run.system)[1]
+    counts = s["x"] >= begin - run.start("road.wheel.rl.x")
     seat, cg = (ride.comfort(run.recording[f"car.{at}.az"], counts) for at in ("seat", "body"))
     return {**seat, "iso2631_rms_cg": cg["iso2631_rms"]}
 

@@ -405,10 +405,10 @@ METRICS = {
 
 
 def comfort(az: Array, counts: np.ndarray) -> Row:
-    """Comfort of a seat whose vertical acceleration is `az` (samples,) [m/s2] at `RATE`, where `counts` (samples,) is true.
+    """Comfort of a seat whose vertical acceleration is `az` (samples,) [m/s2] at `RATE`.
 
-    The filters run over the whole signal. Absorbed power [W] is a mean, by third and second order; `iso2631_rms` is
-    the rms after the weighting W_k of ISO 2631-1 [m/s2].
+    Where `counts` (samples,) is true; the filters run over the whole signal. Absorbed power [W] is a mean, by third and
+    second order; `iso2631_rms` is the rms after the weighting W_k of ISO 2631-1 [m/s2].
     """
     return {
         "absorbed_power_nrmm": float(absorbed_power_series(az, RATE, HUMAN_RESPONSE_NRMM)[counts].mean()),
