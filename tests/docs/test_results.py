@@ -52,6 +52,18 @@ def test_the_pages_are_up_to_date() -> None:
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
 
 
+@pytest.mark.parametrize("experiment", WRITER["TABLES"])
+def test_the_page_of_a_study_has_its_tables(experiment: str) -> None:
+    study = next(s for s in STUDIES if s["experiment"] == experiment)
+    page = WRITER["page_of"](experiment).read_text(encoding="utf-8")
+    assert list(study["tables"]) == sorted(WRITER["TABLES"][experiment])
+    assert WRITER["with_tables"](page, study) == page
+    changed = json.loads(json.dumps(study))
+    *_, table = changed["tables"].values()
+    table["rows"][0][-1] = "quite another figure"
+    assert "quite another figure |" in WRITER["with_tables"](page, changed)
+
+
 @pytest.mark.parametrize("study", READINGS, ids=lambda s: s["experiment"])
 def test_a_verdict_that_changes_changes_the_table_of_readings(study: dict) -> None:
     changed = json.loads(json.dumps(study))

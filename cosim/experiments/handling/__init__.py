@@ -6,6 +6,7 @@ what theory leads one to expect; `report` lays out.
 """
 
 from cosim.experiments.handling import published, runs
+from cosim.experiments.semi_active.runs import remarks
 from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
 EXPERIMENT = Experiment(
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     runs.Case,
     title="Handling of the full cars: steering, lane changes, braking in a turn, rollover",
     wiring=Wiring(runs.wire, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, failed=runs.failed),
+    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, failed=runs.failed, remarks=remarks),
     baseline=Baseline(runs.passive, called=runs.called),
     run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
     study=Study(

@@ -7,6 +7,7 @@ from typing import Any
 
 from cosim.experiments.handling.runs import CARS, CONTROLLERS, MANOEUVRES, REDESIGNED, Case
 from cosim.study.experiment import Task
+from fmu_sources.roads.rms_course import SEEDS
 
 SPEED = 60.0  # km/h
 OTHER_SPEEDS = {"obstacle": 40.0, "straight": 30.0}  # km/h; straight, near the 6 W of the full car on its course
@@ -14,6 +15,7 @@ ANGLES = {"steady": 180.0, "step": 30.0, "sine": 45.0, "brake-in-turn": 45.0, "s
 J_TURNS = (90.0, 150.0, 210.0, 270.0, 330.0)  # deg
 CLOSE = 1.0  # deg, of the angle at which wheels lift
 COURSE = "1in"  # of comfort
+PROFILES = tuple(range(1, SEEDS + 1))  # its seeds
 ROUGH = ("step", "lane-change")  # manoeuvres that are driven on a random road too
 
 CONTROLLED = "modified"  # the car whose suspension is controlled: that of paper 000
@@ -34,10 +36,10 @@ def rough(car: str, manoeuvre: str) -> Case:
     return at(car, manoeuvre, road="iso8608")
 
 
-def controlled(controller: str, manoeuvre: str, actuators: str = "ideal", *, design: str = "car") -> Case:
+def controlled(controller: str, manoeuvre: str, actuators: str = "ideal", *, design: str = "car", **more: Any) -> Case:
     """The run of the controlled car; LQR and MPC are designed on it unless `design` says "paper"."""
     own = {"design": design} if controller in REDESIGNED else {}
-    return at(CONTROLLED, manoeuvre, controller=controller, actuators=actuators, **own)
+    return at(CONTROLLED, manoeuvre, controller=controller, actuators=actuators, **own, **more)
 
 
 def designed_elsewhere(controller: str, manoeuvre: str) -> Case:
@@ -99,6 +101,7 @@ def plan() -> list[Task | RolloverAngle]:
     shown += [controlled(c, m) for c in CONTROLLERS for m in SHOWN]
     shown += [controlled(c, m, "hydraulic") for c in CONTROLLERS for m in HYDRAULIC]
     shown += [designed_elsewhere(c, m) for c in REDESIGNED for m in SHOWN]
+    shown += [controlled(c, "straight", seed=seed) for c in CONTROLLERS for seed in PROFILES]
     searches = [rollover(c) for c in CARS] + [controlled_rollover(c) for c in CONTROLLERS]
     tasks = [Task(c, signals=True) for c in dict.fromkeys(shown)] + [Task(t) for c in CARS for t in j_turns(c)]
     return [*tasks, *dict.fromkeys(searches)]

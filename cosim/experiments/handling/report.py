@@ -24,9 +24,9 @@ from cosim.experiments.handling.published import (
     rough,
 )
 from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, REDESIGNED, Case
-from cosim.report import Figure, Panel, Parameter, Result, Series, Table, curve
+from cosim.report import Figure, Panel, Parameter, Series, Table, curve
 from cosim.report.model import Look
-from cosim.study import Content, FmuSet, Results, RunFailed, StudyReport, parameters
+from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 from cosim.study.experiment import Row
 
 NAMES = {
@@ -66,24 +66,11 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     return [replace(p, name=f"{NAMES[c]}: {p.name}") for c, fmu in CARS.items() for p in parameters(fmus.path(fmu))]
 
 
-def _results(study: Results, _: object) -> list[Result]:
-    shown = [(METRICS[k], k, m) for k, m in (("roll_peak", "lane-change"), ("iso2631_rms", "straight"))]
-    try:
-        return [
-            Result(f"{metric.text}, {name}", float(metric.shown(study[controlled(c, m)][k])), metric.unit)
-            for metric, k, m in shown
-            for c, name in LAWS.items()
-        ]
-    except RunFailed:
-        return []
-
-
 report = StudyReport(
     EXPERIMENT,
     "Handling of the full cars",
     CLAIMS,
     parameters=_parameters,
-    results=_results,
     looks={
         **dict(zip(NAMES.values(), ("blue", "orange", "purple", "green"), strict=True)),
         **dict(zip(LAWS.values(), _LAW_LOOKS, strict=True)),
@@ -150,11 +137,11 @@ def _lanes(study: Results) -> Content:
 @report.section("Comfort and handling under control of the suspension")
 def _suspension(study: Results) -> Content:
     yield f"""The {NAMES[CONTROLLED]} drives the lane changes under control laws for its suspension, which were made
-    for comfort on a straight road, and straight ahead over the {COURSE} course of the study `ride`. GPC (paper 000) was
+    for comfort on a straight road, and straight ahead over the {COURSE} course of the study ride. GPC (paper 000) was
     identified on this car. Skyhook has the gains of paper 001. LQR and MPC have its weights and are designed on this
     car near rest. No control law gets the steering or the lateral acceleration, and none weighs the driver's seat,
-    which is ahead of the CG. The baseline is the passive car: its springs and dampers alone. Actuators are ideal at
-    first."""
+    which is ahead of the CG. The baseline is the passive car: its springs and dampers alone. Comfort is
+    that on the first profile of the course, and actuators are ideal, where nothing else is said."""
     yield Figure(
         "comfort-and-handling",
         "Roll in the lane change against comfort",
@@ -190,8 +177,9 @@ def _suspension(study: Results) -> Content:
     ]
     yield Table.of("laws-turns", "Step of the steering wheel, and J-turn", rows, _THRESHOLD)
     yield _law_table(study, "lane-change", "hydraulic")
-    yield """Paper 001 designed LQR and MPC on a car of about half of the mass with stiffer springs. On this car, that
-    LQR takes more stiffness than there is: its forces go to their limits."""
+    yield """The last table is on LQR and MPC as paper 001 designed them, on a car of about half of the mass with stiffer
+    springs. On this car, that LQR with cheap forces takes more stiffness than there is, and its forces go to their
+    limits."""
     rows = [
         {"control law": LAWS[c], "designed on": where, **_shown(study, made(c, "lane-change"), _HANDLING[:8])}
         | _shown(study, made(c, "straight"), _COMFORT)

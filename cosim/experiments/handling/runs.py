@@ -41,7 +41,7 @@ from cosim.tables import Table
 from fmu_sources.controllers.driver import POINTS
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads.iso8608 import CLASSES
-from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP
+from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP, SEEDS
 
 CARS = {
     "hmmwv": "FullCarHmmwv",
@@ -150,6 +150,13 @@ class Case(BaseCase):
         label="class-{}",
         help="class of the random road (ISO 8608)",
     )
+    seed: int = option(
+        1,
+        within=(1, SEEDS),
+        only=(lambda c: c.road in COURSES, "the RMS courses"),
+        label="seed{}",
+        help="profile of an RMS course",
+    )
     controller: str = option("passive", choices=CONTROLLERS, help="control law of the suspension")
     design: str = option(
         "paper",
@@ -232,7 +239,8 @@ def wire(fmus: FmuSet, case: Case) -> System:
 def _add_road(system: System, file: Path, case: Case, name: str = "road") -> None:
     """A road under the wheels of the car."""
     system.add(name, file)
-    own = {"class": CLASSES.index(case.terrain)} if case.road == "iso8608" else {"course": ride.NUMBER[case.road]}
+    course = {"course": ride.NUMBER.get(case.road), "seed": case.seed}
+    own = {"class": CLASSES.index(case.terrain)} if case.road == "iso8608" else course
     system[name].set({**own, **_wheels(system)})
     system.connect("car.x", f"{name}.x")
     system.connect("car.speed", f"{name}.speed")
@@ -339,6 +347,8 @@ def recorded(case: Case) -> Sequence[str]:
     names = [f"car.{n}" for n in (*_BODY, *(f"tire.{k}.force" for k in CORNERS))] + ["driver.*"]
     if case.controller != "passive" or case.actuators == "hydraulic":
         names += [n.format(k) for k in CORNERS for n in ("car.actuator.{}.power", force_name(case))]
+    if CONTROLLERS[case.controller] == hmmwv.CONTROLLERS["mpc"]:
+        names.append("controller.command.held")
     return names
 
 
