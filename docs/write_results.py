@@ -28,7 +28,7 @@ from fmu_sources.catalog import PAPERS
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 KEPT = HERE / "results"
-TABLES = {"handling": ("laws-ideal", "laws-obstacle", "laws-turns", "laws-hydraulic", "laws-designs")}
+TABLES = {"handling": ("control-ideal", "control-obstacle", "control-turns", "control-hydraulic", "control-designs")}
 """Experiment -> tables of its report that its page, `reference/NAME.md`, shows."""
 PAPERS_PAGE = HERE / "explanation" / "what-the-papers-do-not-say.md"
 _CLAIM = (

@@ -334,17 +334,17 @@ def test_report(fmus: FmuSet) -> None:
         return {n: size / m.factor for n, m in runs.METRICS.items()}
 
     page = report(made_up.study(EXPERIMENT, metrics_of, shown, found), fmus)
-    rows = {r["control law"]: r for r in made_up.table(page, "laws-ideal")}
+    rows = {r["control law"]: r for r in made_up.table(page, "control-ideal")}
     assert rows["passive (baseline)"]["largest roll angle [deg]"] == "1.00"
     assert rows["GPC with preview"]["largest load transfer at the rear [% of the load]"] == "9.0"
     assert rows["MPC"]["ISO 2631-1 weighted rms [m/s2]"] == "105.000"
-    rows = {r["control law"]: r for r in made_up.table(page, "laws-hydraulic")}
+    rows = {r["control law"]: r for r in made_up.table(page, "control-hydraulic")}
     assert rows["pump off"]["largest actuator force [kN]"] == "11.00"
     assert rows["skyhook"]["absorbed power, third order [W]"] == "112.00"
-    designs = {(r["control law"], r["designed on"]): r for r in made_up.table(page, "laws-designs")}
+    designs = {(r["control law"], r["designed on"]): r for r in made_up.table(page, "control-designs")}
     assert designs["MPC", "the car of paper 001"]["largest roll rate [deg/s]"] == "1005.0"
     assert designs["MPC", "this car"]["ISO 2631-1 weighted rms of the CG [m/s2]"] == "105.000"
-    turns = {r["control law"]: [*r.values()][-1] for r in made_up.table(page, "laws-turns")}
+    turns = {r["control law"]: [*r.values()][-1] for r in made_up.table(page, "control-turns")}
     assert (turns["passive (baseline)"], turns["LQR, force in N"], turns["skyhook"]) == ("185", "150", "none")
     assert {r["car"]: r["steering wheel [deg]"] for r in made_up.table(page, "rollover-thresholds")}["HMMWV"] == "185"
     dot = made_up.series(page, "comfort-and-handling", "", "MPC")

@@ -86,9 +86,9 @@ def load_transfer(left: Array, right: Array) -> Array:
 def follows_until(ay: Array, yaw_rate: Array, speed: Array, part: float = 0.1) -> int:
     """Number of samples in which a car follows the circle of its steering wheel, which turns slowly.
 
-    On a circle the side slip is steady and ay = v r. A car that slides off or spins turns its velocity at another rate
-    than its heading: |ay - v r| > `part` |ay|. Looked for from where |ay| is first above `SLIGHT`: the quotient means
-    nothing at the start.
+    In a steady turn the side slip is constant and ay = v r. A car that slides off or spins turns its velocity at
+    another rate than its heading: |ay - v r| > `part` |ay|. Looked for from where |ay| is first above `SLIGHT`: the
+    quotient means nothing at the start.
     """
     off = (np.maximum.accumulate(np.abs(ay)) > SLIGHT[1]) & (np.abs(ay - speed * yaw_rate) > part * np.abs(ay))
     return int(np.argmax(off)) if off.any() else len(ay)

@@ -166,7 +166,7 @@ def _suspension(study: Results) -> Content:
             f"roll-{manoeuvre}", f"Roll angle: {MANOEUVRES[manoeuvre].about}", "Positive: left side up.", [panel]
         )
     rows = [{"control law": n, **_shown(study, controlled(c, "obstacle"), _HANDLING)} for c, n in LAWS.items()]
-    yield Table.of("laws-obstacle", "Obstacle avoidance", rows)
+    yield Table.of("control-obstacle", "Obstacle avoidance", rows)
     rows = [
         {
             "control law": n,
@@ -175,18 +175,18 @@ def _suspension(study: Results) -> Content:
         }
         for c, n in LAWS.items()
     ]
-    yield Table.of("laws-turns", "Step of the steering wheel, and J-turn", rows, _THRESHOLD)
+    yield Table.of("control-turns", "Step of the steering wheel, and J-turn", rows, _THRESHOLD)
     yield _law_table(study, "lane-change", "hydraulic")
-    yield """The last table is on LQR and MPC as paper 001 designed them, on a car of about half of the mass with stiffer
-    springs. On this car, that LQR with cheap forces takes more stiffness than there is, and its forces go to their
-    limits."""
+    yield """The last table is on LQR and MPC as paper 001 designed them, on a car of about half of the mass with
+    stiffer springs. On this car, that LQR with cheap forces takes more stiffness than there is, and its forces go to
+    their limits."""
     rows = [
         {"control law": LAWS[c], "designed on": where, **_shown(study, made(c, "lane-change"), _HANDLING[:8])}
         | _shown(study, made(c, "straight"), _COMFORT)
         for c in REDESIGNED
         for where, made in (("this car", controlled), ("the car of paper 001", designed_elsewhere))
     ]
-    yield Table.of("laws-designs", "LQR and MPC designed on this car and on that of the paper", rows)
+    yield Table.of("control-designs", "LQR and MPC designed on this car and on that of the paper", rows)
 
 
 def _shown(study: Results, case: Case, metrics: Iterable[str]) -> dict[str, str]:
@@ -207,7 +207,7 @@ def _law_table(study: Results, manoeuvre: str, actuators: str) -> Table:
         for c, name in LAWS.items()
     ]
     about = "Handling in the lane change; comfort straight ahead. Powers are those that all actuators give to the car."
-    return Table.of(f"laws-{actuators}", f"Comfort and handling, {actuators} actuators", rows, about)
+    return Table.of(f"control-{actuators}", f"Comfort and handling, {actuators} actuators", rows, about)
 
 
 _THRESHOLD = f"To {CLOSE:g} deg; none: not up to {J_TURNS[-1]:g} deg, the tires slide before."
