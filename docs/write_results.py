@@ -3,7 +3,8 @@
 make studies
 python docs/write_results.py [results]
 
-Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, verdicts under several readings of a
+Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, with the tables that a page of the
+study shows, and verdicts under several readings of a
 paper in `docs/results/readings/NAME.json`. The pages are generated from these files, so every number on them comes from
 a run. Tests compare the pages with these files, and the files with new runs of the studies.
 """
@@ -27,6 +28,8 @@ from fmu_sources.catalog import PAPERS
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 KEPT = HERE / "results"
+TABLES = {"handling": ("control-ideal", "control-obstacle", "control-turns", "control-hydraulic", "control-designs")}
+"""Experiment -> tables of its report that its page, `reference/NAME.md`, shows."""
 PAPERS_PAGE = HERE / "explanation" / "what-the-papers-do-not-say.md"
 _CLAIM = (
     "id",
@@ -74,6 +77,8 @@ def missing(studies: list[Summary]) -> str:
 def condense(summary: Summary) -> Summary:
     """What is kept of a study's `summary.json`: its claims, and the figures at the top of its report."""
     kept = {k: summary[k] for k in ("experiment", "title", "results")}
+    tables = {n: summary["tables"][n] for n in TABLES.get(summary["experiment"], ())}
+    kept |= {"tables": tables} if tables else {}
     return {**kept, "claims": [{k: claim[k] for k in _CLAIM} for claim in summary["claims"]]}
 
 
@@ -280,6 +285,20 @@ def with_readings(page: str) -> str:
     return page
 
 
+def with_tables(page: str, study: Summary) -> str:
+    """The page of a study, with the tables of its report that are kept; control laws are columns."""
+    for name, table in study["tables"].items():
+        columns = [table["columns"], *table["rows"]]
+        lines = [_row(list(cells)) for cells in zip(*columns, strict=True)]
+        page = with_section(page, "\n".join([lines[0], _row(["---"] * len(columns)), *lines[1:]]), name)
+    return page
+
+
+def page_of(experiment: str) -> Path:
+    """The page of a study that has tables."""
+    return HERE / "reference" / f"{experiment}.md"
+
+
 def _figures(s: Summary) -> str:
     figures = [f"{name} {_number(r['value'])}{_unit(r['unit'])}" for name, r in s["results"].items()]
     return f"{'; '.join(figures)}." if figures else ""
@@ -338,6 +357,10 @@ def write(results: Path) -> None:
             _keep(KEPT / "readings" / f"{name}.json", condense_readings(summary))
     studies = kept()
     PAPERS_PAGE.write_text(with_readings(PAPERS_PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for s in studies:
+        if s["experiment"] in TABLES:
+            own = page_of(s["experiment"])
+            own.write_text(with_tables(own.read_text(encoding="utf-8"), s), encoding="utf-8")
     (HERE / "results.md").write_text(page(studies), encoding="utf-8")
     README.write_text(with_section(README.read_text(encoding="utf-8"), section(studies)), encoding="utf-8")
 

@@ -27,11 +27,12 @@ import numpy as np
 
 from build_fmus.component import Component, Linearization, Model
 from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
+from fmu_sources.plants.full_car import full_car
 from fmu_sources.plants.ride_interface import bump_at_an_angle, ride_inputs, ride_outputs, ride_states
 from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.wishbone_car import wishbone_car
 from fmu_sources.registration import component
-from fmu_sources.vehicles import WishboneCar
+from fmu_sources.vehicles import FullCar, WishboneCar
 
 CORNERS = tuple(TWO_AXLES)
 POSITIONS = ("body.z", "body.roll", "body.pitch", *(f"wheel.{k}.z" for k in CORNERS))
@@ -152,13 +153,15 @@ def _outputs_at_rest(car: Model, values: Mapping[str, float], outputs: Sequence[
     return {n: float(places[n]) for n in outputs}
 
 
-def linear_values(vehicle: WishboneCar) -> dict[str, float]:
+def linear_values(vehicle: WishboneCar | FullCar) -> dict[str, float]:
     """Parameters with which the car of a file has a linear model at rest.
 
-    Tires press on the road only. Both rates of a damper are their mean, by which it takes the same energy from a motion
-    that is the same up and down.
+    Tires press on the road only, and the internal driver of a full car lets the pedals be. Both rates of a damper are
+    their mean, by which it takes the same energy from a motion that is the same up and down.
     """
     values = dict(WITHOUT_SLIP)
+    if isinstance(vehicle, FullCar):
+        return {**values, "speed_control.gain": 0.0, "speed_control.integral_gain": 0.0}
     for name in ("front", "rear"):
         damper = getattr(vehicle.suspension, name).damper
         for where in ("", "outer_"):
@@ -178,11 +181,13 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 
 
 @component("RideCar{v}", "linear 7-DOF ride car of that car near rest, by its own derivatives", of="hmmwv_public")
-def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
+def linear_ride_car(
+    vehicle: WishboneCar | FullCar, name: str = "RideCarHmmwvPublic", parameters: Mapping[str, float] | None = None
+) -> Component:
     """Ride car with seven degrees of freedom, linearized near rest.
 
-    Its matrices are those of `fmu_sources.plants.wishbone_car.wishbone_car` near rest. Inputs, states and
-    outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
+    Its matrices are those of `wishbone_car` or `full_car` near rest, with other values of `parameters` by name.
+    Inputs, states and outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
     shown = (
         "seat.ax",
@@ -190,7 +195,8 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
         *(f"suspension.{k}.deflection" for k in CORNERS),
         *(f"tire.{k}.force" for k in CORNERS),
     )
-    motion = ride_motion(wishbone_car(vehicle, name).model(), linear_values(vehicle), shown)
+    car = full_car(vehicle, name) if isinstance(vehicle, FullCar) else wishbone_car(vehicle, name)
+    motion = ride_motion(car.model(), {**(parameters or {}), **linear_values(vehicle)}, shown)
     c = Component(
         name,
         kind="continuous",

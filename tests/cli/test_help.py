@@ -82,7 +82,15 @@ CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},
     "gpc": GPC,
     "gpc-readings": GPC,
-    "handling": {"--car": handling.CARS, "--manoeuvre": handling.MANOEUVRES},
+    "handling": {
+        "--car": handling.CARS,
+        "--manoeuvre": handling.MANOEUVRES,
+        "--road": handling.ROADS,
+        "--terrain": hmmwv.CLASSES,
+        "--controller": handling.CONTROLLERS,
+        "--design": handling.DESIGNS,
+        "--actuators": hmmwv.ACTUATORS,
+    },
     "hmmwv": HMMWV,
     "hmmwv-readings": HMMWV,
     "preview-lq": {

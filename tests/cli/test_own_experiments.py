@@ -61,7 +61,9 @@ def _handling(fmus: FmuSet) -> Iterator[System]:
     with Runner(handling.EXPERIMENT, fmus) as runner:
         for car, fmu in handling.runs.CARS.items():
             if fmu in fmus.own:
-                yield runner.system(handling.runs.Case(car, "lane-change"))
+                yield runner.system(handling.runs.Case(car, "straight", road="1in"))
+                for law in gpc.runs.CONTROLLERS if car == "modified" else ("passive",):
+                    yield runner.system(handling.runs.Case(car, "lane-change", controller=law))
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
@@ -120,7 +122,13 @@ EXPERIMENTS = {
             )
         },
     ),
-    "handling": Experiment(_handling, {"full_car": ("FullCar{}",), "wishbone_car": ("FullCar{}",)}),
+    "handling": Experiment(
+        _handling,
+        {
+            "full_car": ("FullCar{}", "RoadProvingGround{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}"),
+            "wishbone_car": ("FullCar{}", "RoadProvingGround{}"),
+        },
+    ),
     "hmmwv": Experiment(
         _hmmwv,
         {
@@ -200,6 +208,7 @@ COSTLY = {
     ("preview-lq", "sedan"),
     ("three-axle", "three_axle"),
     ("trench", "three_axle_trench"),
+    *(("handling", b) for b in ("hmmwv_modified", "hmmwv_tires", "hmmwv_public")),
     *(
         ("ride", b)
         for b in ("hmmwv", "hmmwv_modified", "hmmwv_tires", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")

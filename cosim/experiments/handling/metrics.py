@@ -72,3 +72,23 @@ def delay(time: Array, steer: Array, response: Array) -> float:
 def rollover_index(left: Array, right: Array) -> Array:
     """Difference of the vertical tire forces of both sides over their sum; 1: all wheels of the left side lift off."""
     return np.asarray((right - left) / np.maximum(right + left, 1.0))
+
+
+def load_transfer(left: Array, right: Array) -> Array:
+    """Lateral load transfer of an axle, as part of its static load: (F_r - F_l) / (F_l + F_r at the start).
+
+    Vertical tire forces (samples,) [N] of a car that starts in equilibrium. 1: half of the static load of the axle has
+    gone from one wheel to the other, so that a wheel lifts unless the axle bears more than its static load.
+    """
+    return np.asarray((right - left) / (left[0] + right[0]))
+
+
+def follows_until(ay: Array, yaw_rate: Array, speed: Array, part: float = 0.1) -> int:
+    """Number of samples in which a car follows the circle of its steering wheel, which turns slowly.
+
+    In a steady turn the side slip is constant and ay = v r. A car that slides off or spins turns its velocity at
+    another rate than its heading: |ay - v r| > `part` |ay|. Looked for from where |ay| is first above `SLIGHT`: the
+    quotient means nothing at the start.
+    """
+    off = (np.maximum.accumulate(np.abs(ay)) > SLIGHT[1]) & (np.abs(ay - speed * yaw_rate) > part * np.abs(ay))
+    return int(np.argmax(off)) if off.any() else len(ay)

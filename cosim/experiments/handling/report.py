@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import pi
 
 from cosim.experiments.handling import EXPERIMENT
-from cosim.experiments.handling.published import at, j_turns
-from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS
+from cosim.experiments.handling.claims import CLAIMS
+from cosim.experiments.handling.published import (
+    CLOSE,
+    CONTROLLED,
+    COURSE,
+    HYDRAULIC,
+    J_TURNS,
+    LANE_CHANGES,
+    at,
+    controlled,
+    controlled_rollover,
+    designed_elsewhere,
+    j_turns,
+    rollover,
+    rough,
+)
+from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, REDESIGNED, Case
 from cosim.report import Figure, Panel, Parameter, Series, Table, curve
+from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
+from cosim.study.experiment import Row
 
 NAMES = {
     "hmmwv": "HMMWV",
@@ -17,6 +35,25 @@ NAMES = {
     "tires": "modified HMMWV, tires by file",
     "public": "public HMMWV",
 }
+LAWS = {
+    "passive": "passive (baseline)",
+    "skyhook": "skyhook",
+    "lqr": "LQR, force in N",
+    "lqr-kilonewton": "LQR, force in kN",
+    "mpc": "MPC",
+    "mpc-preview": "MPC with preview",
+    "implicit": "GPC, implicit",
+    "explicit": "GPC, explicit",
+    "preview": "GPC with preview",
+}
+_LAW_LOOKS: tuple[Look, ...] = (
+    *("black", "sky", "orange", "vermilion", "blue", ("blue", "dash"), "purple", "green", ("green", "dash")),
+)
+_HANDLING = (
+    *("roll_peak", "roll_rate_peak", "transfer_front", "transfer_rear", "rollover", "slip_peak", "offset"),
+    *("force_peak", "force_rms", "power_peak", "power_rms"),
+)
+_COMFORT = ("iso2631_rms", "seat_rms", "absorbed_power_nrmm", "iso2631_rms_cg")
 DEG = 180 / pi
 _SHOWN = (
     ("wheel", "steering wheel [deg]", DEG),
@@ -32,8 +69,12 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
 report = StudyReport(
     EXPERIMENT,
     "Handling of the full cars",
+    CLAIMS,
     parameters=_parameters,
-    looks=dict(zip(NAMES.values(), ("blue", "orange", "purple", "green"), strict=True)),
+    looks={
+        **dict(zip(NAMES.values(), ("blue", "orange", "purple", "green"), strict=True)),
+        **dict(zip(LAWS.values(), _LAW_LOOKS, strict=True)),
+    },
 )
 
 
@@ -55,11 +96,11 @@ def _against(study: Results) -> Panel:
     return Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
 
 
-def _figure(study: Results, manoeuvre: str, *, rough: bool = False) -> Figure:
-    runs = {NAMES[c]: study.signals(at(c, manoeuvre, rough=rough)) for c in CARS}
+def _figure(study: Results, manoeuvre: str, *, random: bool = False) -> Figure:
+    runs = {NAMES[c]: study.signals((rough if random else at)(c, manoeuvre)) for c in CARS}
     panels = [Panel("", "time [s]", label, [curve(n, s, of, k) for n, s in runs.items()]) for of, label, k in _SHOWN]
-    title = MANOEUVRES[manoeuvre].about + (", rough road" if rough else "")
-    return Figure(manoeuvre + "-rough" * rough, title[0].upper() + title[1:], "", panels, columns=3)
+    title = MANOEUVRES[manoeuvre].about + (", random road" if random else "")
+    return Figure(manoeuvre + "-rough" * random, title[0].upper() + title[1:], "", panels, columns=3)
 
 
 @report.section("Open-loop manoeuvres")
@@ -68,7 +109,7 @@ def _open_loop(study: Results) -> Content:
     sine, and falls with resistance and brakes in the others."""
     for manoeuvre in ("step", "sine", "brake-in-turn", "sine-with-dwell"):
         yield _figure(study, manoeuvre)
-    yield _figure(study, "step", rough=True)
+    yield _figure(study, "step", random=True)
 
 
 @report.section("Lane changes with a driver")
@@ -90,6 +131,90 @@ def _lanes(study: Results) -> Content:
             ],
             columns=2,
         )
+    yield _figure(study, "lane-change", random=True)
+
+
+@report.section("Comfort and handling under control of the suspension")
+def _suspension(study: Results) -> Content:
+    yield f"""The {NAMES[CONTROLLED]} drives the lane changes under control laws for its suspension, which were made
+    for comfort on a straight road, and straight ahead over the {COURSE} course of the study ride. GPC (paper 000) was
+    identified on this car. Skyhook has the gains of paper 001. LQR and MPC have its weights and are designed on this
+    car near rest. No control law gets the steering or the lateral acceleration, and none weighs the driver's seat,
+    which is ahead of the CG. The baseline is the passive car: its springs and dampers alone. Comfort is
+    that on the first profile of the course, and actuators are ideal, where nothing else is said."""
+    yield Figure(
+        "comfort-and-handling",
+        "Roll in the lane change against comfort",
+        "Down and left is better. Left: comfort of the driver's seat; right: of the CG, which the control laws weigh.",
+        [
+            Panel(
+                "",
+                METRICS[metric].heading,
+                METRICS["roll_peak"].heading,
+                [Series(name, [a[metric]], [b["roll_peak"] * DEG], mode="markers") for name, a, b in _both(study)],
+            )
+            for metric in ("iso2631_rms", "iso2631_rms_cg")
+        ],
+        columns=2,
+    )
+    yield _law_table(study, "lane-change", "ideal")
+    for manoeuvre in LANE_CHANGES:
+        runs = {name: study.signals(controlled(c, manoeuvre)) for c, name in LAWS.items()}
+        curves = [curve(name, s, "roll", DEG) for name, s in runs.items()]
+        panel = Panel("", "time [s]", "roll angle [deg]", curves)
+        yield Figure(
+            f"roll-{manoeuvre}", f"Roll angle: {MANOEUVRES[manoeuvre].about}", "Positive: left side up.", [panel]
+        )
+    rows = [{"control law": n, **_shown(study, controlled(c, "obstacle"), _HANDLING)} for c, n in LAWS.items()]
+    yield Table.of("control-obstacle", "Obstacle avoidance", rows)
+    rows = [
+        {
+            "control law": n,
+            **_shown(study, controlled(c, "step"), ("roll_gradient", "roll_peak", "yaw_gain", "response_time")),
+            "steering wheel at which all wheels of a side lift [deg]": _threshold(study.found(controlled_rollover(c))),
+        }
+        for c, n in LAWS.items()
+    ]
+    yield Table.of("control-turns", "Step of the steering wheel, and J-turn", rows, _THRESHOLD)
+    yield _law_table(study, "lane-change", "hydraulic")
+    yield """The last table is on LQR and MPC as paper 001 designed them, on a car of about half of the mass with
+    stiffer springs. On this car, that LQR with cheap forces takes more stiffness than there is, and its forces go to
+    their limits."""
+    rows = [
+        {"control law": LAWS[c], "designed on": where, **_shown(study, made(c, "lane-change"), _HANDLING[:8])}
+        | _shown(study, made(c, "straight"), _COMFORT)
+        for c in REDESIGNED
+        for where, made in (("this car", controlled), ("the car of paper 001", designed_elsewhere))
+    ]
+    yield Table.of("control-designs", "LQR and MPC designed on this car and on that of the paper", rows)
+
+
+def _shown(study: Results, case: Case, metrics: Iterable[str]) -> dict[str, str]:
+    return {METRICS[k].heading: METRICS[k].shown(study[case].get(k)) for k in metrics}
+
+
+def _both(study: Results) -> Iterator[tuple[str, Row, Row]]:
+    """Each control law with its metrics on the course and in the lane change."""
+    for c, name in LAWS.items():
+        yield name, study[controlled(c, "straight")], study[controlled(c, "lane-change")]
+
+
+def _law_table(study: Results, manoeuvre: str, actuators: str) -> Table:
+    rows = [
+        {"control law": name if actuators == "ideal" or c != "passive" else "pump off"}
+        | _shown(study, controlled(c, manoeuvre, actuators), _HANDLING)
+        | _shown(study, controlled(c, HYDRAULIC[1], actuators), _COMFORT)
+        for c, name in LAWS.items()
+    ]
+    about = "Handling in the lane change; comfort straight ahead. Powers are those that all actuators give to the car."
+    return Table.of(f"control-{actuators}", f"Comfort and handling, {actuators} actuators", rows, about)
+
+
+_THRESHOLD = f"To {CLOSE:g} deg; none: not up to {J_TURNS[-1]:g} deg, the tires slide before."
+
+
+def _threshold(angle: float | None) -> str:
+    return "none" if angle is None else f"{angle:.0f}"
 
 
 @report.section("Rollover")
@@ -108,11 +233,15 @@ def _rollover(study: Results) -> Content:
         "J-turns.",
         [Panel("", "steering wheel [deg]", "largest rollover index [-]", curves)],
     )
+    rows = [{"car": NAMES[c], "steering wheel [deg]": _threshold(study.found(rollover(c)))} for c in CARS]
+    yield Table.of("rollover-thresholds", "Smallest angle at which all wheels of a side lift", rows, _THRESHOLD)
 
 
 @report.section("Metrics")
 def _metrics(study: Results) -> Content:
-    yield "The definitions are in the module `cosim.experiments.handling.metrics`."
+    yield """The definitions are in the module `cosim.experiments.handling.metrics`. Metrics of steady cornering are
+    those until the car no longer follows the circle of its steering wheel: until its lateral acceleration differs by
+    more than 10 % from speed times yaw rate."""
     rows = (
         {"manoeuvre": m, "car": NAMES[c]} | {v.heading: v.shown(study[at(c, m)].get(k)) for k, v in METRICS.items()}
         for m in MANOEUVRES

@@ -1,17 +1,28 @@
-"""Manoeuvres of the full cars: their inputs, the wiring, and what is measured of them."""
+"""Manoeuvres of the full cars: their inputs, the wiring, and what is measured of them.
+
+Controllers of the suspension are those of papers 000 and 001 as published: GPC was identified on the modified HMMWV,
+the others were designed on the linear ride car of paper 001, or are designed here on the car that is driven. None gets
+the steering or the lateral acceleration.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, radians
+from pathlib import Path
 
 import numpy as np
 
+from build_fmus.base import surface
 from cosim import System
-from cosim.core.signals import Array, peak
+from cosim.core.signals import Array, peak, rms
+from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.handling.design import DESIGNED, designed_mpc, lqr_parameters
 from cosim.experiments.handling.metrics import (
     delay,
+    follows_until,
+    load_transfer,
     overshoot,
     response_time,
     rollover_index,
@@ -19,12 +30,18 @@ from cosim.experiments.handling.metrics import (
     side_slip,
     understeer_gradient,
 )
+from cosim.experiments.hmmwv import runs as hmmwv
+from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
+from cosim.experiments.ride import runs as ride
 from cosim.study.case import Case as BaseCase
-from cosim.study.case import option
+from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
 from cosim.tables import Table
 from fmu_sources.controllers.driver import POINTS
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.roads.iso8608 import CLASSES
+from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP, SEEDS
 
 CARS = {
     "hmmwv": "FullCarHmmwv",
@@ -32,11 +49,20 @@ CARS = {
     "tires": "FullCarHmmwvTires",
     "public": "FullCarHmmwvPublic",
 }
-DRIVER, ROUGH = "Driver", "RoadIso8608"
-FMUS = (*CARS.values(), DRIVER, ROUGH)
-CORNERS = ("fl", "fr", "rl", "rr")
+DRIVER, RANDOM = "Driver", "RoadIso8608"
+COURSE = {car: ride.CARS["public" if car == "public" else "full-car"].road for car in CARS}
+MAP = ride.CARS["hmmwv"].road  # the same courses with the preview of the MPC
+ROADS = ("flat", "iso8608", *COURSES)
+CONTROLLERS = {**{n: c for n, c in hmmwv.CONTROLLERS.items() if n != "zero"}, **gpc.CONTROLLERS}
+REDESIGNED = ("lqr", "lqr-kilonewton", "mpc", "mpc-preview")  # whose design needs a linear car
+DESIGNS = ("paper", "car")
+PREVIEWING = ("mpc-preview", "preview")
+FMUS = (
+    *(*CARS.values(), DRIVER, RANDOM, *dict.fromkeys(COURSE.values()), MAP),
+    *(*dict.fromkeys(filter(None, CONTROLLERS.values())), "HydraulicActuator", "ForceTracking"),
+)
 START = 1.0  # s, where open-loop manoeuvres begin
-PEDALS, WHEEL = 1, 2  # driver.mode of the cars
+KEEP, PEDALS, WHEEL = 0, 1, 2  # driver.mode of the cars
 
 
 @dataclass(frozen=True)
@@ -91,15 +117,16 @@ MANOEUVRES = {
         ((0.0, 0.0), (4.0, 0.0), (4.1, 0.3)),
     ),
     "sine-with-dwell": Manoeuvre("sine of 0.7 Hz that dwells for 0.5 s (as ISO 19365)", PEDALS, 6.0, _sine(0.7, 0.5)),
+    "straight": Manoeuvre("straight ahead at constant speed: comfort", KEEP, 12.0),
     "j-turn": Manoeuvre("fast step of the steering wheel, no pedals: rollover", PEDALS, 6.0, _step(0.4)),
 }
-OPEN = tuple(n for n, m in MANOEUVRES.items() if not m.path)
+OPEN = tuple(n for n, m in MANOEUVRES.items() if any(part for _, part in m.wheel))
 _OPEN = (lambda c: c.manoeuvre in OPEN, "open-loop manoeuvres")
 
 
 @dataclass(frozen=True)
 class Case(BaseCase):
-    """One run: a car in a manoeuvre on a road."""
+    """One run: a car in a manoeuvre on a road, under a controller of its suspension."""
 
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
     manoeuvre: str = option("lane-change", choices=MANOEUVRES, help="manoeuvre", always=True)
@@ -115,7 +142,62 @@ class Case(BaseCase):
         label="{:g}deg",
         help="largest angle of the steering wheel, positive left",
     )
-    rough: bool = option(False, help="ISO 8608 road instead of a flat one")
+    road: str = option("flat", choices=ROADS, help="flat, random (ISO 8608), or an RMS course of the study ride")
+    terrain: str = option(
+        "C",
+        choices=tuple(CLASSES),
+        only=(lambda c: c.road == "iso8608", "the random road"),
+        label="class-{}",
+        help="class of the random road (ISO 8608)",
+    )
+    seed: int = option(
+        1,
+        within=(1, SEEDS),
+        only=(lambda c: c.road in COURSES, "the RMS courses"),
+        label="seed{}",
+        help="profile of an RMS course",
+    )
+    controller: str = option("passive", choices=CONTROLLERS, help="control law of the suspension")
+    design: str = option(
+        "paper",
+        choices=DESIGNS,
+        only=(lambda c: c.controller in REDESIGNED, "LQR and MPC"),
+        label="designed-on-the-{}",
+        help="car that the control law is designed on: that of paper 001, or the one that is driven, near rest",
+    )
+    actuators: str = option(
+        "ideal",
+        choices=hmmwv.ACTUATORS,
+        help="ideal ones give the requested force at once; hydraulic ones of the passive car have their pump off",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.road == "iso8608" and self.controller in PREVIEWING:
+            raise CaseError(
+                f"the random road has no preview for {self.controller}: give {surface.given(road='1in')} or another"
+                " RMS course"
+            )
+
+        if self.design == "car" and self.car not in DESIGNED:
+            raise CaseError(
+                f"no control law is designed on the car {self.car}: {', '.join(DESIGNED)} can be linearized"
+            )
+
+    @property
+    def speed(self) -> float:
+        """Speed at the start [m/s]."""
+        return self.speed_kmh / 3.6
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with: the same car on its springs and dampers alone."""
+    return replace(case, controller="passive", actuators="ideal", design="paper")
+
+
+def called(case: Case) -> str:
+    """The control law; the passive car on hydraulic actuators has their pump off."""
+    return "pump off" if (case.controller, case.actuators) == ("passive", "hydraulic") else case.controller
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -130,14 +212,14 @@ def path_points(points: Sequence[tuple[float, float]]) -> dict[str, float]:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """The car with a table of inputs, or with a driver; on its road."""
-    manoeuvre, speed = MANOEUVRES[case.manoeuvre], case.speed_kmh / 3.6
+    """The car with a table of inputs, or with a driver; on its road; with the controller of its suspension."""
+    manoeuvre = MANOEUVRES[case.manoeuvre]
     system = System(allow_unconnected=True)  # no actuators; a flat road, and the pedals that a manoeuvre leaves alone
-    system.add("car", fmus.path(CARS[case.car]))
-    system["car"].set({"driver.mode": manoeuvre.mode, "target.speed": speed, "start.x": 0.0})
+    system.add("car", fmus.path(CARS[case.car]), step=EXCHANGE if case.actuators == "hydraulic" else None)
+    system["car"].set({"driver.mode": manoeuvre.mode, "target.speed": case.speed, "start.x": start(system, case)})
     if manoeuvre.path:
         system.add("driver", fmus.path(DRIVER))
-        own = {"steering.ratio": steering_ratio(system), "wheelbase": wheelbase(system), "target.speed": speed}
+        own = {"steering.ratio": steering_ratio(system), "wheelbase": wheelbase(system), "target.speed": case.speed}
         system["driver"].set({**own, **path_points(manoeuvre.path)})
         system.connect_matching("car", "driver")
         system.connect_matching("driver", "car")
@@ -147,12 +229,62 @@ def wire(fmus: FmuSet, case: Case) -> System:
         )
         for name in ("steering.wheel", "brake"):
             system.connect(f"driver.{name}", f"car.{name}")
-    if case.rough:
-        system.add("road", fmus.path(ROUGH))
-        system.connect("car.x", "road.x")
-        system.connect("car.speed", "road.speed")
+    if case.road != "flat":
+        _add_road(system, fmus.path(RANDOM if case.road == "iso8608" else COURSE[case.car]), case)
         system.connect_matching("road", "car")
+    _add_control(system, fmus, case)
     return system
+
+
+def _add_road(system: System, file: Path, case: Case, name: str = "road") -> None:
+    """A road under the wheels of the car."""
+    system.add(name, file)
+    course = {"course": ride.NUMBER.get(case.road), "seed": case.seed}
+    own = {"class": CLASSES.index(case.terrain)} if case.road == "iso8608" else course
+    system[name].set({**own, **_wheels(system)})
+    system.connect("car.x", f"{name}.x")
+    system.connect("car.speed", f"{name}.speed")
+
+
+def _wheels(system: System) -> dict[str, float]:
+    """Parameters of roads and skyhook: where the wheels of the car are."""
+    return {f"wheel.{k}.x": axles(system)[k.startswith("r")] for k in CORNERS}
+
+
+def _add_control(system: System, fmus: FmuSet, case: Case) -> None:
+    """Controller and actuators. On courses, the preview of the MPC is from a map of the road that it drives on."""
+    controller = CONTROLLERS[case.controller]
+    if controller is not None:
+        own = case.design == "car" and controller == hmmwv.CONTROLLERS["mpc"]
+        car = case.car, fmus.path(CARS[case.car])
+        system.add("controller", designed_mpc(*car, fmus.fmi) if own else fmus.path(controller))
+        if case.design == "car" and not own:
+            system["controller"].set(lqr_parameters(*car, cheap=controller != hmmwv.CONTROLLERS["lqr"]))
+        if controller == hmmwv.CONTROLLERS["skyhook"]:
+            system["controller"].set(_wheels(system))
+        system.connect_matching("car", "controller")
+    if case.actuators == "hydraulic":
+        add_actuators(system, fmus, driven=controller is not None)
+        if controller is not None:
+            add_tracking(system, fmus, requested=True)
+    elif controller is not None:
+        system.connect_matching("controller", "car", "force.*")
+    if controller == hmmwv.CONTROLLERS["mpc"]:
+        system["controller"].set({"use_preview": case.controller in PREVIEWING})
+    if case.road == "flat":
+        return
+    if case.controller in ("explicit", "preview"):
+        system.connect_matching("road", "controller", "road.*.height")
+    if case.controller in PREVIEWING:
+        source = "road" if case.controller == "preview" else "map"
+        if source == "map":
+            _add_road(system, fmus.path(MAP), case, source)
+        system.connect_matching(source, "controller", "preview.*")
+
+
+def start(system: System, case: Case) -> float:
+    """Where the CG is at time 0 [m]: on courses, the front wheels are before the ramp."""
+    return -(RAMP + ride.AHEAD + axles(system)[0]) if case.road in COURSES else 0.0
 
 
 def table(manoeuvre: Manoeuvre, amplitude: float) -> dict[str, Array]:
@@ -172,32 +304,59 @@ def steering_ratio(system: System) -> float:
     return _parameter(system, "steering.ratio")
 
 
+def axles(system: System) -> tuple[float, float]:
+    """Position of the front and the rear axle ahead of the CG [m]."""
+    if "body.wheelbase" in system["car"].description.parameters:
+        base, part = _parameter(system, "body.wheelbase"), _parameter(system, "body.cg_position")
+        return base * part, base * (part - 1.0)
+    front, rear = (_parameter(system, f"suspension.{axle}.wheel[1]") for axle in ("front", "rear"))
+    return front, rear
+
+
 def wheelbase(system: System) -> float:
     """Distance between the axles [m]."""
-    if "body.wheelbase" in system["car"].description.parameters:
-        return _parameter(system, "body.wheelbase")
-    front, rear = (_parameter(system, f"suspension.{axle}.wheel[1]") for axle in ("front", "rear"))
+    front, rear = axles(system)
     return front - rear
 
 
-def stop_time(_: System, case: Case) -> float:
-    """Length of a run [s]; with a driver, until the path is behind the car."""
+def stop_time(system: System, case: Case) -> float:
+    """Length of a run [s]; with a driver, until the path is behind the car; straight on a course, until its end."""
     manoeuvre = MANOEUVRES[case.manoeuvre]
-    return 200.0 / (case.speed_kmh / 3.6) if manoeuvre.path else manoeuvre.seconds
+    if manoeuvre.mode == KEEP and case.road in COURSES:
+        end = LENGTH - axles(system)[0]
+    elif manoeuvre.path:
+        end = 200.0
+    else:
+        return manoeuvre.seconds
+    return (end - start(system, case)) / case.speed
 
 
-_BODY = ("x", "y", "speed", "body.vx", "body.vy", "body.ax", "body.ay", "body.yaw", "body.yaw_rate", "body.roll")
+_BODY = (
+    *("x", "y", "speed", "seat.az"),
+    *(f"body.{n}" for n in ("vx", "vy", "ax", "ay", "yaw", "yaw_rate", "roll", "roll_rate", "az")),
+)
 
 
-def recorded(_: Case) -> Sequence[str]:
+def force_name(case: Case) -> str:
+    """The forces of actuators, or those that a controller requests."""
+    return "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}"
+
+
+def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
-    return [f"car.{n}" for n in (*_BODY, *(f"tire.{k}.force" for k in CORNERS))] + ["driver.*"]
+    names = [f"car.{n}" for n in (*_BODY, *(f"tire.{k}.force" for k in CORNERS))] + ["driver.*"]
+    if case.controller != "passive" or case.actuators == "hydraulic":
+        names += [n.format(k) for k in CORNERS for n in ("car.actuator.{}.power", force_name(case))]
+    if CONTROLLERS[case.controller] == hmmwv.CONTROLLERS["mpc"]:
+        names.append("controller.command.held")
+    return names
 
 
 # ---------------------------------------------------------------------------------------------------------- measuring
 
 METRICS: Mapping[str, Metric] = {
     "understeer": Metric("understeer gradient", "deg.s2/m", 180 / pi, "{:.3f}"),
+    "circle_end": Metric("follows the circle until", "s", form="{:.1f}"),
     "yaw_gain": Metric("yaw rate per steering wheel angle", "1/s", form="{:.3f}"),
     "ay_gain": Metric("lateral acceleration per steering wheel angle", "(m/s2)/rad", form="{:.2f}"),
     "response_time": Metric("response time of the yaw rate", "s", form="{:.3f}"),
@@ -208,9 +367,19 @@ METRICS: Mapping[str, Metric] = {
     "yaw_rate_peak": Metric("largest yaw rate", "deg/s", 180 / pi, "{:.1f}"),
     "slip_peak": Metric("largest side slip angle", "deg", 180 / pi, "{:.2f}"),
     "roll_peak": Metric("largest roll angle", "deg", 180 / pi, "{:.2f}"),
+    "roll_rate_peak": Metric("largest roll rate", "deg/s", 180 / pi, "{:.1f}"),
+    "roll_gradient": Metric("roll gradient", "deg.s2/m", 180 / pi, "{:.3f}"),
+    "transfer_front": Metric("largest load transfer in front", "% of the load", 100.0, "{:.1f}"),
+    "transfer_rear": Metric("largest load transfer at the rear", "% of the load", 100.0, "{:.1f}"),
     "rollover": Metric("largest rollover index", "-", form="{:.3f}"),
     "offset": Metric("largest distance from the path", "m", form="{:.2f}"),
     "speed_end": Metric("speed at the end", "km/h", 3.6, "{:.1f}"),
+    "force_peak": Metric("largest actuator force", "kN", 1e-3, "{:.2f}"),
+    "force_rms": ride.METRICS["force_rms"],
+    "power_peak": Metric("largest power of the actuators", "kW", 1e-3, "{:.2f}"),
+    "power_rms": Metric("power of the actuators, rms", "kW", 1e-3, "{:.2f}"),
+    **{n: ride.METRICS[n] for n in ("seat_rms", "iso2631_rms", "absorbed_power_nrmm", "absorbed_power")},
+    "iso2631_rms_cg": Metric("ISO 2631-1 weighted rms of the CG", "m/s2", form="{:.3f}"),
 }
 
 
@@ -221,33 +390,51 @@ def signals(run: Run) -> Row:
 
 def _signals(run: Run) -> dict[str, Array]:
     r = run.recording
-    left, right = (sum(r[f"car.tire.{axle}{side}.force"] for axle in "fr") for side in "lr")
-    return {
+    load = {k: r[f"car.tire.{k}.force"] for k in CORNERS}
+    found = {
         "time": r.time,
         "wheel": r["driver.steering.wheel"],
         "yaw_rate": r["car.body.yaw_rate"],
         "ax": r["car.body.ax"],
         "ay": r["car.body.ay"],
         "roll": r["car.body.roll"],
+        "roll_rate": r["car.body.roll_rate"],
         "slip": side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
-        "rollover": rollover_index(left, right),
+        "transfer_front": load_transfer(load["fl"], load["fr"]),
+        "transfer_rear": load_transfer(load["rl"], load["rr"]),
+        "rollover": rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
         "speed": r["car.speed"],
         "x": r["car.x"],
         "y": r["car.y"],
     }
+    steady = run.case.manoeuvre == "steady"
+    end = follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
+    return {n: v[:end] for n, v in found.items()}
 
 
 def measure(run: Run) -> Row:
-    """`METRICS` in SI units, as far as the manoeuvre has them."""
-    s = _signals(run)
+    """`METRICS` in SI units, as far as the manoeuvre has them.
+
+    Forces are those of all actuators, rms over time and corners; powers are those that all actuators together give to
+    the car, P = sum of F_k v_k with the velocities v_k at which the suspensions extend. Steady cornering counts as long
+    as the car follows its circle (`follows_until`).
+    """
+    s, r = _signals(run), run.recording
     row: Row = {
         "ay_peak": peak(s["ay"]),
         "yaw_rate_peak": peak(s["yaw_rate"]),
         "slip_peak": peak(s["slip"]),
         "roll_peak": peak(s["roll"]),
+        "roll_rate_peak": peak(s["roll_rate"]),
+        "transfer_front": peak(s["transfer_front"]),
+        "transfer_rear": peak(s["transfer_rear"]),
         "rollover": peak(s["rollover"]),
         "speed_end": float(s["speed"][-1]),
     }
+    if "car.actuator.fl.power" in r:
+        force = np.column_stack([r[force_name(run.case).format(k)] for k in CORNERS])
+        power = sum(r[f"car.actuator.{k}.power"] for k in CORNERS)
+        row |= {"force_peak": peak(force), "force_rms": rms(force), "power_peak": peak(power), "power_rms": rms(power)}
     return {**row, **_OF.get(run.case.manoeuvre, lambda *_: {})(run, s)}
 
 
@@ -259,7 +446,7 @@ def failed(_: Case, error: Exception) -> Row:
 def _steady(run: Run, s: dict[str, Array]) -> Row:
     steer = s["wheel"] / steering_ratio(run.system)
     k = understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
-    return {"understeer": k} if np.isfinite(k) else {}
+    return {"circle_end": float(s["time"][-1])} | ({"understeer": k} if np.isfinite(k) else {})
 
 
 def _stepped(_: Run, s: dict[str, Array]) -> Row:
@@ -269,6 +456,7 @@ def _stepped(_: Run, s: dict[str, Array]) -> Row:
         "ay_gain": settled(s["ay"]) / wheel,
         "response_time": response_time(s["time"], s["wheel"], s["yaw_rate"]),
         "overshoot": overshoot(s["yaw_rate"]),
+        "roll_gradient": settled(s["roll"]) / settled(s["ay"]),
     }
     return {n: v for n, v in found.items() if np.isfinite(v)}
 
@@ -281,10 +469,21 @@ def _followed(run: Run, _: dict[str, Array]) -> Row:
     return {"offset": float(run.recording["driver.path.offset"].max())}
 
 
+def _straight(run: Run, s: dict[str, Array]) -> Row:
+    """Comfort of the driver's seat, and of the CG, from where the road has its full height under all wheels."""
+    if run.case.road == "flat":
+        return {}
+    begin = 0.0 if run.case.road in COURSES else run.start("road.flat") + run.start("road.ramp")
+    counts = s["x"] >= begin - run.start("road.wheel.rl.x")
+    seat, cg = (ride.comfort(run.recording[f"car.{at}.az"], counts) for at in ("seat", "body"))
+    return {**seat, "iso2631_rms_cg": cg["iso2631_rms"]}
+
+
 _OF: dict[str, Callable[[Run, dict[str, Array]], Row]] = {
     "steady": _steady,
     "step": _stepped,
     "sine": _sines,
     "lane-change": _followed,
     "obstacle": _followed,
+    "straight": _straight,
 }

@@ -25,6 +25,7 @@ from cosim.experiments.hmmwv.wiring import (
     add_car,
     add_preview_chain,
     add_sensors,
+    add_tracking,
     bump_parameters,
     published,
 )
@@ -310,7 +311,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
         driven = case.controller != "passive"
         add_actuators(system, fmus, driven=driven, step=step)
         if driven:
-            _wire_tracking(system, fmus, requested=controller is not None)
+            add_tracking(system, fmus, requested=controller is not None)
     if case.states == "estimated":
         _wire_estimator(system, fmus)
     if controller is not None:
@@ -318,21 +319,6 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
     if controller == "MpcHmmwv":
         _wire_preview(system, fmus, case)
     return system
-
-
-def _wire_tracking(system: System, fmus: FmuSet, *, requested: bool) -> None:
-    """The force tracking of each actuator; `requested`: there is a controller that requests forces."""
-    for k in CORNERS:
-        actuator, tracking = f"actuator_{k}", f"tracking_{k}"
-        system.add(tracking, fmus.path("ForceTracking"))
-        system.connect(f"{actuator}.force", f"{tracking}.force.measured")
-        system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
-        system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
-        system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
-        if requested:
-            system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
-        else:
-            system[tracking].set({"force.desired": 0.0})
 
 
 def _wire_estimator(system: System, fmus: FmuSet) -> None:

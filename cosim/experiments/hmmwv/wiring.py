@@ -70,6 +70,21 @@ def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction 
     system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
 
 
+def add_tracking(system: System, fmus: FmuSet, *, requested: bool) -> None:
+    """The force tracking of each actuator; `requested`: there is a `controller`, which requests forces."""
+    for k in CORNERS:
+        actuator, tracking = f"actuator_{k}", f"tracking_{k}"
+        system.add(tracking, fmus.path("ForceTracking"))
+        system.connect(f"{actuator}.force", f"{tracking}.force.measured")
+        system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
+        system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
+        system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
+        if requested:
+            system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
+        else:
+            system[tracking].set({"force.desired": 0.0})
+
+
 def connect_corner(system: System, order: str = "gauss-seidel", *, extrapolate: bool = True) -> None:
     """Wire `car` (a quarter car), `actuator` and `tracking`; the caller connects the source of the desired force.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import StopWhen, System
-from cosim.core.signals import peak, rms
+from cosim.core.signals import Array, peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
@@ -404,6 +404,21 @@ METRICS = {
 }
 
 
+def comfort(az: Array, counts: np.ndarray) -> Row:
+    """Comfort of a seat whose vertical acceleration is `az` (samples,) [m/s2] at `RATE`.
+
+    Where `counts` (samples,) is true; the filters run over the whole signal. Absorbed power [W] is a mean, by third and
+    second order; `iso2631_rms` is the rms after the weighting W_k of ISO 2631-1 [m/s2].
+    """
+    return {
+        "absorbed_power_nrmm": float(absorbed_power_series(az, RATE, HUMAN_RESPONSE_NRMM)[counts].mean()),
+        "absorbed_power": float(absorbed_power_series(az, RATE)[counts].mean()),
+        "iso2631_rms": rms(weighted_acceleration(az, RATE)[counts]),
+        "seat_peak": peak(az[counts]),
+        "seat_rms": rms(az[counts]),
+    }
+
+
 def measure(run: Run) -> Row:
     """`METRICS` in SI units, of the driver's seat where nothing else is said.
 
@@ -423,11 +438,7 @@ def measure(run: Run) -> Row:
     row: Row = {
         "arrived": True,
         "speed": float((x[counts][-1] - x[counts][0]) / ((counts.sum() - 1) / RATE)),
-        "absorbed_power_nrmm": float(absorbed_power_series(az, RATE, HUMAN_RESPONSE_NRMM)[counts].mean()),
-        "absorbed_power": float(absorbed_power_series(az, RATE)[counts].mean()),
-        "iso2631_rms": rms(weighted_acceleration(az, RATE)[counts]),
-        "seat_peak": peak(az[counts]),
-        "seat_rms": rms(az[counts]),
+        **comfort(az, counts),
         "body_rms": rms(r["car.body.az"][counts]),
         "travel_rms": rms(travel),
         "travel_peak": peak(travel),
