@@ -24,7 +24,7 @@ RNG = np.random.default_rng(20)
 def script() -> MiniRacer:
     engine = MiniRacer()
     classes = (ASSETS / "page.js").read_text().partition("\n(async () =>")[0]
-    engine.eval((ASSETS / "plot.js").read_text() + classes)
+    engine.eval("".join((ASSETS / name).read_text() for name in ("plot.js", "drive.js")) + classes)
     return engine
 
 
@@ -185,7 +185,7 @@ const tick = now => {
 };
 const page = Object.create(Page.prototype, { time: { value: 0 }, pace: { value: 1 } });
 const variant = { over: false, cost: 0, run() { runs += 1; } };
-Object.assign(page, { data: { interval: 0.001 }, credit: 0, variants: [variant], $: () => ({}) });
+Object.assign(page, { data: { interval: 0.001 }, drives: [], credit: 0, variants: [variant], $: () => ({}) });
 Object.assign(page, { draw() {}, describe() {}, report() {}, tell() {} });
 """
 
