@@ -23,7 +23,7 @@ WIDTHS = {390: 844, 1400: 900}
 """Width of a window -> its height [px]."""
 SCHEMES = ("light", "dark")
 REPORT_WIDTH = 900
-DRIVEN = {"hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "trench": 4.0}
+DRIVEN = {"handling": 3.4, "hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "trench": 4.0}
 """Live page -> seconds until there is something to see."""
 FIGURES = {"hmmwv": "figure-1-9", "three-axle": "figures-5-5-to-5-10"}
 """Report -> the figure that is shown of it; of others it is the first."""

@@ -424,8 +424,8 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
         step = 1.0 if whole else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
     elif control.keys or control.drive:
         raise WiringError(
-            f"the control '{control.label}' has keys, but {e.name} has no limits to go between: give minimum and"
-            " maximum"
+            f"the control '{control.label}' {'is driven' if control.drive else 'has keys'}, but {e.name} has no limits"
+            " to go between: give minimum and maximum"
         )
     kind: Kind = "choice" if control.choices else "check" if e.type == "Boolean" else "number"
     if control.drive and (kind != "number" or whole):

@@ -1045,7 +1045,7 @@ class SceneView {
       pen.fillStyle = pen.strokeStyle = style;
       pen.lineWidth = this.distant ? 1.5 : 0.6; // seen from afar
       pen.beginPath();
-      for (const p of SceneView.hull([...section(from), ...section(to)].map((q) => this.screen(q)))) pen.lineTo(...p);
+      for (const p of SceneView.convex([...section(from), ...section(to)].map((q) => this.screen(q)))) pen.lineTo(...p);
       pen.closePath();
       pen.fill();
       pen.stroke();
@@ -1056,8 +1056,8 @@ class SceneView {
     if (!lies) paint(0.4, 0.65, color["cone-band"]);
   }
 
-  // The convex hull of points on the screen.
-  static hull(points) {
+  // The smallest convex polygon around points on the screen.
+  static convex(points) {
     const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]),
       half = (list) => {
         const chain = [];
