@@ -23,7 +23,7 @@ WIDTHS = {390: 844, 1400: 900}
 """Width of a window -> its height [px]."""
 SCHEMES = ("light", "dark")
 REPORT_WIDTH = 900
-DRIVEN = {"handling": 3.9, "hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "trench": 4.0}
+DRIVEN = {"handling": 3.9, "hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "semi-active": 7.0, "trench": 4.0}
 """Live page -> seconds until there is something to see."""
 HELD = {"handling": [("ArrowLeft", 0.35), ("", 0.4), ("ArrowRight", 0.25), ("", 0.6)]}
 """Live page -> keys that are held then, one after the other, and for how long [s]; "": none."""

@@ -296,7 +296,7 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
 
 def test_pages_of_the_fmus_that_there_are(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     """As releases write them: those whose FMUs are all among the named."""
-    assert set(shown_experiments()) == {"handling", "hmmwv", "preview-lq", "ride", "trench"}
+    assert set(shown_experiments()) == {"handling", "hmmwv", "preview-lq", "ride", "semi-active", "trench"}
     fmus = FmuSet(FMUS)
     assert write_pages(fmus, tmp_path / "none", ["SpeedProfile"]) == []
     (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].wiring.fmus)
