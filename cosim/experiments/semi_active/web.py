@@ -42,24 +42,16 @@ def live(case: Case) -> Live:
         for group, systems in COMPARED.items()
         for s in systems
     ]
-    measures = [
-        Measure(
-            METRICS[m].text.removesuffix(" or actuator") + (", worst wheel" if len(names) > 1 else ""),
-            names,
-            how,
-            unit,
-            factor,
-            None,
-            digits,
-        )
-        for m, (names, how, digits) in _MEASURED.items()
-        for unit, factor in [(METRICS[m].unit, METRICS[m].factor)]
-    ]
+    measures = []
+    for name, (outputs, how, decimals) in _MEASURED.items():
+        metric, worst = METRICS[name], ", worst wheel" if len(outputs) > 1 else ""
+        text = metric.text.removesuffix(" or actuator") + worst
+        measures.append(Measure(text, outputs, how, metric.unit, metric.factor, decimals=decimals))
     page = WebPage(
         "Compare semi-active dampers",
         "Four HMMWVs on one road: on passive dampers, and on dampers whose force a current sets between two measured"
-        " curves, under different control laws. Apart from its hysteresis, such a damper only takes energy from the car;"
-        " an active suspension also gives it. Which law is good for the driver, and which for the tires?",
+        " curves, under different control laws. Apart from its hysteresis, such a damper only takes energy from the"
+        " car; an active suspension also gives it. Which one is good for the driver, which for the tires?",
         controls=[
             Control("speed", ["speed.start.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp")),
             Control("roughness, ISO 8608 class", ["road.class"], choices={c: float(i) for i, c in enumerate(CLASSES)}),
@@ -74,6 +66,6 @@ def live(case: Case) -> Live:
         ],
         plots=["car.body.az", f"car.tire.{CORNERS[0]}.deflection", f"damper_{CORNERS[0]}.force"],
         measures=measures,
-        group_label="laws and road",
+        group_label="comparison",
     )
     return Live(page, cases)
