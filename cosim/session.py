@@ -43,6 +43,7 @@ from cosim.system.schedule import Schedule, only_numbers
 from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
+    from cosim.export.web.page import Control
     from cosim.linear.exchange_error import ExchangeError
     from cosim.linear.statespace import LinearModel, Matrices
     from cosim.scenes.scene import Scene
@@ -361,7 +362,7 @@ class System(Wiring):
         title: str = "",
         text: str = "",
         values: Mapping[str, float] | None = None,
-        controls: Sequence[str] = (),
+        controls: Sequence[str | Control] = (),
         plots: Sequence[str] = (),
         scene: Scene | None = None,
     ) -> Path:
@@ -371,15 +372,16 @@ class System(Wiring):
         3.0.
 
         `title` and `text` stand above it. `values`: inputs and parameters, `component.variable`, that it starts with.
-        `controls`: inputs and parameters that get a slider at once (all of them have a field below). `plots`: outputs
-        of the charts at first. `scene`: what it looks like; `cosim.scenes.infer_scene(system)` finds that by the names
-        of its variables. For several systems side by side, measures and controls with words of their own:
-        `cosim.export.web.page.export_web`. Needs the extras [build] and [zig]. Raises WiringError and CosimError naming
-        what cannot be in it, CompileError.
+        `controls`: inputs and parameters that get a slider at once (all of them have a field below), by name or as
+        `cosim.export.web.page.Control`, with words, limits and keys of their own. `plots`: outputs of the charts at
+        first. `scene`: what it looks like; `cosim.scenes.infer_scene(system)` finds that by the names of its variables.
+        For several systems side by side and measures: `cosim.export.web.page.export_web`. Needs the extras [build] and
+        [zig]. Raises WiringError and CosimError naming what cannot be in it, CompileError.
         """
         from cosim.export.web.page import Control, PageSystem, WebPage, export_web
 
-        page = WebPage(title or Path(path).stem, text, [Control(name, [name]) for name in controls], plots)
+        made = [c if isinstance(c, Control) else Control(c, [c]) for c in controls]
+        page = WebPage(title or Path(path).stem, text, made, plots)
         return export_web(Path(path), [PageSystem(page.title, self, values or {}, scene=scene)], page)
 
     def export_ssp(

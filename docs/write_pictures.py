@@ -23,8 +23,10 @@ WIDTHS = {390: 844, 1400: 900}
 """Width of a window -> its height [px]."""
 SCHEMES = ("light", "dark")
 REPORT_WIDTH = 900
-DRIVEN = {"hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "trench": 4.0}
+DRIVEN = {"handling": 3.9, "hmmwv": 8.0, "preview-lq": 6.5, "ride": 8.0, "semi-active": 7.0, "trench": 4.0}
 """Live page -> seconds until there is something to see."""
+HELD = {"handling": [("ArrowLeft", 0.35), ("", 0.4), ("ArrowRight", 0.25), ("", 0.6)]}
+"""Live page -> keys that are held then, one after the other, and for how long [s]; "": none."""
 FIGURES = {"hmmwv": "figure-1-9", "three-axle": "figures-5-5-to-5-10"}
 """Report -> the figure that is shown of it; of others it is the first."""
 
@@ -49,6 +51,7 @@ def jobs(live: Path, results: Path) -> list[dict[str, Any]]:
             "height": height,
             "scheme": scheme,
             "seconds": DRIVEN[name],
+            "held": HELD.get(name, []),
         }
         for name in shown()
         for width, height in WIDTHS.items()

@@ -18,6 +18,7 @@ import numpy as np
 
 from cosim.scenes import shapes
 from cosim.scenes.scene import (
+    VIEWS,
     Arrow,
     Body,
     Face,
@@ -296,6 +297,15 @@ class _Found:
             y = self.side(corner) * self.half_track(corner) if corner else 0.0
             yield Ground(side, y, self.road.name, f"{self.road.name}.x", connection.source_name, at)
 
+    @property
+    def steer(self) -> Value:
+        """Angle [rad] of the front wheels under a steering wheel, of a linkage without differences left and right."""
+        name = "steering.wheel"
+        if name not in self.component.description.inputs or not self.parameter("driver.mode", default=0.0):
+            return Value()
+        wheel = self.given(name) or Value({self.name(name): 1.0})
+        return wheel * (1.0 / self.parameter("steering.ratio"))
+
     @cached_property
     def front(self) -> list[str]:
         """The corners of the first axle; the one of a quarter car has no name."""
@@ -321,10 +331,12 @@ def _vehicle(found: _Found) -> Scene:
         pitch=found.output("body.pitch"),
         yaw=yaw,
     )
-    wheels = [_wheel(found, c, distance, y, yaw) for c in found.corners]
+    wheels = [_wheel(found, c, distance, y) for c in found.corners]
     struts: list[Strut] = []
     arrows: list[Arrow] = []
     load = max(found.loads.values())
+    reliefs, trenches = _reliefs(found), _trenches(found)
+    is_open = found.distance is not None and found.road is None and not reliefs and not trenches
     for corner, wheel in zip(found.corners, wheels, strict=True):
         inboard = -found.side(corner) * (0.5 * wheel.width + 0.10)
         mount = (found.x[corner], found.side(corner) * found.half_track(corner) + inboard, _mount(found, corner))
@@ -341,12 +353,13 @@ def _vehicle(found: _Found) -> Scene:
         points=[*_points(found, distance), *_predictions(found, distance)],
         limits=[*_lifted(found), *_stops(found), *_limits(found)],
         readings=_readings(found),
-        trenches=_trenches(found),
-        reliefs=_reliefs(found),
+        trenches=trenches,
+        reliefs=reliefs,
         follow="body",
         width=round(2.35 * (found.axles[0].x - found.axles[-1].x + 1.2), 1),
         force_scale=_round_up(load / (1.5 * found.axles[0].radius)),
         dimensions=sorted(found.lengths),
+        views=("chase", "top", *VIEWS) if is_open else VIEWS,
     )
 
 
@@ -358,14 +371,16 @@ def _body_faces(found: _Found) -> list[Face]:
     return shapes.carrier(found.axles, Outline(**{n: found.parameter(f"outline.{n}") for n in names}))
 
 
-def _wheel(found: _Found, corner: str, distance: Value, y: Value, yaw: Value) -> Wheel:
+def _wheel(found: _Found, corner: str, distance: Value, y: Value) -> Wheel:
     x, half_track = found.x[corner], found.half_track(corner)
     across = found.side(corner) * half_track
     squash, rest = found.static_squash(corner), found.wheel_height(corner)
     radius = rest + squash
-    heading = yaw
+    heading = Value()
     if found.has(f"wheel.{corner}.steer"):
         heading += found.output(f"wheel.{corner}.steer")
+    elif corner in found.front:
+        heading += found.steer
     if found.has(f"wheel.{corner}.toe"):  # positive outwards
         heading += found.output(f"wheel.{corner}.toe", float(found.side(corner)))
     contact = None
@@ -373,7 +388,7 @@ def _wheel(found: _Found, corner: str, distance: Value, y: Value, yaw: Value) ->
         at, height = found.output(f"hub.{corner}.x"), found.output(f"hub.{corner}.z", rest=rest)
         contact = (found.output(f"contact.{corner}.x"), found.output(f"contact.{corner}.z"))
     else:
-        at, height = distance + Value(offset=x) + yaw * -across, found.output(f"wheel.{corner}.z", offset=rest)
+        at, height = distance + Value(offset=x), found.output(f"wheel.{corner}.z", offset=rest)
     if found.has(f"wheel.{corner}.half_track"):
         line = found.output(f"wheel.{corner}.half_track", float(found.side(corner)), rest=across)
     else:
@@ -381,17 +396,19 @@ def _wheel(found: _Found, corner: str, distance: Value, y: Value, yaw: Value) ->
     deflection = found.output(f"tire.{corner}.deflection", -1.0, squash)
     if found.knows("tire.radius"):  # counts from the unloaded tire
         deflection = found.output(f"tire.{corner}.deflection", -1.0, 0.0, squash)
+    on_body = found.has("body.yaw") and contact is None
     return Wheel(
         corner,
         radius,
         found.looks.tire_width,
-        x=at,
-        y=line + y + yaw * x,
+        x=Value(offset=x) if on_body else at,
+        y=line if on_body else line + y,
         z=height,
         turn=at * (1.0 / (radius - found.parameter("disc.rolling_loss", default=squash / 3))),
         heading=heading,
         squash=deflection,
         contact=contact,
+        on="body" if on_body else None,
     )
 
 

@@ -26,10 +26,13 @@ Material = Literal["body", "panel", "glass", "dark", "steel", "lamp", "tail", "m
 ArrowRole = Literal["ground", "actuator", "body"]
 PointsRole = Literal["preview", "sensed", "predicted"]
 TraceRole = Literal["ground", "wheel", "body"]
+View = Literal["side", "three-quarter", "rear", "chase", "top"]
 T = TypeVar("T")
 
 SCENE_SCRIPT, SCENE_STYLE = (Path(__file__).parent / "assets" / name for name in ("scene.js", "scene.css"))
 """Where the class `SceneView`, which draws a scene on a canvas, is, and its colors."""
+VIEWS: tuple[View, ...] = ("side", "three-quarter", "rear")
+"""Those of a scene, unless it has its own."""
 _FLAT = 1e-3  # m, how far a point of a face may lie from its plane
 
 
@@ -142,7 +145,7 @@ class Wheel:
 
     `radius` is that of the unloaded tire, which the ground presses in by `squash` [m] (0 or less: it is in the air),
     from straight below or from the point `contact` (x, z). `turn` [rad] grows while it rolls ahead; `heading` [rad] is
-    positive to the left, as of a body.
+    positive to the left, as of a body. With a body `on`, x, y and `heading` count from its origin and its yaw.
     """
 
     name: str
@@ -155,6 +158,7 @@ class Wheel:
     heading: Quantity = 0.0
     squash: Quantity = 0.0
     contact: tuple[Quantity, Quantity] | None = None
+    on: str | None = None
 
     def __post_init__(self) -> None:
         where = f"wheel '{self.name}'"
@@ -271,13 +275,18 @@ class Limit:
 
 @dataclass(frozen=True)
 class Reading:
-    """A number beside the scene: `factor` times the value, in `unit` ("" without one)."""
+    """A number beside the scene: `factor` times the value, in `unit` ("" without one).
+
+    The value is divided by `per`; with `largest` it is the largest magnitude of the run so far.
+    """
 
     label: str
     unit: str
     value: Quantity
     decimals: int = 1
     factor: float = 1.0
+    per: Quantity = 1.0
+    largest: bool = False
 
     def __post_init__(self) -> None:
         where = f"reading '{self.label}'"
@@ -287,7 +296,7 @@ class Reading:
         if whole_number(f"{where}: decimals", self.decimals, least=0) > 6:
             raise ValueError(f"{where}: {self.decimals} decimals; use 0 to 6")
         number(f"{where}: factor", self.factor)
-        _values(self, "value")
+        _values(self, "value", "per")
 
 
 @dataclass(frozen=True)
@@ -347,12 +356,29 @@ class Trace:
 
 
 @dataclass(frozen=True)
+class Cone:
+    """A traffic cone at (x, y) [m], which falls where the vehicle touches the circle of its base."""
+
+    x: float
+    y: float
+    radius: float = 0.15
+    height: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            number(f"cone: {name}", getattr(self, name), "m")
+        for name in ("radius", "height"):
+            number(f"cone: {name}", getattr(self, name), "m", above=0)
+
+
+@dataclass(frozen=True)
 class Scene:
     """The picture of one system.
 
     The camera follows the body `follow`; `width` [m] of the road are in view, and `force_scale` [N] are drawn as long
     as a meter. `what` names the system in sentences, "HMMWV". `dimensions` are variables whose values are in the
-    picture as they were when it was made: if they change, the picture says so.
+    picture as they were when it was made: if they change, the picture says so. `views`: those to choose from, the one
+    that is shown first at the front. A body that moves without a road is on open ground, where cones may stand.
     """
 
     title: str
@@ -371,7 +397,9 @@ class Scene:
     trenches: Sequence[Trench] = ()
     reliefs: Sequence[Relief] = ()
     traces: Sequence[Trace] = ()
+    cones: Sequence[Cone] = ()
     dimensions: Sequence[str] = ()
+    views: Sequence[View] = VIEWS
 
     def __post_init__(self) -> None:
         where = f"scene '{self.title}'"
@@ -387,7 +415,7 @@ class Scene:
                 (
                     str(part.side if kind is Ground else _label(part))
                     for part in parts
-                    if kind not in (Strut, Trench, Relief)
+                    if kind not in (Strut, Trench, Relief, Cone)
                 ),
             )
         bodies, wheels = ([part.name for part in parts] for parts in (self.bodies, self.wheels))
@@ -406,6 +434,25 @@ class Scene:
         for limit in self.limits:
             if limit.at is not None and limit.at not in wheels:
                 raise ValueError(f"{where}: limit '{limit.label}' is at {unknown('wheel', limit.at, wheels)}")
+        for wheel in self.wheels:
+            if wheel.on is not None and wheel.on not in bodies:
+                raise ValueError(f"{where}: wheel '{wheel.name}' is on {unknown('body', wheel.on, bodies)}")
+        for view in self.views:
+            check_choice(where, "views", view, View)
+        if "three-quarter" not in self.views:
+            raise ValueError(f"{where}: views need 'three-quarter', which a picture has where a person turns it")
+
+    @property
+    def footprint(self) -> tuple[float, float, float]:
+        """The rectangle around the followed body and its wheels in its frame [m]: rear and front end, half width."""
+        body = next(b for b in self.bodies if b.name == self.follow)
+        points = [(x, abs(y)) for face in body.faces for x, y, _ in face.points]
+        for w in self.wheels:
+            if w.on == self.follow:
+                x, y = (value(q).at_rest for q in (w.x, w.y))
+                points += [(x + end, abs(y) + w.width / 2) for end in (-w.radius, w.radius)]
+        xs, ys = zip(*points, strict=True)
+        return min(xs), max(xs), max(ys)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -429,6 +476,7 @@ _PARTS: dict[str, Any] = {
     "trenches": Trench,
     "reliefs": Relief,
     "traces": Trace,
+    "cones": Cone,
 }
 
 
@@ -461,6 +509,9 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     data = {"names": list(names)} | {name: plain(inner) for name, inner in _fields(scene)}
     data["forceScale"] = data.pop("force_scale")
     data["follow"] = bodies[scene.follow]
+    data["footprint"] = list(scene.footprint)
+    for wheel in data["wheels"]:
+        wheel["on"] = bodies.get(wheel["on"])
     for strut in data["struts"]:
         strut |= {"body": bodies[strut["body"]], "wheel": wheels[strut["wheel"]]}
     for arrow in data["arrows"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 from build_fmus.base.checks import did_you_mean
 from cosim.export.web.page import PageSystem, WebPage, export_web
 from cosim.scenes import infer_scene
+from cosim.scenes.scene import Scene
 from cosim.study.case import CaseError, Field, fields, label
 from cosim.study.experiment import Experiment, resolved
 from cosim.study.fmus import FmuSet
@@ -24,13 +25,14 @@ class LiveCase:
     """One system of a page.
 
     `values`: inputs and parameters, as `component.variable`, that differ from those of the case. Systems of the same
-    `group` run side by side.
+    `group` run side by side. `staged`: what the case makes of the scene that is inferred of its system.
     """
 
     title: str
     case: Any
     values: Mapping[str, float] = field(default_factory=dict)
     group: str = ""
+    staged: Callable[[Scene], Scene] | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,10 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
                 Runner(experiment, fmus)
             )  # one each: cases alike share a system, and its values
             system = runner.system(each.case)
-            shown.append(PageSystem(each.title, system, each.values, each.group, infer_scene(system)))
+            scene = infer_scene(system)
+            if scene is not None and each.staged is not None:
+                scene = each.staged(scene)
+            shown.append(PageSystem(each.title, system, each.values, each.group, scene))
             record = experiment.run.recorded(each.case)
             if record is not None:
                 outputs, chosen = ([f"{m.name}.{v.name}" for m, v in system.select(n)] for n in (None, record))

@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from cosim.experiments.handling import EXPERIMENT, metrics
 from cosim.experiments.handling.published import plan
 from cosim.experiments.handling.runs import CARS, MANOEUVRES, OPEN, Case, path_points, table
+from cosim.experiments.handling.web import COURSES, cones
+from cosim.scenes.scene import Cone
+from cosim.study.case import CaseError
 from cosim.study.experiment import Run
 from cosim.study.fmus import FmuSet
 from fmu_sources.vehicles import load_full_car
@@ -114,6 +117,42 @@ def test_paths_have_all_points_of_the_driver():
     assert values["path.x[64]"] == 200.0
     assert values["path.y[64]"] == 4.0
     assert values["path.y[1]"] == 0.0
+
+
+@pytest.mark.parametrize("manoeuvre", COURSES)
+def test_cones_stand_along_the_lanes_of_the_path(manoeuvre):
+    """In pairs, as far from the middle of the path as a lane for this car is wide."""
+    width, course = 2.0, MANOEUVRES[manoeuvre]
+    x, y = np.array(course.path, dtype=float).T
+    found = cones(course, width)
+    assert len(found) > 12
+    for left, right in zip(found[::2], found[1::2], strict=True):
+        assert left.x == right.x
+        assert (left.y + right.y) / 2 == pytest.approx(np.interp(left.x, x, y))
+        assert width + 0.2 < left.y - right.y - 2 * Cone.radius < 1.3 * width + 1.0
+    lanes = sorted({c.x for c in found})
+    assert (lanes[0], lanes[-1]) == (x[1], x[-2])
+    gaps = [(a, b) for a, b in pairwise(lanes) if b - a > 5.0 + 1e-9]
+    assert gaps == [(x[2], x[3]), (x[4], x[5])]  # where the car changes from lane to lane
+
+
+def test_cones_of_the_double_lane_change_are_those_of_the_standard():
+    found = cones(MANOEUVRES["lane-change"], 2.0)
+    inner = {c.x: abs(c.y - a.y) - 2 * c.radius for c, a in zip(found[::2], found[1::2], strict=True)}
+    assert [inner[x] for x in (50.0, 120.0, 160.0)] == pytest.approx([2.45, 2.65, 2.85])
+
+
+@pytest.mark.usefixtures("built_fmus")
+def test_where_a_person_drives_there_is_no_driver():
+    case = Case(driven=True)
+    with run_of(case) as system:
+        assert list(system.components) == ["car"]
+        recording = system.run(1.0, record=EXPERIMENT.run.recorded(case))
+    found = EXPERIMENT.measures.measure(Run(case, recording, system))
+    assert found["ay_peak"] == pytest.approx(0.0, abs=1e-6)
+    assert "offset" not in found
+    with pytest.raises(CaseError, match="manoeuvres with a driver"):
+        Case(manoeuvre="step", driven=True)
 
 
 def run_of(case):

@@ -107,6 +107,55 @@ for (const colorScheme of ["light", "dark"]) {
   await context.close();
 }
 
+// what keys and gamepads drive: each key for a while, then a gamepad, which is lost; all rows of that run
+{
+  const context = await browser.newContext({ viewport: { width: 1400, height: 900 } });
+  const page = await open(context, "#paused");
+  const driven = await page.evaluate(() => page.drives.map((c) => [c.spec.names[0], c.spec.drive]));
+  const advance = (time) =>
+    page.evaluate((s) => {
+      page.advance(Math.round(s / page.data.interval));
+      page.draw();
+      return { step: page.variants[0].steps, values: page.drives.map((c) => page.variants[0].value(c.spec.names[0])) };
+    }, time);
+  const gamepad = (pad) =>
+    page.evaluate((p) => {
+      navigator.getGamepads = () => [p];
+      dispatchEvent(new Event(p ? "gamepadconnected" : "gamepaddisconnected"));
+      return document.getElementById("pad").textContent;
+    }, pad && { connected: true, mapping: "standard", id: "pad", ...pad });
+  if (driven.length) {
+    const keys = [];
+    for (const [name, { raised_by, lowered_by }] of driven)
+      for (const key of [...raised_by, ...lowered_by]) {
+        const { step: from } = await advance(0);
+        await page.keyboard.down(key);
+        const { step: to, values: held } = await advance(0.3);
+        await page.keyboard.up(key);
+        keys.push({ name, key, from, to, held, released: (await advance(1)).values });
+      }
+    const there = await gamepad({ axes: [-1, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ value: 1 })) });
+    const { values: held } = await advance(0.5);
+    const lost = await gamepad(null);
+    const { values: released } = await advance(1);
+    await page.screenshot({ path: join(folder, "driven.png") });
+    found.driven = await page.evaluate(() => {
+      const { history, instance, steps, driven, row } = page.variants[0],
+        rows = (n) => Array.from({ length: steps + 1 }, (_, k) => history.at(k, n));
+      return {
+        names: [...instance.place.keys()],
+        bits: [...new BigInt64Array(row.buffer)].map(String),
+        rows: Object.fromEntries([...history.place.keys()].map((n) => [n, rows(n)])),
+        inputs: driven,
+        scrolled: scrollY,
+        readings: page.views[0].view.readings(),
+      };
+    });
+    Object.assign(found.driven, { keys, pad: { there, held, lost, released } });
+  }
+  await context.close();
+}
+
 // without a picture: the numbers, group by group, and what they cost
 const context = await browser.newContext({ reducedMotion: "reduce" });
 const page = await open(context);

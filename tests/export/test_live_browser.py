@@ -9,11 +9,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from browsers import looked_at
 from built import FMUS, BuiltFmus
 from same import bits
 
+from cosim.experiments.handling.metrics import rollover_index
 from cosim.experiments.live_pages import shown as shown_experiments
 from cosim.export.web.page import SHOWN_EVERY
 from cosim.study import FmuSet, Runner
@@ -24,6 +26,14 @@ pytestmark = [pytest.mark.pages, pytest.mark.filterwarnings("ignore::cosim.Uncon
 SCRIPT = Path(__file__).with_name("live.mjs")
 SECONDS = 60
 LARGEST = 3e6  # bytes of a page
+
+
+def drives(experiment: Any) -> list[Any]:
+    """The controls of its page that a person holds."""
+    return [c for c in resolved(experiment.web)(experiment.case()).page.controls if c.drive]
+
+
+driven_pages = pytest.mark.parametrize("shown", [n for n, e in shown_experiments().items() if drives(e)], indirect=True)
 
 
 @pytest.fixture(scope="module", params=sorted(shown_experiments()))
@@ -75,11 +85,70 @@ def test_a_system_that_stands_is_seen_from_all_sides(shown) -> None:
     looks = found["looks"]
     assert {(v["time"], v["running"]) for v in looks.values()} == {(0, False)}
     assert looks["pressed"] == looks["first"]
-    assert [v["view"] for v in looks.values()] == ["side", "side", "three-quarter", "three-quarter", "rear"]
+    first = looks["first"]["view"]
+    assert [v["view"] for v in looks.values()] == [first, first, "three-quarter", "three-quarter", "rear"]
     assert len({v["picture"] for v in looks.values()}) == 4
     assert looks["dragged"]["azimuth"] < looks["first"]["azimuth"]
     assert looks["zoomed"]["zoom"] > looks["dragged"]["zoom"] == 1
     assert looks["rear"]["azimuth"] == pytest.approx(math.pi) or looks["rear"]["azimuth"] == pytest.approx(-math.pi)
+
+
+@driven_pages
+def test_held_keys_and_a_gamepad_drive_and_what_is_released_returns(shown) -> None:
+    experiment, _, found = shown
+    controls = drives(experiment)
+    driven, rest = found["driven"], [c.drive.rest for c in controls]
+    assert driven["inputs"] == [n for c in controls for n in c.names]
+    assert sorted(k["key"] for k in driven["keys"]) == sorted(k for c in controls for k in c.drive.keys)
+    for k in driven["keys"]:
+        for control, value in zip(controls, k["held"], strict=True):
+            mine = control.names[0] == k["name"]
+            way = mine * (1 if k["key"] in control.drive.raised_by else -1)
+            assert value == pytest.approx(control.drive.rest + way * 0.3 * control.drive.rate), k["key"]
+        assert k["released"] == rest
+    assert driven["scrolled"] == 0  # by arrow keys
+    pad = driven["pad"]
+    assert "drives" in pad["there"]
+    assert "lost" in pad["lost"]
+    assert all(held != at for held, at in zip(pad["held"], rest, strict=True))
+    assert pad["released"] == rest
+
+
+@driven_pages
+def test_a_driven_run_is_that_of_the_engine_with_the_same_inputs(shown) -> None:
+    experiment, _, found = shown
+    driven, live = found["driven"], resolved(experiment.web)(experiment.case())
+    with Runner(experiment, FmuSet(FMUS)) as runner:
+        system = runner.system(live.cases[0].case)
+        names, rows = driven["names"], driven["rows"]
+        system.allow_unconnected = True
+        with system.initialize(record=names) as simulation:
+            for k in range(1, len(rows[names[0]])):
+                for name in driven["inputs"]:
+                    simulation.set(name, rows[name][k])
+                simulation.advance(k * (live.page.interval or SHOWN_EVERY))
+            native = [float(simulation[n]) for n in names]
+    assert list(map(int, driven["bits"])) == bits(native).tolist()
+
+
+@pytest.mark.parametrize("shown", ["handling"], indirect=True)
+def test_the_car_turns_to_the_side_of_the_key(shown) -> None:
+    """Yaw rate and lateral acceleration are positive to the left; what the page says is the last row."""
+    _, _, found = shown
+    driven = found["driven"]
+    rows = driven["rows"]
+    rate = {k["key"]: rows["car.body.yaw_rate"][k["to"]] for k in driven["keys"]}
+    assert min(rate["ArrowLeft"], rate["a"]) > 0.02
+    assert max(rate["ArrowRight"], rate["d"]) < -0.02
+    speed = {k["key"]: rows["car.speed"][k["to"]] - rows["car.speed"][k["from"]] for k in driven["keys"]}
+    assert min(speed["ArrowUp"], speed["w"]) > 0 > max(speed["ArrowDown"], speed["s"])
+    told = {r["label"]: r["text"] for r in driven["readings"]}
+    assert told["lateral acceleration"] == f"{rows['car.body.ay'][-1]:.2f}"
+    assert told["speed"] == f"{3.6 * rows['car.speed'][-1]:.1f}"
+    left, right = (np.array([rows[f"car.tire.{axle}{side}.force"] for axle in "fr"]).sum(axis=0) for side in "lr")
+    index = rollover_index(left, right)
+    assert told["rollover index"] == f"{index[-1]:.2f}"
+    assert told["largest rollover index"] == f"{np.abs(index).max():.2f}"
 
 
 def test_its_numbers_are_those_of_the_native_run(shown) -> None:

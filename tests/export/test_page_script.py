@@ -24,7 +24,7 @@ RNG = np.random.default_rng(20)
 def script() -> MiniRacer:
     engine = MiniRacer()
     classes = (ASSETS / "page.js").read_text().partition("\n(async () =>")[0]
-    engine.eval((ASSETS / "plot.js").read_text() + classes)
+    engine.eval("".join((ASSETS / name).read_text() for name in ("plot.js", "drive.js")) + classes)
     return engine
 
 
@@ -172,6 +172,83 @@ def test_a_run_of_given_length_is_over_then(script: MiniRacer) -> None:
     assert (found["verdict"], found["n"]) == ("over", 300)
 
 
+STEERING = {
+    "rate": 4.0,
+    "back": 8.0,
+    "rest": 0.0,
+    "low": -3.0,
+    "high": 3.0,
+    "raised_by": ["ArrowLeft", "a"],
+    "lowered_by": ["ArrowRight"],
+    "axis": [0, -1],
+    "button": None,
+}
+PEDAL = STEERING | {"low": 0.0, "high": 1.0, "lowered_by": [], "axis": None, "button": 7}
+
+
+def driven(script: MiniRacer, spec: dict[str, Any], *hands: tuple[list[str], Any], value: float = 0.0) -> list[float]:
+    """Values after steps of 0.1 s with these keys, and a gamepad (axis 0, button 7) or None."""
+    code = (
+        f"const d = new Drive({json.dumps(spec)}); let v = {value}; return {json.dumps(hands)}.map(([keys, pad]) => {{"
+        "const buttons = []; if (pad) buttons[7] = { value: pad[1] };"
+        "v = d.next(v, 0.1, new Set(keys), pad && { axes: [pad[0]], buttons }); return v; });"
+    )
+    return evaluated(script, code)
+
+
+def test_a_held_key_moves_at_its_rate_and_what_is_released_returns(script: MiniRacer) -> None:
+    left, right, none = (["a"], None), (["ArrowRight"], None), ([], None)
+    found = driven(script, STEERING, left, left, left, none, none, none)
+    assert found == pytest.approx([0.4, 0.8, 1.2, 0.4, 0.0, 0.0])
+    assert driven(script, STEERING, *[left] * 20)[-1] == 3.0  # its end
+    found = driven(script, STEERING, left, left, right, right, right)
+    assert found == pytest.approx([0.4, 0.8, 0.0, -0.4, -0.8])  # back to rest it is as fast as released
+    assert driven(script, STEERING, (["a", "ArrowRight"], None), value=1.0) == [1.0]
+
+
+def test_what_nobody_holds_stays_where_the_slider_has_it(script: MiniRacer) -> None:
+    assert driven(script, STEERING, ([], None), ([], [0.05, 0.0]), value=1.7) == [1.7, 1.7]
+
+
+def test_a_gamepad_gives_places_and_keys_come_first(script: MiniRacer) -> None:
+    full = driven(script, STEERING, *[([], [-1.0, 0.0])] * 9)
+    assert full[:2] == pytest.approx([0.8, 1.6])  # no faster than a hand
+    assert full[-1] == 3.0
+    half = driven(script, STEERING, *[([], [0.56, 0.0])] * 9)  # half of the way beyond the dead zone
+    assert half[-1] == pytest.approx(-1.5)
+    assert driven(script, STEERING, (["a"], [1.0, 0.0])) == pytest.approx([0.4])
+    assert driven(script, PEDAL, *[([], [0.0, 0.6])] * 3)[-1] == pytest.approx(0.6)
+
+
+def test_a_lost_gamepad_has_released_everything(script: MiniRacer) -> None:
+    found = driven(script, STEERING, ([], [-1.0, 0.0]), ([], [-1.0, 0.0]), ([], None), ([], None), ([], None))
+    assert found == pytest.approx([0.8, 1.6, 0.8, 0.0, 0.0])
+    assert driven(script, PEDAL, ([], [0.0, 1.0]), ([], None), ([], None)) == pytest.approx([0.8, 0.0, 0.0])
+
+
+def test_gamepads_that_come_and_go(script: MiniRacer) -> None:
+    code = (
+        "globalThis.navigator = {}; const hands = new Hands(), words = [];"
+        "const look = (pads) => { navigator.getGamepads = pads && (() => pads);"
+        "words.push([Boolean(hands.pad()), hands.word]); };"
+        "const pad = { connected: true, mapping: 'standard', id: 'P' };"
+        "look(null); look([null, { ...pad, mapping: '' }]); look([pad]); look([null]); look([pad]);"
+        "return words;"
+    )
+    nothing, strange, there, lost, again = evaluated(script, code)
+    assert nothing == [False, ""]
+    assert strange == [False, 'The browser does not know the layout of "P", so it cannot drive.']
+    assert there == again == [True, "A gamepad drives."]
+    assert lost == [False, "The gamepad is lost: what it held returns to rest."]
+
+
+def test_keys_and_parts_of_a_gamepad_in_words(script: MiniRacer) -> None:
+    code = "return [{}, {}].map((spec) => new Drive(spec).words);"
+    specs = iter(json.dumps(s) for s in (STEERING, PEDAL))
+    words = evaluated(script, "".join(part + next(specs, "") for part in code.split("{}")))
+    assert words == ["\u2190 A / \u2192, left stick", "\u2190 A, right trigger"]
+
+
 FRAMES = """
 let waiting = new Map(), requests = 0, runs = 0;
 globalThis.performance = { now: () => 0 };
@@ -185,7 +262,7 @@ const tick = now => {
 };
 const page = Object.create(Page.prototype, { time: { value: 0 }, pace: { value: 1 } });
 const variant = { over: false, cost: 0, run() { runs += 1; } };
-Object.assign(page, { data: { interval: 0.001 }, credit: 0, variants: [variant], $: () => ({}) });
+Object.assign(page, { data: { interval: 0.001 }, drives: [], credit: 0, variants: [variant], $: () => ({}) });
 Object.assign(page, { draw() {}, describe() {}, report() {}, tell() {} });
 """
 

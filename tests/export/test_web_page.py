@@ -20,7 +20,7 @@ from cosim.experiments.live_pages import write_pages
 from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
-from cosim.export.web.page import Control, Finish, Measure, PageSystem, WebPage, export_web
+from cosim.export.web.page import Control, Drive, Finish, Measure, PageSystem, WebPage, export_web
 from cosim.scenes import infer_scene
 from cosim.scenes.scene import Value
 from cosim.study import FmuSet, Runner
@@ -175,6 +175,16 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
         {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]},
         {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})]},
         {"controls": [Control("nothing", [])]},
+        {"controls": [Control("mass", ["car.body.mass"], drive=Drive(1.0, 1.0))]},
+        {"controls": [Control("force", ["car.force"], drive=Drive(1.0, 1.0))]},
+        {"controls": [Control("force", ["car.force"], 1.0, 2.0, drive=Drive(1.0, 1.0))]},
+        {"controls": [Control("side", ["road.side"], drive=Drive(1.0, 1.0, rest=1.0))]},
+        {
+            "controls": [
+                Control("force", ["car.force"], -1.0, 1.0, drive=Drive(1.0, 1.0, raised_by=("a",), lowered_by=("s",))),
+                Control("speed", ["speed.start.speed"], 2.0, 20.0, keys=("s", "d")),
+            ]
+        },
         {"plots": ["car.body.zz"]},
         {"measures": [Measure("m", ["car.zz"])]},
         {"finish": Finish(Value({"car.zz": 1.0}), 1.0)},
@@ -200,16 +210,36 @@ def test_what_else_is_refused(systems, tmp_path: Path, raises) -> None:
         export_web(tmp_path / "x.html", [], WebPage("One"))
     with raises(CosimError):
         Measure("m", ["car.body.z"], "least")  # type: ignore[arg-type]
+    with raises(ValueError):
+        Drive(0.0, 1.0)
+    with raises(ValueError):
+        Drive(1.0, 1.0, float("nan"))
 
 
 def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
+    force = Control("push", ["car.force"], -500.0, 500.0, drive=Drive(1e3, 1e4, raised_by=("ArrowUp",), button=7))
     path = systems[0].export_web(
-        tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=infer_scene(systems[0])
+        tmp_path / "own.html",
+        controls=["speed.start.speed", force],
+        plots=["car.wheel.z", "car.force"],
+        scene=infer_scene(systems[0]),
     )
     about = json.loads(block(path, "data"))
+    assert "Hold the keys beside push" in path.read_text()
+    assert about["controls"][1]["drive"] == {
+        "rate": 1e3,
+        "back": 1e4,
+        "rest": 0.0,
+        "raised_by": ["ArrowUp"],
+        "lowered_by": [],
+        "axis": None,
+        "button": 7,
+        "low": -500.0,
+        "high": 500.0,
+    }
     assert about["systems"][0]["scene"]["what"]
     assert about["controls"][0]["label"] == "speed.start.speed"
-    assert about["plots"] == ["car.wheel.z"]
+    assert about["plots"] == ["car.wheel.z", "car.force"]
 
 
 def test_what_stands_beside(raises) -> None:
@@ -266,7 +296,7 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
 
 def test_pages_of_the_fmus_that_there_are(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     """As releases write them: those whose FMUs are all among the named."""
-    assert set(shown_experiments()) == {"hmmwv", "preview-lq", "ride", "trench"}
+    assert set(shown_experiments()) == {"handling", "hmmwv", "preview-lq", "ride", "semi-active", "trench"}
     fmus = FmuSet(FMUS)
     assert write_pages(fmus, tmp_path / "none", ["SpeedProfile"]) == []
     (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].wiring.fmus)

@@ -10,6 +10,7 @@ import pytest
 from cosim.scenes.scene import (
     Arrow,
     Body,
+    Cone,
     Face,
     Ground,
     Limit,
@@ -88,6 +89,11 @@ def test_rest_is_the_offset_unless_given() -> None:
         lambda: made(limits=[Limit("stop", 1.0, at="xx")]),
         lambda: made(limits=[Limit("stop", 1.0), Limit("stop", 2.0)]),
         lambda: made(wheels=[BODY]),
+        lambda: made(wheels=[Wheel("fl", 0.5, 0.2, 1.5, 0.8, 0.5, on="bodi")]),
+        lambda: made(views=("side", "below", "three-quarter")),
+        lambda: made(views=("side", "top")),
+        lambda: Cone(float("nan"), 0.0),
+        lambda: Cone(0.0, 0.0, radius=0.0),
     ],
 )
 def test_what_does_not_fit_is_refused(make: Any, raises) -> None:
@@ -140,3 +146,10 @@ def test_data_is_what_the_script_reads() -> None:
     assert [(a["body"], a["wheel"]) for a in data["arrows"]] == [(0, None), (None, 0), (None, None)]
     assert (data["struts"][0]["body"], data["struts"][0]["wheel"], data["limits"][0]["at"]) == (0, 0, 0)
     assert (data["follow"], data["forceScale"], data["width"]) == (0, 1e4, 9.0)
+
+
+def test_the_footprint_is_that_of_body_and_wheels() -> None:
+    plate = Body("body", [Face([(2, 0.7, 0), (2, -0.7, 0), (-1, -0.7, 0), (-1, 0.7, 0)])], x="car.x")
+    there = [Wheel(n, 0.5, 0.2, x, y, 0.5, on="body") for n, x, y in (("fr", 1.2, -0.8), ("rl", -0.9, 0.8))]
+    assert made(bodies=[plate], wheels=[]).footprint == (-1.0, 2.0, 0.7)
+    assert made(bodies=[plate], wheels=there).footprint == pytest.approx((-1.4, 2.0, 0.9))

@@ -18,6 +18,7 @@ from cosim.scenes import infer_scene, shapes
 from cosim.scenes.scene import (
     Arrow,
     Body,
+    Cone,
     Face,
     Ground,
     Limit,
@@ -749,3 +750,120 @@ def test_passed_systems_of_users_too(built_fmus: BuiltFmus, browser: Browser) ->
     assert found is not None
     browser.see(found, dict.fromkeys(found.variables, 0.0), "three-quarter")
     assert len(browser.run("view.wheels")) == 4
+
+
+# ------------------------------------------------------------------------------------------------------- open ground
+
+CAR = Body(
+    "body",
+    [Face([(2, 1, 0.5), (2, -1, 0.5), (-1, -1, 0.5), (-1, 1, 0.5)])],
+    x="car.x",
+    y="car.y",
+    yaw="car.yaw",
+)
+DRIVING = {"car.x": 0.0, "car.y": 0.0, "car.yaw": 0.0, "car.a": 0.0, "car.b": 1.0}
+
+
+def plain(**parts: object) -> Scene:
+    """A car where there is no road."""
+    there = {"bodies": [CAR], "wheels": [], "reliefs": [], "views": ("chase", "top", "three-quarter")}
+    return scene(**there | parts)
+
+
+def drive(browser: Browser, *places: tuple[float, float, float]) -> None:
+    """The car at places (x, y, yaw), each a sample, of which none is drawn."""
+    for x, y, yaw in places:
+        browser.values(DRIVING | {"car.x": x, "car.y": y, "car.yaw": yaw})
+        browser.engine.eval("view.observe()")
+
+
+def test_cones_fall_where_the_vehicle_touches_their_base(browser: Browser) -> None:
+    """Between two pictures, too; a cone that is passed at a distance stands."""
+    beside = [Cone(10.0, side * (1.0 + gap), radius=0.15) for side in (1, -1) for gap in (0.14, 0.16)]
+    browser.see(plain(cones=[*beside, Cone(30.0, 0.0)]), DRIVING, "top")
+    drive(browser, *((0.1 * k, 0.0, 0.0) for k in range(200)))
+    assert browser.run("[...view.fallen.keys()]") == [0, 2]
+    assert browser.run("view.readings()")[-1] == {"label": "cones hit", "unit": "", "text": "2 of 5"}
+    drive(browser, (5.0, 0.0, 0.0), (10.0, 0.0, 0.0))
+    assert browser.run("view.fallen.size") == 2  # each once
+    browser.engine.eval("view.reset()")
+    assert browser.run("view.readings()")[-1]["text"] == "0 of 5"
+
+
+def test_cones_are_hit_by_the_vehicle_as_it_is_turned(browser: Browser) -> None:
+    """Its front is 2 m ahead of its origin, its sides are 1 m beside it."""
+    browser.see(plain(cones=[Cone(0.0, 1.9), Cone(0.0, -1.9), Cone(-1.2, 0.0)]), DRIVING, "top")
+    drive(browser, (0.0, 0.0, 0.0))
+    assert browser.run("[...view.fallen.keys()]") == []
+    drive(browser, (0.0, 0.0, math.pi / 2))  # to the left
+    assert browser.run("[...view.fallen.keys()]") == [0]
+    drive(browser, (0.0, 0.0, math.pi))
+    assert browser.run("[...view.fallen.keys()]") == [0, 2]
+
+
+def test_a_cone_that_was_hit_is_drawn_lying(browser: Browser) -> None:
+    for view in ("chase", "top", "three-quarter"):
+        browser.see(plain(cones=[Cone(6.0, 0.0)]), DRIVING, view)
+        standing = browser.run("notes.map((n) => n.style)")
+        drive(browser, (5.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+        browser.draw(0.1)
+        lying = browser.run("notes.map((n) => n.style)")
+        limit, cone = (browser.run(f"view.color['{name}']") for name in ("limit", "cone"))
+        assert (cone in standing, limit in standing) == (True, False)
+        assert (cone in lying, limit in lying) == (False, True)
+
+
+def test_what_is_driven_over_leaves_a_track(browser: Browser) -> None:
+    wheel = Wheel("w", 0.5, 0.2, x=1.0, y=-0.8, z=0.5, on="body")
+    browser.see(plain(wheels=[wheel]), DRIVING, "top")
+    drive(browser, *((0.16 * k, 0.0, 0.0) for k in range(20)))  # every other one is far enough from the last
+    track = browser.run("view.trail.map((p) => p.wheels[0])")
+    assert [x for x, *_ in track] == pytest.approx([1.0 + 0.32 * k for k in range(10)])
+    assert all(y == pytest.approx(-0.8) for _, y, _ in track)
+
+
+def test_a_wheel_on_a_body_moves_and_turns_with_it(browser: Browser) -> None:
+    wheel = Wheel("w", 0.5, 0.2, x=1.5, y=0.8, z=0.5, heading=0.1, on="body")
+    browser.see(plain(wheels=[wheel]), DRIVING | {"car.x": 10.0, "car.y": 3.0, "car.yaw": math.pi / 2}, "top")
+    x, y, heading = (browser.run(f"view.wheels[0].{n}") for n in ("x", "y", "heading"))
+    assert (x, y, heading) == pytest.approx((10.0 - 0.8, 3.0 + 1.5, math.pi / 2 + 0.1))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_the_chase_looks_where_the_vehicle_heads(browser: Browser, yaw: float) -> None:
+    at, ahead = np.array([20.0, -7.0]), np.array([math.cos(yaw), math.sin(yaw)])
+    browser.see(plain(), DRIVING | {"car.x": 20.0, "car.y": -7.0, "car.yaw": yaw}, "chase")
+    x0, y0 = screen(browser, [*at, 0])
+    x1, y1 = screen(browser, [*(at + 3 * ahead), 0])
+    assert x1 == pytest.approx(x0, abs=1e-9)
+    assert y1 < y0
+    assert 0 < x0 < 800
+    assert 200 < y0 < 400  # more is seen of what lies ahead
+    assert "from behind and above" in browser.run("view.describe()")
+    browser.engine.eval("view.orbit(0, 0)")
+    browser.draw(0.1)  # who turns the picture begins where it was
+    turned = [a - b for a, b in zip(screen(browser, [*(at + ahead), 0]), screen(browser, [*at, 0]), strict=True)]
+    assert turned[0] == pytest.approx(0, abs=1e-6)
+    assert turned[1] < 0
+
+
+def test_from_above_left_is_up(browser: Browser) -> None:
+    browser.see(plain(), DRIVING | {"car.x": 20.0, "car.y": -7.0, "car.yaw": 1.0}, "top")
+    x0, y0 = screen(browser, [20, -7, 0])
+    x1, y1 = screen(browser, [23, -7, 0])
+    assert (x1 > x0, y1) == (True, pytest.approx(y0))
+    assert screen(browser, [20, -4, 0])[1] < y0
+    assert "from above" in browser.run("view.describe()")
+
+
+def test_readings_that_are_divided_or_the_largest_so_far(browser: Browser) -> None:
+    readings = [
+        Reading("ratio", "", "car.a", 2, 10.0, per=Value({"car.b": 2.0}, 1.0)),
+        Reading("largest", "", "car.a", 1, largest=True),
+        Reading("of nothing", "", 1.0, per="car.yaw"),
+    ]
+    browser.see(plain(readings=readings), DRIVING, "top")
+    for a in (0.5, -4.0, 3.0):
+        browser.values(DRIVING | {"car.a": a})
+        browser.engine.eval("view.observe()")
+    assert [r["text"] for r in browser.run("view.readings()")] == ["10.00", "4.0", "0.0"]

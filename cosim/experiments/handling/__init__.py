@@ -2,7 +2,7 @@
 
 `runs` wires and measures manoeuvres, open loop from tables or closed loop with `Driver`; `design` fits controllers of
 the suspension to a car; `metrics` defines what is measured of signals; `published` has the plan of the study; `claims`
-what theory leads one to expect; `report` lays out.
+what theory leads one to expect; `report` lays out; `web` is the page on which people drive.
 """
 
 from cosim.experiments.handling import published, runs
@@ -23,5 +23,6 @@ EXPERIMENT = Experiment(
         report="cosim.experiments.handling.report:report",
         papers="fmu_sources.catalog:PAPERS",
     ),
+    web="cosim.experiments.handling.web:live",
     module=__name__,
 )

@@ -23,18 +23,12 @@ from cosim.experiments.handling.published import (
     rollover,
     rough,
 )
-from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, REDESIGNED, Case
+from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, NAMES, REDESIGNED, Case
 from cosim.report import Figure, Panel, Parameter, Series, Table, curve
 from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 from cosim.study.experiment import Row
 
-NAMES = {
-    "hmmwv": "HMMWV",
-    "modified": "modified HMMWV",
-    "tires": "modified HMMWV, tires by file",
-    "public": "public HMMWV",
-}
 LAWS = {
     "passive": "passive (baseline)",
     "skyhook": "skyhook",

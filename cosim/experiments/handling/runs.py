@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import pi, radians
 from pathlib import Path
 
@@ -49,6 +50,12 @@ CARS = {
     "tires": "FullCarHmmwvTires",
     "public": "FullCarHmmwvPublic",
 }
+NAMES = {
+    "hmmwv": "HMMWV",
+    "modified": "modified HMMWV",
+    "tires": "modified HMMWV, tires by file",
+    "public": "public HMMWV",
+}
 DRIVER, RANDOM = "Driver", "RoadIso8608"
 COURSE = {car: ride.CARS["public" if car == "public" else "full-car"].road for car in CARS}
 MAP = ride.CARS["hmmwv"].road  # the same courses with the preview of the MPC
@@ -75,7 +82,8 @@ class Manoeuvre:
         seconds: how long it takes.
         wheel: (time [s], part of the amplitude) points, linear between.
         brake: likewise, of the pedal.
-        path: (x [m], y [m]) points of the path of a closed-loop manoeuvre.
+        path: (x [m], y [m]) points of the path of a closed-loop manoeuvre; it is level in the lanes, before and after.
+        widths: of each lane [m], (part of the car's width, more than that), as quoted of the standard.
     """
 
     about: str
@@ -84,6 +92,13 @@ class Manoeuvre:
     wheel: tuple[tuple[float, float], ...] = ((0.0, 0.0), (1.0, 0.0))
     brake: tuple[tuple[float, float], ...] = ((0.0, 0.0), (1.0, 0.0))
     path: tuple[tuple[float, float], ...] = ()
+    widths: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def lanes(self) -> list[tuple[float, float, float]]:
+        """First and last x and the y of the middle [m] of each lane between cones."""
+        inner = list(pairwise(self.path))[1:-1]  # without the ways there and away
+        return [(x1, x2, y1) for (x1, y1), (x2, y2) in inner if y1 == y2]
 
 
 def _sine(hertz: float, dwell: float = 0.0) -> tuple[tuple[float, float], ...]:
@@ -107,8 +122,20 @@ MANOEUVRES = {
     "steady": Manoeuvre("slowly rising steering wheel at constant speed (ISO 4138)", WHEEL, 32.0, _step(30.0)),
     "step": Manoeuvre("step of the steering wheel (ISO 7401)", WHEEL, 6.0, _step(0.15)),
     "sine": Manoeuvre("one sine of the steering wheel, 0.5 Hz (ISO 7401)", WHEEL, 6.0, _sine(0.5)),
-    "lane-change": Manoeuvre("double lane change with a driver (as ISO 3888-1)", PEDALS, 12.0, path=_LANE),
-    "obstacle": Manoeuvre("obstacle avoidance with a driver (as ISO 3888-2)", PEDALS, 12.0, path=_OBSTACLE),
+    "lane-change": Manoeuvre(
+        "double lane change with a driver (as ISO 3888-1)",
+        PEDALS,
+        12.0,
+        path=_LANE,
+        widths=((1.1, 0.25), (1.2, 0.25), (1.3, 0.25)),
+    ),
+    "obstacle": Manoeuvre(
+        "obstacle avoidance with a driver (as ISO 3888-2)",
+        PEDALS,
+        12.0,
+        path=_OBSTACLE,
+        widths=((1.1, 0.25), (1.0, 1.0), (0.0, 3.0)),
+    ),
     "brake-in-turn": Manoeuvre(
         "brakes while the steering wheel is held in a turn (as ISO 7975)",
         PEDALS,
@@ -122,6 +149,7 @@ MANOEUVRES = {
 }
 OPEN = tuple(n for n, m in MANOEUVRES.items() if any(part for _, part in m.wheel))
 _OPEN = (lambda c: c.manoeuvre in OPEN, "open-loop manoeuvres")
+_CLOSED = (lambda c: bool(MANOEUVRES[c.manoeuvre].path), "manoeuvres with a driver")
 
 
 @dataclass(frozen=True)
@@ -170,6 +198,12 @@ class Case(BaseCase):
         choices=hmmwv.ACTUATORS,
         help="ideal ones give the requested force at once; hydraulic ones of the passive car have their pump off",
     )
+    driven: bool = option(
+        False,
+        only=_CLOSED,
+        help="steering wheel and pedals are inputs, car.steering.wheel, car.throttle and car.brake, for people and"
+        " programs that drive",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -212,18 +246,18 @@ def path_points(points: Sequence[tuple[float, float]]) -> dict[str, float]:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """The car with a table of inputs, or with a driver; on its road; with the controller of its suspension."""
+    """The car with a table of inputs, with a driver, or without; on its road; with the controller of its suspension."""
     manoeuvre = MANOEUVRES[case.manoeuvre]
     system = System(allow_unconnected=True)  # no actuators; a flat road, and the pedals that a manoeuvre leaves alone
     system.add("car", fmus.path(CARS[case.car]), step=EXCHANGE if case.actuators == "hydraulic" else None)
     system["car"].set({"driver.mode": manoeuvre.mode, "target.speed": case.speed, "start.x": start(system, case)})
-    if manoeuvre.path:
+    if manoeuvre.path and not case.driven:
         system.add("driver", fmus.path(DRIVER))
         own = {"steering.ratio": steering_ratio(system), "wheelbase": wheelbase(system), "target.speed": case.speed}
         system["driver"].set({**own, **path_points(manoeuvre.path)})
         system.connect_matching("car", "driver")
         system.connect_matching("driver", "car")
-    else:
+    elif not case.driven:
         system.add(
             "driver", Table(table(manoeuvre, radians(case.wheel_deg)), units={"steering.wheel": "rad"}, after="hold")
         )
@@ -344,7 +378,8 @@ def force_name(case: Case) -> str:
 
 def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
-    names = [f"car.{n}" for n in (*_BODY, *(f"tire.{k}.force" for k in CORNERS))] + ["driver.*"]
+    names = [f"car.{n}" for n in (*_BODY, *(f"tire.{k}.force" for k in CORNERS))]
+    names.append("car.steering.wheel" if case.driven else "driver.*")
     if case.controller != "passive" or case.actuators == "hydraulic":
         names += [n.format(k) for k in CORNERS for n in ("car.actuator.{}.power", force_name(case))]
     if CONTROLLERS[case.controller] == hmmwv.CONTROLLERS["mpc"]:
@@ -393,7 +428,7 @@ def _signals(run: Run) -> dict[str, Array]:
     load = {k: r[f"car.tire.{k}.force"] for k in CORNERS}
     found = {
         "time": r.time,
-        "wheel": r["driver.steering.wheel"],
+        "wheel": r["car.steering.wheel" if run.case.driven else "driver.steering.wheel"],
         "yaw_rate": r["car.body.yaw_rate"],
         "ax": r["car.body.ax"],
         "ay": r["car.body.ay"],
@@ -466,6 +501,8 @@ def _sines(_: Run, s: dict[str, Array]) -> Row:
 
 
 def _followed(run: Run, _: dict[str, Array]) -> Row:
+    if run.case.driven:
+        return {}
     return {"offset": float(run.recording["driver.path.offset"].max())}
 
 

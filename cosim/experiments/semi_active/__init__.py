@@ -1,7 +1,7 @@
 """Passive, semi-active and active suspension of one car: comfort against road holding, frequency responses, energy.
 
 `runs` wires, runs and measures; `published` has the plan of the study; `claims` compares it with theory; `report` lays
-out.
+out; `web` is the live page.
 """
 
 from cosim.experiments.semi_active import published, runs
@@ -21,5 +21,6 @@ EXPERIMENT = Experiment(
         report="cosim.experiments.semi_active.report:report",
         papers="fmu_sources.catalog:PAPERS",
     ),
+    web="cosim.experiments.semi_active.web:live",
     module=__name__,
 )

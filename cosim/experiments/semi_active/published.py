@@ -13,6 +13,21 @@ SYSTEMS = {
     **{f"{c}, ideal": Case(c, "ideal") for c in IDEAL},
 }
 """Passive and semi-active cars, and active ones with ideal actuators."""
+NAMES = {
+    "passive": "passive",
+    "skyhook": "skyhook",
+    "skyhook-on-off": "skyhook, on-off",
+    "groundhook": "groundhook",
+    "groundhook-on-off": "groundhook, on-off",
+    "add": "ADD",
+    "sh-add": "SH-ADD",
+    "lqr": "clipped LQR",
+    "mpc": "MPC",
+    "skyhook, ideal": "skyhook, active",
+    "lqr, ideal": "LQR, active",
+    "mpc, ideal": "MPC, active",
+}
+"""What the systems are called."""
 TUNINGS = tuple(i / 8 for i in range(9))
 FAMILIES = {
     "passive": ["passive"],

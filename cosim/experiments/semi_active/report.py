@@ -11,6 +11,7 @@ from cosim.experiments.semi_active import EXPERIMENT
 from cosim.experiments.semi_active.claims import CLAIMS, COMFORT, ROAD_HOLDING, best
 from cosim.experiments.semi_active.published import (
     FAMILIES,
+    NAMES,
     REFINED,
     SYSTEMS,
     at,
@@ -25,20 +26,6 @@ from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 from cosim.study.pages import compared
 
-NAMES = {
-    "passive": "passive",
-    "skyhook": "skyhook",
-    "skyhook-on-off": "skyhook, on-off",
-    "groundhook": "groundhook",
-    "groundhook-on-off": "groundhook, on-off",
-    "add": "ADD",
-    "sh-add": "SH-ADD",
-    "lqr": "clipped LQR",
-    "mpc": "MPC",
-    "skyhook, ideal": "skyhook, active",
-    "lqr, ideal": "LQR, active",
-    "mpc, ideal": "MPC, active",
-}
 _LOOKS: dict[str, Look] = {
     "passive": "black",
     "semi-active": "blue",

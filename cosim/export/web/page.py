@@ -10,6 +10,7 @@ import base64
 import gzip
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
@@ -19,7 +20,7 @@ from typing import Any, Literal, get_args
 
 from build_fmus import description_xml as base
 from build_fmus.base import safe_files
-from build_fmus.base.checks import did_you_mean
+from build_fmus.base.checks import did_you_mean, number
 from cosim.core.description import Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.core.time import TimeLike, positive, seconds_text
@@ -33,7 +34,7 @@ from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
 _ASSETS = Path(__file__).parent / "assets"
-_SCRIPTS = ("fmu.js", "plot.js", "page.js")  # in this order
+_SCRIPTS = ("fmu.js", "plot.js", "drive.js", "page.js")  # in this order
 _TYPES = {name: i for i, name in enumerate(TYPES.values())}
 SHOWN_EVERY = Fraction(1, 200)  # s, or the nearest number of ticks above
 _FMI = 3
@@ -46,6 +47,41 @@ PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # times the clock
 
 
 @dataclass(frozen=True)
+class Drive:
+    """How a person holds a control with keys or a gamepad; the value returns to `rest` when it is released.
+
+    A gamepad that is lost has released it. On the slider the value stays where it is put.
+
+    Attributes:
+        rate: of the value while a key is held, in SI units per second of simulated time.
+        back: on its way to `rest`, and to where a gamepad has it; likewise.
+        rest: in SI units.
+        raised_by, lowered_by: keys that move it to the maximum or minimum while they are held: as browsers name them,
+            letters in lower case.
+        axis: number of an axis in the standard layout of gamepads, and 1 if right or down raises the value, or -1.
+        button: number of a button there, which raises the value from `rest` to the maximum as far as it is pressed.
+    """
+
+    rate: float
+    back: float
+    rest: float = 0.0
+    raised_by: Sequence[str] = ()
+    lowered_by: Sequence[str] = ()
+    axis: tuple[int, Literal[-1, 1]] | None = None
+    button: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "back"):
+            number(f"drive: {name}", getattr(self, name), above=0)
+        number("drive: rest", self.rest)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys."""
+        return (*self.raised_by, *self.lowered_by)
+
+
+@dataclass(frozen=True)
 class Control:
     """One control of the page, for one variable or for several that mean the same.
 
@@ -54,7 +90,8 @@ class Control:
         names: `component.variable` of inputs and parameters; systems that do not have them are passed over.
         minimum, maximum: of the slider, in SI units; by default those of the variable.
         choices: texts and values to choose from, instead of a slider.
-        keys: keys (as browsers name them) that lower and raise it.
+        keys: keys (as browsers name them) that lower and raise it by a step.
+        drive: keys and parts of a gamepad that move it while they are held.
         follows: variables that are set with it: each to the largest of these values.
     """
 
@@ -64,6 +101,7 @@ class Control:
     maximum: float | None = None
     choices: Mapping[str, float] = field(default_factory=dict)
     keys: tuple[str, str] | tuple[()] = ()
+    drive: Drive | None = None
     text: str = ""
     follows: Mapping[str, Sequence[Value]] = field(default_factory=dict)
 
@@ -129,7 +167,7 @@ class WebPage:
         title: heading.
         text: a sentence or two below it.
         controls: those shown at the top; all others follow, component by component.
-        plots: outputs that the charts show first.
+        plots: outputs, and inputs that are driven, that the charts show first.
         measures: metrics of the whole run.
         finish: condition that ends a run; None: never.
         pace: initial real-time factor, one of `PACES`.
@@ -165,6 +203,7 @@ def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -
     data, module, codes = _gathered(systems, page)
     html = template("page.html").render(
         page=page,
+        driven=[c.label for c in page.controls if c.drive],
         paces=PACES,
         style=f"{_asset('page.css')}\n{SCENE_STYLE.read_text(encoding='utf-8')}",
         script="\n".join([SCENE_SCRIPT.read_text(encoding="utf-8"), *(_asset(n) for n in _SCRIPTS)]),
@@ -327,10 +366,18 @@ def _display(v: Variable) -> dict[str, Any] | None:
 def _check_names(systems: Sequence[PageSystem], codes: Sequence[SystemCode], page: WebPage) -> None:
     """Everything named is there, in one system at least."""
     settable = {e.name for c in codes for e in c.variables if e.causality != "output"}
+    fixed = {e.name for c in codes for e in c.variables if e.causality != "input" and not e.tunable}
     outputs = {e.name for c in codes for e in c.variables if e.causality == "output"}
+    driven = {n for control in page.controls if control.drive for n in control.names}
     for control in page.controls:
         if not control.names:
             raise WiringError(f"the control '{control.label}' names no variable")
+        for name in control.names if control.drive else ():
+            if name in fixed & settable:
+                raise WiringError(
+                    f"the control '{control.label}' is driven, but {name} cannot change while the system runs; name"
+                    " inputs and tunable parameters"
+                )
         for name in (
             *control.names,
             *control.follows,
@@ -341,7 +388,10 @@ def _check_names(systems: Sequence[PageSystem], codes: Sequence[SystemCode], pag
                     f"the control '{control.label}' names '{name}', which is not an input or"
                     f" parameter{did_you_mean(name, settable)}"
                 )
-    for what, name in [("be plotted", n) for n in page.plots] + [
+    keys = Counter(k for c in page.controls for k in (*c.keys, *(c.drive.keys if c.drive else ())))
+    for key in (k for k, n in keys.items() if n > 1 and driven):
+        raise WiringError(f"the key '{key}' moves several controls; give each its own keys")
+    for what, name in [("be plotted", n) for n in page.plots if n not in driven] + [
         ("be measured", n) for m in page.measures for n in m.names
     ]:
         if name not in outputs:
@@ -372,12 +422,16 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
     whole = e.type == "Int32"
     if shown[0] is not None and shown[1] is not None:
         step = 1.0 if whole else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
-    elif control.keys:
+    elif control.keys or control.drive:
         raise WiringError(
-            f"the control '{control.label}' has keys, but {e.name} has no limits to go between: give minimum and"
-            " maximum"
+            f"the control '{control.label}' {'is driven' if control.drive else 'has keys'}, but {e.name} has no limits"
+            " to go between: give minimum and maximum"
         )
     kind: Kind = "choice" if control.choices else "check" if e.type == "Boolean" else "number"
+    if control.drive and (kind != "number" or whole):
+        raise WiringError(f"the control '{control.label}' is driven, but {e.name} is not a real number")
+    if control.drive and not (low or 0.0) <= control.drive.rest <= (high or 0.0):
+        raise WiringError(f"the control '{control.label}' rests at {control.drive.rest:g}, outside of its limits")
     return {
         "label": control.label,
         "text": control.text or e.variable.description,
@@ -392,6 +446,7 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
         "whole": whole,
         "follows": {n: [_sum(v) for v in sums] for n, sums in control.follows.items()},
         "keys": list(control.keys),
+        "drive": control.drive and asdict(control.drive) | {"low": low, "high": high},
         "choices": [[text, value] for text, value in control.choices.items()],
     }
 

@@ -200,7 +200,8 @@
     const data = JSON.parse(unpacked(document.getElementById(stage.dataset.animation)));
     data.takes.forEach((take) => take.scenes.forEach(prepare));
     const title = stage.closest("figure").querySelector("h3").textContent.trim();
-    const camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
+    const [{ scene: first }] = data.takes[0].scenes, // one camera for all scenes
+      camera = SceneView.from(first.views[0]);
     const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)").matches;
     let take,
       duration,
@@ -243,12 +244,12 @@
         speed = SPEEDS[i];
       },
     );
-    const looks = choose("view", Object.keys(SceneView.VIEWS), 0, (i) => {
-      views[0].view.view = Object.keys(SceneView.VIEWS)[i];
+    const looks = choose("view", first.views, 0, (i) => {
+      views[0].view.view = first.views[i];
       moved();
     });
     const moved = () => {
-      looks.value = Object.keys(SceneView.VIEWS).indexOf(camera.view);
+      looks.value = first.views.indexOf(camera.view);
       draw();
       if (camera.turn && !playing) requestAnimationFrame(moved);
     };

@@ -3,10 +3,13 @@
 // properties (scene.css).
 class SceneView {
   static VIEWS = {
-    // from where the camera looks: angles [rad] about z, from x ahead to the left, and above the road
+    // from where the camera looks: angles [rad] about z, from x ahead to the left, and above the road; from `far` as
+    // many times as much is in view, and what `turns` counts its azimuth from where the vehicle heads
     side: { azimuth: -Math.PI / 2, elevation: 0.075 },
     "three-quarter": { azimuth: -0.98, elevation: 0.3 },
     rear: { azimuth: Math.PI, elevation: 0.13 },
+    chase: { azimuth: Math.PI, elevation: 0.5, far: 3.5, turns: true },
+    top: { azimuth: -Math.PI / 2, elevation: 1.5, far: 4.5 },
   };
   static LIGHT = [0.38, -0.44, 0.81];
   static COLORS = [
@@ -43,6 +46,8 @@ class SceneView {
     "predicted",
     "limit",
     "shadow",
+    "cone",
+    "cone-band",
   ];
   static WORDS = {
     ground: "ground on tire",
@@ -53,6 +58,8 @@ class SceneView {
     predicted: "predicted travel",
   };
   static SAMPLES = 150; // of the road in view
+  static TRAIL = 0.3; // m between two points of where the wheels have been on open ground
+  static TRAILED = 2000; // points of it that are kept
   static LEVELS = 24; // of light
   static SEAM = 0.7; // px, by which neighbors overlap
   static NARROW = 520; // px
@@ -67,13 +74,7 @@ class SceneView {
     this.changed = changed; // is called when a person has moved the camera
     this.reducedMotion = reducedMotion;
     this.exaggeration = 1; // of motion and of heights of the road
-    this.camera = camera || {
-      view: "side",
-      azimuth: SceneView.VIEWS.side.azimuth,
-      elevation: SceneView.VIEWS.side.elevation,
-      zoom: 1,
-      turn: null,
-    };
+    this.camera = camera || SceneView.from(data.views[0]);
     this.now = new Float64Array(data.names.length);
     this.trees = data.bodies.map((body) => SceneView.tree(body.faces.map(SceneView.face)));
     this.step = data.width / SceneView.SAMPLES;
@@ -83,6 +84,8 @@ class SceneView {
     );
     this.carved = data.trenches.length + data.reliefs.length > 0; // the ground is known as a whole
     this.onRoad = data.grounds.length > 0 || this.carved;
+    this.open = !this.onRoad && typeof data.bodies[data.follow].x !== "number"; // it drives where there is no road
+    this.observed = this.open || data.cones.length > 0 || data.readings.some((r) => r.largest);
     this.top = Math.max(
       ...data.bodies.map((b) => this.rest(b.z) + Math.max(...b.faces.flatMap((f) => f.points.map((p) => p[2])))),
     );
@@ -90,12 +93,19 @@ class SceneView {
       ...data.bodies.map((b) => this.rest(b.z) + Math.min(...b.faces.flatMap((f) => f.points.map((p) => p[2])))),
     );
     this.shades = new Map();
+    this.yaw = 0;
     this.reset();
     this.restyle();
     if (canvas.addEventListener) this.listen();
   }
 
   // ----------------------------------------------------------------------------------------------- what the page calls
+
+  // A camera that looks from where a view does.
+  static from(view) {
+    const { azimuth, elevation } = SceneView.VIEWS[view];
+    return { view, azimuth, elevation, zoom: 1, turn: null };
+  }
 
   get view() {
     return this.camera.view;
@@ -104,11 +114,13 @@ class SceneView {
   set view(name) {
     const to = SceneView.VIEWS[name],
       camera = this.camera;
-    if (!to) throw new Error(`no view '${name}'; there are ${Object.keys(SceneView.VIEWS).join(", ")}`);
+    if (!this.data.views.includes(name)) throw new Error(`no view '${name}'; there are ${this.data.views.join(", ")}`);
     const from = { azimuth: camera.azimuth, elevation: camera.elevation };
+    if (SceneView.VIEWS[camera.view].turns) from.azimuth += this.yaw;
+    if (to.turns) from.azimuth -= this.yaw;
     camera.view = name;
     camera.turn = null;
-    if (this.reducedMotion) Object.assign(camera, to);
+    if (this.reducedMotion) Object.assign(camera, { azimuth: to.azimuth, elevation: to.elevation });
     else {
       let way = (to.azimuth - from.azimuth) % (2 * Math.PI); // the shorter way round
       if (way > Math.PI) way -= 2 * Math.PI;
@@ -122,6 +134,32 @@ class SceneView {
     this.cells = { left: new Map(), right: new Map() };
     this.history = this.data.traces.map(() => []);
     this.last = -Infinity;
+    this.fallen = new Map(); // cone -> which way [rad]
+    this.largest = this.data.readings.map(() => 0);
+    this.trail = [];
+  }
+
+  // What must not be missed between two pictures, at every sample: largest values, the way of the wheels on open
+  // ground, cones that the vehicle touches.
+  observe() {
+    if (!this.observed) return;
+    this.read();
+    const { readings, cones, bodies, follow, footprint, wheels } = this.data;
+    readings.forEach((r, i) => {
+      if (r.largest) this.largest[i] = Math.max(this.largest[i], Math.abs(this.quotient(r)));
+    });
+    const [x, y, yaw] = ["x", "y", "yaw"].map((name) => this.raw(bodies[follow][name])),
+      [rear, front, half] = footprint,
+      last = this.trail[this.trail.length - 1];
+    if (this.open && !(last && Math.hypot(x - last.x, y - last.y) < SceneView.TRAIL)) {
+      this.trail.push({ x, y, wheels: wheels.map((wheel) => this.wheelAt(wheel)).map((w) => [w.x, w.y, 0]) });
+      if (this.trail.length > SceneView.TRAILED) this.trail.shift();
+    }
+    cones.forEach((cone, i) => {
+      const [ahead, left] = SceneView.level(-yaw, cone.x - x, cone.y - y),
+        beyond = Math.hypot(Math.max(rear - ahead, 0, ahead - front), Math.max(0, Math.abs(left) - half));
+      if (!this.fallen.has(i) && beyond < cone.radius) this.fallen.set(i, yaw + Math.atan2(left, front));
+    });
   }
 
   // Asks again for the road ahead of the vehicle, after a parameter has changed; what lies behind stays as it was
@@ -147,11 +185,21 @@ class SceneView {
 
   readings() {
     this.read();
-    return this.data.readings.map(({ label, unit, value, decimals, factor }) => {
-      const number = factor * this.raw(value),
+    const { readings, cones } = this.data;
+    const found = readings.map((reading, i) => {
+      const { label, unit, decimals, factor, largest } = reading,
+        number = factor * (largest ? this.largest[i] : this.quotient(reading)),
         text = number.toFixed(decimals);
       return { label, unit, text: Number(text) === 0 ? (0).toFixed(decimals) : text };
     });
+    if (cones.length) found.push({ label: "cones hit", unit: "", text: `${this.fallen.size} of ${cones.length}` });
+    return found;
+  }
+
+  // The value of a reading; 0 where what it is divided by is.
+  quotient({ value, per }) {
+    const by = this.raw(per);
+    return by ? this.raw(value) / by : 0;
   }
 
   // Labels of the limits that are active.
@@ -165,7 +213,13 @@ class SceneView {
     // nobody has turned it
     const still = this.camera.azimuth === SceneView.VIEWS[this.view].azimuth || this.camera.turn;
     const from = still
-      ? { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view]
+      ? {
+          side: "from the side",
+          "three-quarter": "from ahead and the right",
+          rear: "from behind",
+          chase: "from behind and above",
+          top: "from above",
+        }[this.view]
       : "from a view of your own";
     const parts = this.readings().map(({ label, unit, text }) => `${label} ${text}${unit ? ` ${unit}` : ""}`);
     const pushing = this.data.arrows.filter((a) => a.role === "actuator").map((a) => this.raw(a.fz));
@@ -253,9 +307,16 @@ class SceneView {
   }
 
   wheelAt(wheel) {
-    const x = this.raw(wheel.x),
+    let x = this.raw(wheel.x),
       y = this.raw(wheel.y),
-      z = this.tall(wheel.z);
+      heading = this.raw(wheel.heading);
+    const z = this.tall(wheel.z);
+    if (wheel.on !== null) {
+      const body = this.data.bodies[wheel.on],
+        yaw = this.raw(body.yaw);
+      [x, y] = SceneView.level(yaw, x, y, this.raw(body.x), this.raw(body.y));
+      heading += yaw;
+    }
     let pressed = this.tall(wheel.squash),
       toward = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
     if (wheel.contact && pressed > 0) {
@@ -264,7 +325,7 @@ class SceneView {
       if (Math.hypot(dx, dz) > 0.5 * wheel.radius) toward = Math.atan2(dz, dx);
     }
     pressed = Math.max(0, Math.min(pressed, 0.6 * wheel.radius));
-    return { wheel, x, y, z, pressed, toward, turn: this.raw(wheel.turn), heading: this.raw(wheel.heading) };
+    return { wheel, x, y, z, pressed, toward, turn: this.raw(wheel.turn), heading };
   }
 
   // -------------------------------------------------------------------------------- the order in which faces are drawn
@@ -392,9 +453,15 @@ class SceneView {
       camera.elevation = camera.turn.from.elevation + eased * (camera.turn.elevation - camera.turn.from.elevation);
       if (part === 1) camera.turn = null;
     }
-    const { azimuth, elevation } = camera;
+    const { elevation } = camera,
+      { far = 1, turns } = SceneView.VIEWS[camera.view],
+      body = data.bodies[data.follow];
+    this.distant = far > 1;
+    this.yaw = this.raw(body.yaw);
+    const azimuth = camera.azimuth + (turns ? this.yaw : 0);
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
     this.toward = [ce * ca, ce * sa, se];
+    this.facing = this.inFrame(this.toward[0], this.toward[1]);
     this.right = [-sa, ca, 0];
     this.up = [-se * ca, -se * sa, ce];
     const ratio = (typeof devicePixelRatio === "number" && devicePixelRatio) || 1;
@@ -410,18 +477,25 @@ class SceneView {
     this.pen = pen;
     this.width = width;
     this.height = height;
-    const along = Math.abs(this.right[0]),
-      across = Math.abs(this.right[1]),
+    const along = Math.abs(Math.sin(camera.azimuth)),
+      across = Math.abs(Math.cos(camera.azimuth)),
       depth = 2 * this.halfWidth;
     const tall = this.top - this.bottom,
       below = this.onRoad ? 0.16 * data.width * (this.carved ? 1 : 0.5) : 0;
     const shown = data.width * (width < SceneView.NARROW ? 0.8 : 1); // a phone shows less of the road, and larger
     const wide = shown * along + 1.5 * depth * across,
-      high = (1.28 * tall + below) * ce + (0.4 * shown * Math.abs(ca) + depth) * se;
-    this.scale = camera.zoom * Math.min(width / wide, height / high);
-    const body = data.bodies[data.follow];
+      high = (1.28 * tall + below) * ce + (0.4 * shown * across + depth) * se;
+    this.scale = (camera.zoom / far) * Math.min(width / wide, height / high);
     const ahead = this.onRoad ? 0.07 * data.width : 0;
     this.center = [this.raw(body.x) + ahead, 0, 0.5 * (this.top + this.bottom) + 0.08 * tall - 0.5 * below];
+    if (this.open) this.center[1] = this.raw(body.y);
+    if (this.distant) {
+      // more of what lies ahead than of what lies behind
+      const [c, s] = [Math.cos(this.yaw), Math.sin(this.yaw)],
+        tallest = (0.25 * height) / (this.scale * se);
+      this.center[0] += c * (turns ? tallest : (0.25 * width) / this.scale);
+      this.center[1] += s * tallest;
+    }
     this.span = this.onRoad
       ? Math.max(
           0.62 * data.width,
@@ -487,7 +561,9 @@ class SceneView {
     this.wheels = data.wheels.map((wheel) => this.wheelAt(wheel));
     this.poses = data.bodies.map((body) => this.pose(body));
     this.lit = data.limits.map((limit) => this.raw(limit.value) > 0);
+    this.observe();
     if (this.onRoad) this.drawRoad();
+    else if (this.open) this.drawPlain();
     else this.drawFloor();
     this.drawTraces(time);
     this.drawBodies();
@@ -614,6 +690,7 @@ class SceneView {
 
   // Height at a place, between the tracks as the road is drawn.
   heightAt(x, y) {
+    if (!this.onRoad) return 0;
     const points = this.road,
       n = points.length;
     let low = 0,
@@ -870,11 +947,24 @@ class SceneView {
   }
 
   drawShadow() {
-    const { pen, color } = this;
+    const { pen, color, data } = this;
     pen.fillStyle = color.shadow;
     const xs = this.wheels.map((w) => w.x),
       r = this.wheels.length ? this.wheels[0].wheel.radius : 0;
-    if (xs.length > 1) {
+    if (this.open) {
+      const [rear, front, half] = data.footprint,
+        m = this.poses[data.follow];
+      pen.globalAlpha = 0.25;
+      this.path(
+        [
+          [rear, half],
+          [front, half],
+          [front, -half],
+          [rear, -half],
+        ].map(([x, y]) => [...SceneView.level(this.yaw, x, y, m[3], m[7]), 0]),
+      );
+      pen.fill();
+    } else if (xs.length > 1) {
       const half = Math.max(...this.wheels.map((w) => Math.abs(w.y))) + 0.1;
       pen.globalAlpha = 0.2;
       this.ribbon(Math.min(...xs) - 1.15 * r, Math.max(...xs) + r, half, -half, 0);
@@ -886,12 +976,102 @@ class SceneView {
         long = 0.62 * w.wheel.radius,
         wide = 0.62 * w.wheel.width;
       if (w.z - z > 1.6 * w.wheel.radius) continue; // over a trench
-      for (let i = 0; i < 14; i += 1)
-        points.push([w.x + long * Math.cos(i * 0.4488), w.y + wide * Math.sin(i * 0.4488), z]);
+      for (let i = 0; i < 14; i += 1) {
+        const [c, s] = [Math.cos(i * 0.4488), Math.sin(i * 0.4488)];
+        points.push([...SceneView.level(this.yaw, long * c, wide * s, w.x, w.y), z]);
+      }
       this.path(points);
       pen.fill();
     }
     pen.globalAlpha = 1;
+  }
+
+  // Level ground in all directions: lines across both ways, and where the wheels have been.
+  drawPlain() {
+    const { pen, color, data, scale } = this,
+      [cx, cy] = this.center,
+      reach = this.distant ? (0.75 * (this.width + this.height / this.toward[2])) / scale : 1.2 * data.width;
+    const [back, ahead, right, left] = [cx - reach, cx + reach, cy - reach, cy + reach];
+    pen.fillStyle = this.shade("road", 0.8);
+    this.path([
+      [back, right, 0],
+      [ahead, right, 0],
+      [ahead, left, 0],
+      [back, left, 0],
+    ]);
+    pen.fill();
+    const unit = scale < 40 ? 5 : 1,
+      strong = 5 * unit;
+    pen.strokeStyle = color["road-mark"];
+    pen.lineWidth = 1;
+    const line = (at, from, to) => {
+      pen.globalAlpha = at % strong === 0 ? 0.5 : 0.22;
+      this.path([from, to], false);
+      pen.stroke();
+    };
+    for (let x = Math.ceil(back / unit) * unit; x <= ahead; x += unit) line(x, [x, right, 0], [x, left, 0]);
+    for (let y = Math.ceil(right / unit) * unit; y <= left; y += unit) line(y, [back, y, 0], [ahead, y, 0]);
+    pen.strokeStyle = color.track;
+    pen.globalAlpha = 0.55;
+    this.wheels.forEach((w, i) => {
+      pen.lineWidth = Math.max(1.2, 0.6 * w.wheel.width * scale * Math.min(1, 0.3 + this.toward[2]));
+      this.path([...this.trail.map((point) => point.wheels[i]), [w.x, w.y, 0]], false);
+      pen.stroke();
+    });
+    pen.globalAlpha = 1;
+    this.drawShadow();
+  }
+
+  // A cone, standing, or lying where it has been hit: then it has another color, too.
+  drawCone(cone, way) {
+    const { pen, color } = this,
+      circle = (at, radius, z) =>
+        Array.from({ length: 16 }, (_, i) => [
+          at[0] + radius * Math.cos((i * Math.PI) / 8),
+          at[1] + radius * Math.sin((i * Math.PI) / 8),
+          z,
+        ]);
+    const lies = way !== undefined,
+      ground = this.heightAt(cone.x, cone.y),
+      [c, s] = lies ? [Math.cos(way), Math.sin(way)] : [0, 0];
+    // across its axis, at a part of its height
+    const section = (part) => {
+      const [radius, far] = [cone.radius * Math.max(0.15, 1 - part), part * cone.height];
+      if (!lies) return circle([cone.x, cone.y], radius, ground + far);
+      const [x, y] = [cone.x + far * c, cone.y + far * s];
+      return circle([0, 0], radius, 0).map(([a, b]) => [x - a * s, y + a * c, ground + b]);
+    };
+    const paint = (from, to, style) => {
+      pen.fillStyle = pen.strokeStyle = style;
+      pen.lineWidth = this.distant ? 1.5 : 0.6; // seen from afar
+      pen.beginPath();
+      for (const p of SceneView.convex([...section(from), ...section(to)].map((q) => this.screen(q)))) pen.lineTo(...p);
+      pen.closePath();
+      pen.fill();
+      pen.stroke();
+    };
+    const style = lies ? color.limit : color.cone;
+    if (!lies) paint(0, 0.04, SceneView.mixed(style, 0.7));
+    paint(0, 1, style);
+    if (!lies) paint(0.4, 0.65, color["cone-band"]);
+  }
+
+  // The smallest convex polygon around points on the screen.
+  static convex(points) {
+    const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]),
+      half = (list) => {
+        const chain = [];
+        for (const p of list) {
+          for (;;) {
+            const [a, b] = chain.slice(-2);
+            if (!b || (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
+            chain.pop();
+          }
+          chain.push(p);
+        }
+        return chain.slice(0, -1);
+      };
+    return [...half(sorted), ...half(sorted.reverse())];
   }
 
   // What a rig stands on.
@@ -954,6 +1134,12 @@ class SceneView {
     data.bodies.forEach((body, i) => {
       if (i !== host)
         items.push({ at: inFrame([poses[i][3], poses[i][7], poses[i][11]]), draw: () => this.drawFaces(i, []) });
+    });
+    data.cones.forEach((cone, i) => {
+      const at = [cone.x, cone.y, this.heightAt(cone.x, cone.y)],
+        [x, y] = this.screen(at);
+      if (x < -50 || y < -50 || x > this.width + 50 || y > this.height + 50) return;
+      items.push({ at: inFrame(at), draw: () => this.drawCone(cone, this.fallen.get(i)) });
     });
     this.drawFaces(host, items);
   }
@@ -1111,13 +1297,32 @@ class SceneView {
 
   // Whether what is on a line y, or on an axle, is on the side that is seen.
   isNear(x, y) {
-    if (Math.abs(this.toward[1]) > 0.9) return y * this.toward[1] >= 0;
-    if (Math.abs(this.toward[0]) > 0.9) return this.wheels.every((w) => (w.x - x) * this.toward[0] < 0.5);
+    const [ahead, left] = this.facing;
+    if (Math.abs(left) > 0.9) return this.besides(x, y) * left >= 0;
+    if (Math.abs(ahead) > 0.9) return this.wheels.every((w) => this.inFrame(w.x - x, w.y - y)[0] * ahead < 0.5);
     return true;
+  }
+
+  // A level direction in the frame of the vehicle: ahead and to the left.
+  inFrame(x, y) {
+    return SceneView.level(-this.yaw, x, y);
+  }
+
+  // How far a place is to the left of the vehicle's middle plane.
+  besides(x, y) {
+    const { x: bx, y: by } = this.data.bodies[this.data.follow];
+    return this.inFrame(x - this.raw(bx), y - this.raw(by))[1];
+  }
+
+  // A point (x, y) turned by an angle, and moved.
+  static level(angle, x, y, x0 = 0, y0 = 0) {
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return [x0 + c * x - s * y, y0 + s * x + c * y];
   }
 
   // Spring and damper, drawn through the sheet that hides them, but not through wheels.
   drawStruts() {
+    if (this.distant) return;
     const { pen, data, color } = this,
       seen = data.struts.filter((s) => this.isNear(this.wheels[s.wheel].x, this.wheels[s.wheel].y));
     if (!seen.length) return;
@@ -1133,10 +1338,10 @@ class SceneView {
     }
     if (data.wheels.length > 1) pen.clip("evenodd");
     for (const strut of seen) {
-      if (Math.abs(this.toward[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.toward[1] < 0)
+      const w = this.wheels[strut.wheel];
+      if (Math.abs(this.facing[0]) < 0.9 && data.wheels.length > 1 && this.besides(w.x, w.y) * this.facing[1] < 0)
         continue; // behind the body
-      const w = this.wheels[strut.wheel],
-        from = SceneView.placed(this.poses[strut.body], strut.at);
+      const from = SceneView.placed(this.poses[strut.body], strut.at);
       this.drawStrut(from, [w.x + strut.to[0], w.y + strut.to[1], w.z + strut.to[2]], w.wheel.radius);
     }
     pen.restore();
@@ -1207,7 +1412,7 @@ class SceneView {
 
   drawPoints() {
     const { pen, color, data } = this;
-    if (Math.abs(this.right[0]) < 0.15) return; // from behind, what is ahead is hidden
+    if (Math.abs(this.facing[1]) < 0.15 * Math.hypot(...this.facing)) return; // from behind, what is ahead is hidden
     for (const points of data.points) {
       const x = this.raw(points.x),
         y = this.raw(points.y),
@@ -1260,12 +1465,16 @@ class SceneView {
   }
 
   drawArrows() {
+    if (this.distant) return;
     const { pen, color, data } = this,
       longest = 0.34 * this.height;
     for (const { role, from, force } of this.arrowsNow()) {
       const hidden =
         // behind the vehicle
-        data.wheels.length > 1 && role !== "body" && Math.abs(this.toward[1]) > 0.3 && from[1] * this.toward[1] < 0;
+        data.wheels.length > 1 &&
+        role !== "body" &&
+        Math.abs(this.facing[1]) > 0.3 &&
+        this.besides(from[0], from[1]) * this.facing[1] < 0;
       if (data.wheels.length > 1 && role !== "body" && !this.isNear(from[0], from[1])) continue;
       const tip = from.map((c, k) => c + force[k] / data.forceScale);
       const [ax, ay] = this.screen(from);
@@ -1346,7 +1555,7 @@ class SceneView {
   // Legend: colors with their words, and forces as long as they are drawn, where they are upright.
   legend() {
     const { data } = this,
-      roles = new Set(data.arrows.map((a) => a.role)),
+      roles = new Set(this.distant ? [] : data.arrows.map((a) => a.role)),
       perPixel = data.forceScale / (this.scale * this.up[2]);
     const entries = [...roles].map((role) => ({
       kind: "force",
@@ -1453,6 +1662,7 @@ class SceneView {
 
   orbit(dx, dy) {
     const { camera } = this;
+    if (SceneView.VIEWS[camera.view].turns) camera.azimuth += this.yaw;
     camera.view = "three-quarter"; // the one that is free
     camera.turn = null;
     camera.azimuth -= 0.008 * dx;

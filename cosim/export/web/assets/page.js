@@ -9,6 +9,7 @@ const BUDGET = 0.7; // of the time that passes, for computing
 const LONGEST = 0.1; // s of it that count: a page that was out of sight does not catch up
 const FIRST = 20; // steps, before their cost is known
 const SMOOTH = 1; // s, window of the displayed pace
+const DRIVEN = 0.01; // s of simulated time, for which what a person drives keeps its value
 const TOLD = 100; // ms between two updates of the displayed numbers of a running system
 // frames, of what need not be drawn in each: in turn, so that no frame is long
 const EVERY = { chart: 3, hidden: 6, hiddenChart: 18 };
@@ -21,7 +22,11 @@ class Variant {
     const shown = system.variables.filter((v) => v.role === "output").sort((a, b) => a.type - b.type);
     this.instance = new Instance(module, system.model, shown);
     this.interval = interval;
-    this.history = new History(this.instance.place, this.instance.width, interval * data.keep);
+    const { place, width } = this.instance;
+    // inputs that a person drives: beside what is shown, so that a run can be repeated
+    this.driven = data.controls.flatMap((c) => (c.drive ? c.names.filter((n) => this.variables.has(n)) : []));
+    const all = new Map([...place, ...this.driven.map((n, i) => [n, width + i])]);
+    this.history = new History(all, width + this.driven.length, interval * data.keep);
     this.keep = data.keep;
     this.score = new Score(this, data);
     this.probe = system.road ? new Probe(module, system.road) : null;
@@ -45,11 +50,16 @@ class Variant {
       if (this.probe) this.probe.renew(this.roadSettings());
       this.instance.start(this.interval);
       const row = this.instance.look();
-      this.history.add(row);
+      this.record(row);
       this.score.restart(row);
     } catch (error) {
       this.fail(error);
     }
+  }
+
+  record(row) {
+    this.history.add(row, this.driven.map((n) => this.value(n)));
+    if (this.view) this.view.observe();
   }
 
   roadSettings() {
@@ -109,7 +119,7 @@ class Variant {
 
   /** The value of anything: an output as it is now, another variable as it is set. */
   value(name) {
-    if (this.history.has(name)) return this.history.value(name);
+    if (this.instance.place.has(name)) return this.history.value(name);
     return this.settings.has(name)
       ? this.settings.get(name)
       : this.variables.has(name)
@@ -127,7 +137,7 @@ class Variant {
           if (this.score.verdict) return; // the rest of a portion after the end
           this.steps++;
           this.score.add(row);
-          if (this.steps % this.keep === 0) this.history.add(row);
+          if (this.steps % this.keep === 0) this.record(row);
           if (this.score.verdict) this.final = row.slice();
         });
       }
@@ -215,6 +225,8 @@ class Page {
       variants: [],
       views: [],
       charts: [],
+      drives: [],
+      hands: new Hands(),
       running: false,
       credit: 0,
       last: null,
@@ -256,9 +268,22 @@ class Page {
     $("csv").addEventListener("click", () => this.save());
     $("filter").addEventListener("input", () => this.filter());
     document.addEventListener("keydown", (e) => this.key(e));
+    document.addEventListener("keyup", (e) => this.hands.keys.delete(Hands.name(e.key)));
     document.addEventListener("visibilitychange", () => {
       this.last = this.factor = null;
     });
+    addEventListener("blur", () => this.hands.keys.clear());
+    // who has chosen with a pointer drives with the keys again
+    for (const event of ["pointerdown", "keydown"])
+      addEventListener(event, () => (this.pointed = event === "pointerdown"), { capture: true });
+    document.addEventListener("change", ({ target }) => {
+      if (this.drives.length && this.pointed && target.type !== "number") target.blur();
+    });
+    for (const event of ["gamepadconnected", "gamepaddisconnected"])
+      addEventListener(event, () => {
+        this.hands.pad();
+        this.tell();
+      });
     new ResizeObserver(() => this.draw()).observe(document.body);
     this.seen = new Set(); // canvases in sight
     this.watch = new IntersectionObserver((entries) => {
@@ -270,8 +295,9 @@ class Page {
       this.draw();
     });
     this.restyle();
-    this.camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
-    for (const name of Object.keys(SceneView.VIEWS)) $("view").add(new Option(name, name));
+    const views = [...new Set(data.systems.flatMap((s) => (s.scene ? s.scene.views : [])))];
+    if (views.length) this.camera = SceneView.from(views[0]); // one for all scenes
+    for (const name of views) $("view").add(new Option(name, name));
     $("view").addEventListener("change", () => {
       for (const { view } of this.views.slice(0, 1)) view.view = $("view").value;
       this.moved();
@@ -282,6 +308,7 @@ class Page {
     });
     $("measures").closest("section").hidden = !data.measures.length;
     this.controls = data.controls.map((c) => this.control(c, $("controls")));
+    this.drives = this.controls.filter((c) => c.drive);
     $("controls").closest("section").hidden = !data.controls.length;
   }
 
@@ -334,6 +361,7 @@ class Page {
         changed: () => this.moved(),
       });
       view.exaggeration = Number(this.$("heights").value);
+      variant.view = view;
       variant.readings = view.readings().map(({ label, unit }) => {
         const item = document.createElement("div");
         item.append(Object.assign(document.createElement("dt"), { textContent: unit ? `${label} [${unit}]` : label }));
@@ -420,6 +448,7 @@ class Page {
       meant = (y) => (y - spec.offset) / spec.factor;
     const apply = (y) => {
       this.say("");
+      if (drive) drive.held = false; // it stays where it is put
       const restart = this.set(spec.names, meant(y), spec.follows);
       for (const c of [...this.controls, ...(this.all || [])]) c.show();
       if (restart) this.restartSoon();
@@ -479,17 +508,26 @@ class Page {
         } else apply(y);
       });
     }
-    if (spec.keys.length)
-      label.append(
-        Object.assign(document.createElement("kbd"), {
-          textContent: spec.keys.map((k) => Page.KEYS[k] || k).join(" "),
-        }),
-      );
+    const drive = spec.drive ? new Drive(spec.drive) : null,
+      keys = drive ? drive.words : spec.keys.map((k) => Page.KEYS[k] || k).join(" ");
+    if (keys) label.append(Object.assign(document.createElement("kbd"), { textContent: keys }));
     room.append(row);
     return {
       spec,
       show,
       row,
+      drive,
+      // over a time that is simulated next
+      move: (seconds, pad) => {
+        const before = present(),
+          value = drive.next(before, seconds, this.hands.keys, pad);
+        if (!row.hidden && value !== before) this.set(spec.names, value, spec.follows);
+      },
+      // at the start of a run, unless it was put elsewhere
+      release: () => {
+        if (drive.held) this.set(spec.names, spec.drive.rest, spec.follows);
+        drive.held = false;
+      },
       nudge: (by) => {
         const y = shown(present()) + by * spec.step * (spec.whole ? 1 : 2);
         apply(Math.min(spec.max, Math.max(spec.min, y)));
@@ -563,7 +601,8 @@ class Page {
     room.replaceChildren();
     const outputs = new Map();
     for (const variant of this.variants)
-      for (const v of variant.variables.values()) if (v.role === "output") outputs.set(v.name, v);
+      for (const v of variant.variables.values())
+        if (v.role === "output" || variant.driven.includes(v.name)) outputs.set(v.name, v);
     const names = (chosen.length ? chosen : this.data.plots).filter((n) => outputs.has(n));
     while (names.length < Math.min(3, outputs.size)) names.push([...outputs.keys()].find((n) => !names.includes(n)));
     this.charts = names.map((name, i) => {
@@ -627,9 +666,10 @@ class Page {
 
   restart() {
     clearTimeout(this.soon);
+    for (const c of this.drives) c.release();
+    for (const { view } of this.views) view.reset();
     for (const variant of this.variants) variant.restart();
     for (const chart of this.charts) chart.range = null;
-    for (const { view } of this.views) view.reset();
     this.credit = 0;
     this.say("");
     this.report();
@@ -661,9 +701,15 @@ class Page {
     this.describe();
   }
 
-  /** Steps of all variants. */
+  /** Steps of all variants, under what a person drives. */
   advance(n) {
-    for (const variant of this.variants) variant.run(n);
+    const piece = this.drives.length ? Math.max(1, Math.round(DRIVEN / this.data.interval)) : n,
+      pad = this.drives.length ? this.hands.pad() : null;
+    for (let left = n; left > 0; left -= piece) {
+      const steps = Math.min(piece, left);
+      for (const c of this.drives) c.move(steps * this.data.interval, pad);
+      for (const variant of this.variants) variant.run(steps);
+    }
     this.report();
     if (this.running && this.variants.every((v) => v.over)) this.pause();
   }
@@ -735,6 +781,10 @@ class Page {
       });
     }
     this.fill();
+    if (this.drives.length) {
+      for (const c of this.drives) c.show();
+      if (this.$("pad").textContent !== this.hands.word) this.$("pad").textContent = this.hands.word;
+    }
     const slow = this.running && this.factor !== null && this.factor < 0.9 * this.pace;
     this.$("factor").textContent = slow
       ? `this device runs it at ${this.factor.toFixed(2)} times the clock, not ${this.pace}`
@@ -777,7 +827,8 @@ class Page {
 
   key(e) {
     if (e.defaultPrevented || e.ctrlKey || e.metaKey || e.altKey) return;
-    const { tagName, type } = e.target,
+    const held = Hands.name(e.key),
+      { tagName, type } = e.target,
       arrow = e.key.startsWith("Arrow");
     // which take letters
     if (tagName === "SELECT" || (tagName === "INPUT" && !["range", "checkbox"].includes(type))) return;
@@ -789,6 +840,7 @@ class Page {
       const which = c.spec.keys.indexOf(e.key);
       if (which >= 0 && !c.row.hidden) action = () => c.nudge(which ? 1 : -1);
     }
+    if (this.drives.some((c) => c.drive.has(held) && !c.row.hidden)) action = () => this.hands.keys.add(held);
     if (action) {
       e.preventDefault();
       action();

@@ -171,8 +171,11 @@ class History {
   clear() {
     this.count = 0;
   }
-  add(row) {
-    this.data.set(row, (this.count++ % this.capacity) * this.width);
+  /** A row, in two parts. */
+  add(row, more = []) {
+    const begin = (this.count++ % this.capacity) * this.width;
+    this.data.set(row, begin);
+    this.data.set(more, begin + row.length);
   }
   /** Time of the newest row [s]. */
   get time() {
