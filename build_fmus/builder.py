@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
@@ -109,11 +110,16 @@ def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str
     compilers = toolchain_identity(options.platform)
     parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compilers]
     parts += [str(options.clocks and fmi == 3), options.qp or "", entry.choices, qp_sources.identity()]
-    parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
+    parts += _versions()
     digest.update("|".join(parts).encode())
     for path in entry.files:
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+@cache
+def _versions() -> list[str]:
+    return [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
 
 
 class Stamps:

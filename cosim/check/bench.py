@@ -206,6 +206,8 @@ def difference(
 
     Empty if the runs agree.
     """
+    if one == other:
+        return ""
     scales = peaks([*one, *other], floor)
     for k, (a, b) in enumerate(zip(one, other, strict=False)):
         if text := differs(a, b, tolerance, scales):
@@ -225,6 +227,8 @@ def peaks(run: Iterable[Values], floor: Mapping[Var, float] | None = None) -> di
 
 def differs(a: Values, b: Values, tolerance: float, scales: Mapping[Var, float]) -> str:
     """The first variable whose values differ by more than a part of its scale."""
+    if a == b:
+        return ""
     equal = bits(b)
     for v, raw in bits(a).items():
         if raw == equal.get(v):

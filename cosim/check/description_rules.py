@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from build_fmus.base.checks import one_line
@@ -24,6 +26,11 @@ class File:
     root: Any
     model: Model
     folder: Any = None  # Path; set once it is unpacked
+
+    @cached_property
+    def packed_model(self) -> bytes:
+        """The description as data, for other processes."""
+        return pickle.dumps(self.model)
 
 
 @file_check(

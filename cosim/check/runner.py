@@ -335,7 +335,7 @@ def _of_instance(
     report: Report,
     seconds: float,
 ) -> Result:
-    answer = workers.run(Job(check.id, kind, file.model, file.folder, libraries, seconds, options.bytes))
+    answer = workers.run(Job(check.id, kind, file.packed_model, file.folder, libraries, seconds, options.bytes))
     if answer.broken:
         report.failures.append(f"{check.id}, {_KINDS[kind]}:\n{answer.broken}")
         return Result(check, kind, (), "the check itself failed, which says nothing about the FMU", answer.seconds)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import json
 import math
 import mmap
@@ -26,7 +27,9 @@ import tempfile
 import time
 import traceback
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from build_fmus.base.checks import plain
@@ -36,6 +39,7 @@ from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
 from cosim.check.model import Model
 from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 from cosim.core.memory import resident_memory
+from cosim.fmu import calls
 
 _SPOKEN = 4096  # bytes for what is being done
 _LAST_WORDS = 400  # characters of what the FMU printed last
@@ -49,11 +53,11 @@ _SET_CHILD_SUBREAPER = 36  # of prctl
 
 @dataclass(frozen=True)
 class Job:
-    """A check of one interface of an FMU that is unpacked, with its limits [s], [bytes]."""
+    """A check of one interface of an FMU that is unpacked, with its limits [s], [bytes]; `model` as it is pickled."""
 
     check: str
     kind: str
-    model: Model = field(repr=False)
+    model: bytes = field(repr=False)
     folder: Path
     libraries: dict[str, Path]
     seconds: float
@@ -124,11 +128,18 @@ def _finding(text: Any, severity: Any, line: Any) -> Finding:
     return Finding(_text(text), severity, int(_typed(line, int)))
 
 
+@lru_cache(1)
+def _model(data: bytes) -> Model:
+    """A model description, of which all checks of an FMU have one."""
+    model: Model = pickle.loads(data)
+    return model
+
+
 def execute(job: Job, say: Any = None) -> Answer:
     """Run a check in this process."""
     answer = Answer()
     check = CHECKS[job.check]
-    bench = Bench(Fmu(job.model, job.folder, job.libraries, say), job.kind, answer.measures)
+    bench = Bench(Fmu(_model(job.model), job.folder, job.libraries, say), job.kind, answer.measures)
     try:
         for finding in check.run(bench):
             answer.findings.append(finding)
@@ -184,6 +195,7 @@ def _close_but_one(output: int) -> int:
 
 def supervise(job: Job) -> Answer:
     """Run a check in a fork of this process."""
+    _model(job.model)  # before the fork, which then need not read it
     memory = mmap.mmap(-1, _SPOKEN)
     readable, writable = os.pipe()
     words = tempfile.TemporaryFile()  # noqa: SIM115 (closed below)
@@ -305,6 +317,19 @@ def send(stream: BinaryIO, data: bytes) -> None:
     stream.flush()
 
 
+def _prepare_forks() -> None:
+    """Do once what each fork would repeat: parse the C types that instances need, and copy what `gc` visits."""
+    fake = SimpleNamespace(fmi2Instantiate=_nothing, fmi3InstantiateCoSimulation=_nothing)
+    calls.instantiate2(fake, calls.c_library(), ("", "", ""), _nothing, [], "cs")
+    calls.instantiate3(fake, ("", "", ""), _nothing, [], "cs")
+    gc.collect()
+    gc.freeze()
+
+
+def _nothing(*_: Any) -> None:
+    pass
+
+
 def main() -> None:
     """Answer jobs until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles it and closes the pipe
@@ -316,12 +341,14 @@ def main() -> None:
     if sys.platform == "linux":  # detached processes of an FMU become children of this one
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    _prepare_forks()
     while (data := receive(sources)) is not None:
         job = pickle.loads(data)
         if hasattr(os, "fork"):
             answer = supervise(job)
         else:
             begin = time.monotonic()
+            _model.cache_clear()  # a check may change it
             answer = execute(job)
             answer.seconds = time.monotonic() - begin
         send(answers, answer.pack())

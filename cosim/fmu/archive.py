@@ -147,15 +147,15 @@ class Archive:
             found = [(p[1], p[2]) for p in parts if len(p) == 3 and p[0] == "binaries" and p[2]]
         return sorted(pair for pair in found if pair[1].endswith((".so", ".dll", ".dylib")))
 
-    def unpack(self, folder: Path) -> None:
-        """Put a copy of everything into `folder`."""
+    def unpack(self, folder: Path, without: tuple[str, ...] = ()) -> None:
+        """Put a copy of everything into `folder`, except for the folders in `without` (`"sources/"`) of an archive."""
         try:
             if self.is_folder:
                 shutil.copytree(self.path, folder, dirs_exist_ok=True)
                 return
             with self._opened() as archive:
                 self._check_contents(archive.infolist(), folder)
-                archive.extractall(folder)
+                archive.extractall(folder, [n for n in archive.namelist() if not n.startswith(without)])
         except OSError as error:
             raise self.error(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
         except UnicodeEncodeError as error:

@@ -302,7 +302,7 @@ class FmuFile:
         except OSError as error:
             raise FmuError(f"cannot unpack {self.path}: {error}") from None
         self._owned.append(folder)
-        self._archive.unpack(folder)
+        self._archive.unpack(folder, ("sources/", "documentation/"))  # most files, which no run reads
         self._folder = folder
         return folder
 

@@ -13,8 +13,6 @@ import binaries
 import pytest
 from api import OK, Library, Model
 from applies import applies_to
-from cyclonedx.schema import SchemaVersion
-from cyclonedx.validation.json import JsonStrictValidator
 from fmpy.validation import validate_fmu
 from lxml import etree
 
@@ -328,6 +326,9 @@ def test_other_validators_find_the_reference_result(fmu: Library) -> None:
 
 def test_bill_of_materials(fmu: Library) -> None:
     """CycloneDX: judged by its own library; it lists what the licenses list, and the binary with its compiler."""
+    from cyclonedx.schema import SchemaVersion
+    from cyclonedx.validation.json import JsonStrictValidator  # reads grammars for seconds, also where no test needs it
+
     text = (fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref" / "bill-of-materials.cdx.json").read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     bill = json.loads(text)

@@ -42,6 +42,8 @@ class Rule:
         self.start, self.stop = base.start, base.exact(base.at_or_after(stop))
         self.interval = min(m.step for m in self.schedule.components) if interval is None else interval
         self.sources = {(c.target, c.input): c for c in self.schedule.connections}
+        # If one input of a component is converted, all are, some by a factor of 1.
+        self.converting = {c.target for c in self.schedule.connections if (c.scale, c.offset) != (1.0, 0.0)}
         layout, values = self.exchange.layout, self.exchange.values.tolist()
         self.published: dict[Key, float] = {
             piece: values[slot + k] for key, slot in layout.visible.items() for k, piece in enumerate(self.pieces(key))
@@ -64,28 +66,28 @@ class Rule:
         times: list[float] = []
         stopped_by = None
         for t in self.instants():
-            now = float(t)
-            for m in self.due(t):
+            now, due = float(t), self.due(t)
+            for m in due:
                 self.publish(m, now)
-            self.solve_loops(t)
+            self.solve_loops(due, t)
             if self.ending == t:
                 if self.records(t):
                     times.append(now)
                     rows.append([self.value(n) for n in names])
                 break
             advances = t < self.stop
-            for m in self.due(t):
+            for m in due:
                 if m.discrete:
                     advances &= self.step(m, t)
-            if any(m.discrete for m in self.due(t)):
-                self.solve_loops(t, after_discrete=True)
+            if any(m.discrete for m in due):
+                self.solve_loops(due, t, after_discrete=True)
             if self.records(t):
                 times.append(now)
                 rows.append([self.value(n) for n in names])
             stopped_by = next((s for s in stops if COMPARE[s.relation](self.value(s.name), s.value)), None)
             if stopped_by or self.ending == t:
                 break
-            for m in self.due(t):
+            for m in due:
                 if not m.discrete and advances:
                     advances &= self.step(m, t)
         data = np.asfortranarray(np.array(rows).reshape(len(times), len(names)))
@@ -137,9 +139,8 @@ class Rule:
         outputs |= zip(self.written(m, port), port.y.tolist(), strict=True)
         return may_advance
 
-    def solve_loops(self, t: Fraction, *, after_discrete: bool = False) -> None:
+    def solve_loops(self, due: Sequence[Any], t: Fraction, *, after_discrete: bool = False) -> None:
         """Algebraic loops whose components are due: at their arrival, and after discrete components that drive them."""
-        due = self.due(t)
         for loop in self.exchange.loops:
             driven = any(c.target in loop.components and c.source.discrete for c in self.schedule.connections)
             repeated = any(m in self.exchange.repeated for m in loop.components)
@@ -230,7 +231,7 @@ class Rule:
             value = self.extrapolated(m, c, now)
         else:
             value = (self.computed if self.is_ahead(c.source, m) else self.published)[key]
-        return value if (c.scale, c.offset) == (1.0, 0.0) and not self.converts(m) else value * c.scale + c.offset
+        return value * c.scale + c.offset if m in self.converting else value
 
     def extrapolated(self, m: Any, c: Any, now: float) -> float:
         """On the line through the last two values of the source, at the middle of the step that begins."""
@@ -248,10 +249,6 @@ class Rule:
             if group.method == "gauss-seidel" and source in group.components and m in group.components:
                 return group.components.index(source) < group.components.index(m)
         return False
-
-    def converts(self, m: Any) -> bool:
-        """Whether one of its inputs is converted: then all are, some by a factor of 1."""
-        return any((c.scale, c.offset) != (1.0, 0.0) for (target, _), c in self.sources.items() if target is m)
 
     # What is recorded.
 

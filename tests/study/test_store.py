@@ -101,7 +101,7 @@ def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.M
     found, libraries = {modules: sources.imported(modules)}, sources.libraries(modules)
     versions = key.versions(libraries)
     monkeypatch.setattr(key, "imported", lambda m: found[tuple(m)])  # a comment changes neither what is imported
-    monkeypatch.setattr(sources, "libraries", lambda _: libraries)
+    monkeypatch.setattr(key, "libraries", lambda _: libraries)
     monkeypatch.setattr(key, "versions", lambda _: versions)  # nor what is installed
     assert key.salt(experiment, FmuSet(), searches=known) == before
     for changed in covered:
