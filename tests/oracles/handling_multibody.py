@@ -1,7 +1,7 @@
 """The car of a file of kind `full_car` in Exudyn, a third-party multibody code, as its steering wheel turns.
 
-A chassis with six degrees of freedom carries four discs. Each slides along a guide that is fixed in the chassis, and
-turns about its axle: with mass and inertia of its own, at the height of its hub. Exudyn has the equations of motion
+A chassis with six degrees of freedom carries four discs with masses and inertias of their own. Each slides along a
+guide that is fixed in the chassis, and turns about its axle. Exudyn has the equations of motion
 (its kinematic tree, with a Runge-Kutta method of fourth order); forces are formulae of their own here. A tire acts
 where the disc is nearest to the level road.
 
@@ -28,12 +28,6 @@ LOW_SPEED = 1.0  # m/s, below which slip is formed with it
 LEAST_RELAXATION = 0.1  # m
 CORNERS = ("fl", "fr", "rl", "rr")
 BODY, FIRST = 5, 6  # links of the tree: the chassis, the guide of the first wheel; its disc follows it
-SIMPLIFICATIONS = ("no weight arm", "wheels at CG height", "no gyroscopic moments")
-"""What the full car leaves out of its equations.
-
-The vertical forces of the tires act at the points of the body above the wheels, whatever its roll and pitch; the masses
-of the wheels move horizontally as if they were at CG height; wheels that turn resist no change of their axles.
-"""
 
 
 @dataclass(frozen=True)
@@ -54,19 +48,14 @@ class HandlingCar:
         vehicle: its file.
         wheel: angle of the steering wheel [rad] over time [s].
         speed: that the driver keeps [m/s].
-        like_ours: which `SIMPLIFICATIONS` of our full car this one has too.
     """
 
-    def __init__(
-        self, vehicle: FullCar, wheel: Callable[[float], float], speed: float, *, like_ours: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, vehicle: FullCar, wheel: Callable[[float], float], speed: float) -> None:
         import exudyn as exu
         from exudyn.utilities import NodeGenericODE2, ObjectKinematicTree
 
-        unknown = set(like_ours) - set(SIMPLIFICATIONS)
-        assert not unknown, unknown
         self.exu: Any = exu
-        self.vehicle, self.wheel, self.speed, self.like_ours = vehicle, wheel, speed, like_ours
+        self.vehicle, self.wheel, self.speed = vehicle, wheel, speed
         body = vehicle.body
         self.height, self.hub = body.cg_height.value, vehicle.wheel.hub_height.value
         ahead = body.cg_position.value * body.wheelbase.value
@@ -79,25 +68,29 @@ class HandlingCar:
         self._slip = [(0.0, 0.0)] * 4
         self._ahead = list(self._slip)  # slips at the end of the step
         self._load = [0.0] * 4
+        self._steered = [0.0] * 4  # torque [N.m] about a steered axle less that about the disc's, which does not steer
         self._integral = self._torque = 0.0
         self._step = 1e-3
 
         joint, matrix = exu.JointType, exu.Matrix3DList
-        kinds = [joint.PrismaticX, joint.PrismaticY, joint.PrismaticZ, joint.RevoluteZ, joint.RevoluteY, joint.RevoluteX]
+        kinds = [
+            joint.PrismaticX,
+            joint.PrismaticY,
+            joint.PrismaticZ,
+            joint.RevoluteZ,
+            joint.RevoluteY,
+            joint.RevoluteX,
+        ]
         parents, offsets = list(range(-1, BODY)), [np.zeros(3)] * FIRST
         own = [body.roll_inertia.value, body.pitch_inertia.value, body.yaw_inertia.value]
         masses, inertias = [0.0] * BODY + [body.mass.value], [np.zeros((3, 3))] * BODY + [np.diag(own)]
-        centers = [np.zeros(3)] * FIRST
         spin = vehicle.wheel.spin_inertia.value
-        lifted = "wheels at CG height" in like_ours
         for x, y in zip(self.x, self.y, strict=True):
             kinds += [joint.PrismaticZ, joint.RevoluteY]
             parents += [BODY, len(parents)]
             offsets += [np.array([x, y, self.hub - self.height]), np.zeros(3)]
-            of_wheel = vehicle.wheel.mass.value
-            masses += [of_wheel, 1e-6] if lifted else [0.0, of_wheel]
+            masses += [0.0, vehicle.wheel.mass.value]
             inertias += [np.zeros((3, 3)), np.diag([spin / 2, spin, spin / 2])]  # of a thin disc
-            centers += [np.array([0, 0, self.height - self.hub if lifted else 0.0]), np.zeros(3)]
         n = len(kinds)
         start = np.zeros(n)
         start[0] = speed
@@ -128,7 +121,7 @@ class HandlingCar:
                 jointTransformations=as_list(matrix, [np.eye(3)] * n),
                 jointOffsets=as_list(exu.Vector3DList, offsets),
                 linkInertiasCOM=as_list(matrix, inertias),
-                linkCOMs=as_list(exu.Vector3DList, centers),
+                linkCOMs=as_list(exu.Vector3DList, [np.zeros(3)] * n),
                 linkMasses=masses,
                 baseOffset=[0.0, 0.0, self.height],
                 gravity=[0.0, 0.0, -GRAVITY],
@@ -157,7 +150,7 @@ class HandlingCar:
                 push -= np.copysign(stop, out[i])
             push -= bar.value * (out[i] - out[i ^ 1])
             forces[FIRST + 2 * i] = -push
-            forces[FIRST + 2 * i + 1] = self._torque
+            forces[FIRST + 2 * i + 1] = self._torque + self._steered[i]
         return forces
 
     def _tires(self) -> None:
@@ -189,7 +182,6 @@ class HandlingCar:
         vehicle, kinds = self.vehicle, self.exu.OutputVariableType
         tire, radius, side = vehicle.tire, vehicle.wheel.radius.value, 1 if self.y[i] > 0 else -1
         weight = self.rest[i] + vehicle.wheel.mass.value * GRAVITY
-        spin_inertia = vehicle.wheel.spin_inertia.value
 
         def law(mbs: Any, t: float, _n: int, place: Any, _r: Any, velocity: Any, turning: Any, *_: Any) -> list[float]:
             q = mbs.GetNodeOutput(self.node, kinds.Coordinates)
@@ -221,11 +213,7 @@ class HandlingCar:
             self._load[i] = load
             force = of.fx * forward + of.fy * left + np.array([0.0, 0.0, load])
             moment = _cross(below, force) + of.mx * forward + of.my * axle + [0.0, 0.0, of.mz]
-            if "no weight arm" in self.like_ours:
-                top = axes @ [0.0, 0.0, self.height - self.hub]
-                moment += _cross(top - below, [0.0, 0.0, load])
-            if "no gyroscopic moments" in self.like_ours:
-                moment += _cross(carrier, spin_inertia * spin * axes[:, 1])
+            self._steered[i] = float(moment @ (axle - axes[:, 1]))
             return [*(-force), *(-moment)]
 
         return law
