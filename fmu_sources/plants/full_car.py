@@ -318,8 +318,6 @@ def _with_wheels(
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
     """Rest position on the given wheel heights: exact on a level road, to second order in the angles otherwise.
 
-    Corners get the `rest` of their wheels [m].
-
     Corners learn the `rest` of their wheels [m].
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
@@ -387,8 +385,9 @@ _NOTES = (
     (
         "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
         "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, gears "
-        "and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
-        "their mass is added there at CG height."
+        "and aerodynamics. Horizontally the wheels move with the body, with their mass at its CG, without gyroscopic "
+        "moments, and the weight has no lever arm about the wheels when the body leans. This makes the yaw rate per "
+        "steering wheel angle up to a tenth too large; for handling set wheel.rigid_body to 1, which has all of it."
     ),
     (
         "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "
