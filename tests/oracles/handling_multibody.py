@@ -72,6 +72,7 @@ class HandlingCar:
         self._integral = self._torque = 0.0
         self._step = 1e-3
 
+        in_joints: Any = self._joints
         joint, matrix = exu.JointType, exu.Matrix3DList
         kinds = [
             joint.PrismaticX,
@@ -125,7 +126,7 @@ class HandlingCar:
                 linkMasses=masses,
                 baseOffset=[0.0, 0.0, self.height],
                 gravity=[0.0, 0.0, -GRAVITY],
-                forceUserFunction=self._joints,
+                forceUserFunction=in_joints,
             )
         )
         self._tires()
