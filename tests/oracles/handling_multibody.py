@@ -6,7 +6,7 @@ guide that is fixed in the chassis, and turns about its axle. Exudyn has the equ
 where the disc is nearest to the level road.
 
 Shared with our full car: the numbers of the vehicle file and of the tire file, the formula of the friction ellipse that
-the numbers of the vehicle file belong to, and the law of the driver who keeps the speed. The Magic Formula is written
+the numbers of the vehicle file belong to, and how the driver keeps the speed. The Magic Formula is written
 once more from H. B. Pacejka, Tire and Vehicle Dynamics, third edition, 2012, (4.E1) to (4.E78), as the book has it.
 Not shared: kinematics, equations of motion, points where forces act, and all code.
 """
