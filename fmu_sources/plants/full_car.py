@@ -65,6 +65,19 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
     corners = _corners(p, g)
+    rigid = c.parameter(
+        "wheel.rigid_body",
+        0,
+        "1",
+        "1: wheels act on the body as rigid bodies on guides do: mass and its pull at the hubs, weight that leans out"
+        " of a rolling or pitching body, gyroscopic moments; 0: their mass is horizontally at the CG",
+        min=0,
+        max=1,
+        source="option",
+    )
+
+    def of_rigid(value: Any) -> Any:
+        return ca.if_else(rigid > 0.5, value, 0)
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
@@ -128,6 +141,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         k.top = turn @ ca.vertcat(k.x, k.y, 0)
         k.hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
         k.patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
+        k.patch += of_rigid(k.road - p.body.cg_height - body.z - k.patch[2]) * up  # on the road
         for point, of in ((k.top, "strut"), (k.hub, "hub"), (k.patch, "patch")):
             c.value(f"{of}_{k}", point, source=f"{of} {k} from the CG, road axes")
         k.travel = body.z + k.top[2] - k.z
@@ -183,15 +197,17 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         torque = ca.if_else(controls.drives, k.pedals, torque)
         c.value(f"wheel_torque_{k}", torque, source="of the pedals, or reduced where it makes the wheel slip")
         applied += torque
-        k.wheel_force = k.load - strut - p.wheel.mass * g
         k.spin_torque = torque - drive * p.wheel.radius + ground.my
 
         # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
         # mounted on the body, so the reaction of the wheel torque turns it.
         at_hub = drive * forward - k.load * gradient * ca.vertcat(1, 0, 0)
         at_patch = corner * sideways
-        body_force += strut * up + at_hub + at_patch
-        body_moment += ca.cross(top, strut * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
+        push = strut - of_rigid(ca.dot(at_hub + at_patch, turn[:, 2]))  # along a guide that leans
+        k.wheel_force = k.load - push - p.wheel.mass * g
+        body_force += push * up + at_hub + at_patch
+        body_moment += ca.cross(top, push * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
+        body_moment += of_rigid(ca.cross(hub - top, push * up) + ca.cross(patch - hub, k.load * up))
         body_moment -= torque * turn[:, 1]
         body_moment += ground.mx * forward + ground.mz * up
     c.value("body_force", body_force, source="all forces on the body, road axes")
@@ -205,6 +221,10 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     inertia = ca.vertcat(p.body.roll_inertia, p.body.pitch_inertia, p.body.yaw_inertia + wheels_yaw_inertia)
     c.value("inertia", inertia)
     angular = (turn.T @ body_moment - ca.cross(omega_body, inertia * omega_body)) / inertia  # Euler, principal axes
+    exact = _with_wheels(p, corners, turn, omega_body, inertia, total_mass, body_force, body_moment)
+    angular, acceleration = (
+        ca.if_else(rigid > 0.5, new, old) for new, old in zip(exact, (angular, acceleration), strict=True)
+    )
 
     newton = "Newton: wheels move vertically on their own, horizontally with the body"
     body_motion(c, body, acceleration, angular, (newton, "Euler, principal axes of the body"))
@@ -266,10 +286,37 @@ def _corners(p: Any, g: Any) -> Corners:
     return corners
 
 
+def _with_wheels(
+    p: Any, corners: Corners, turn: Any, rates: Any, inertia: Any, mass: Any, force: Any, moment: Any
+) -> Any:
+    """Angular acceleration, body axes, and acceleration of the CG, road axes, (3,) each, of a body with its wheels.
+
+    These move with it along its x and y axes: Newton and Euler for the center of mass of both. `force` and `moment`
+    act on both, `moment` about the body's CG; `inertia` (3,) has the wheels in yaw only.
+    """
+    wheels, drop = 4 * p.wheel.mass, p.wheel.hub_height - p.body.cg_height
+    ahead = (corners[0].x + corners[2].x) / 2
+    center = wheels / mass * ca.vertcat(ahead, 0, drop)
+    apart = wheels * (1 - wheels / mass)
+    roll, pitch, yaw = ca.vertsplit(inertia)
+    roll, pitch, yaw = roll + apart * drop**2, pitch + apart * drop**2, yaw - wheels**2 / mass * ahead**2
+    product = -apart * ahead * drop
+    tensor = ca.vertcat(ca.horzcat(roll, 0, product), ca.horzcat(0, pitch, 0), ca.horzcat(product, 0, yaw))
+    across = ca.vertcat(force[0], force[1], 0)
+    spins = ca.vertcat(0, p.wheel.spin_inertia * sum(corners.all("spin")), 0)
+    turning = turn.T @ moment - ca.cross(center, turn.T @ across) - ca.cross(rates, tensor @ rates + spins)
+    least = roll * yaw - product**2
+    angular = ca.vertcat(
+        (yaw * turning[0] - product * turning[2]) / least,
+        turning[1] / pitch,
+        (roll * turning[2] - product * turning[0]) / least,
+    )
+    moved = turn @ (ca.cross(angular, center) + ca.cross(rates, ca.cross(rates, center)))
+    return angular, force / ca.vertcat(mass, mass, p.body.mass) - ca.vertcat(moved[0], moved[1], 0)
+
+
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
     """Rest position on the given wheel heights: exact on a level road, to second order in the angles otherwise.
-
-    Corners get the `rest` of their wheels [m].
 
     Corners learn the `rest` of their wheels [m].
 
@@ -338,8 +385,9 @@ _NOTES = (
     (
         "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
         "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, gears "
-        "and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
-        "their mass is added there at CG height."
+        "and aerodynamics. Horizontally the wheels move with the body, with their mass at its CG, without gyroscopic "
+        "moments, and the weight has no lever arm about the wheels when the body leans. This makes the yaw rate per "
+        "steering wheel angle up to a tenth too large; for handling set wheel.rigid_body to 1, which has all of it."
     ),
     (
         "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "

@@ -46,6 +46,8 @@ class MultibodyCar:
 
     `force` (4,) [N]: of the actuators, at all times; `speed` [m/s] at the start, which the driver keeps.
     `contact`: how the road bears the tires, one of `oracles.tire_contact.RULES`.
+    `wheel`: angle of the steering wheel [rad] over time [s], which moves the inner ends of the tierods with a link;
+    without it they are fixed to the chassis.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class MultibodyCar:
         height: float = 0.80,
         force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         contact: str = "road normal",
+        wheel: Callable[[float], float] | None = None,
     ) -> None:
         import exudyn as exu
         from exudyn.utilities import RigidBodyInertia
@@ -68,6 +71,7 @@ class MultibodyCar:
         self.container = self.exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._slip = [0.0] * 4
+        self._per_angle: float | None = None
         self._integral = 0.0
         self._torque = 0.0
         self._step = 1e-3
@@ -99,7 +103,8 @@ class MultibodyCar:
                 np.diag([body.roll_inertia.value, body.pitch_inertia.value, body.yaw_inertia.value]),
             )
         ]
-        for part in (vehicle.steering_gear.link, vehicle.steering_gear.pitman):
+        gear = vehicle.steering_gear
+        for part in (gear.pitman,) if wheel else (gear.link, gear.pitman):
             place = np.array(part.position.value) * [1, 0, 1] - [body.com_x.value, 0.0, body.com_z.value]
             parts.append((part.mass.value, place, np.zeros((3, 3))))
         total = sum(m for m, _, _ in parts)
@@ -109,6 +114,7 @@ class MultibodyCar:
             d = r - self.com
             tensor += own + m * (d @ d * np.eye(3) - np.outer(d, d))
         self.chassis = rigid(total, tensor, self.cg + self.com)
+        self._inner = self._link(wheel, rigid) if wheel else (self.chassis, self.cg + self.com)
         self.wheels: list[Any] = []
         for i, corner in enumerate(CORNERS):
             self._corner(i, corner, rigid)
@@ -136,6 +142,8 @@ class MultibodyCar:
         )
         disc = rigid(wheel.mass.value, turning, center, initialAngularVelocity=[0, spin, 0])
         upright = rigid(vehicle.upright.mass.value, np.diag(vehicle.upright.inertia.value), at("upright_com"))
+        if corner == "fl":
+            self._left = upright, at
         mbs.CreateGenericJoint(itemNumbers=[upright, disc], position=list(center), constrainedAxes=[1, 1, 1, 1, 0, 1])
         arms = {}
         for which in ("upper", "lower"):
@@ -158,9 +166,10 @@ class MultibodyCar:
             if which == "lower":
                 lower = arm
         body_at = self.cg + self.com
+        inner, inner_at = self._inner if corner[0] == "f" else (self.chassis, body_at)
         mbs.CreateDistanceConstraint(
-            itemNumbers=[self.chassis, upright],
-            localPosition0=list(at("tierod_inner") - body_at),
+            itemNumbers=[inner, upright],
+            localPosition0=list(at("tierod_inner") - inner_at),
             localPosition1=list(at("tierod_outer") - at("upright_com")),
         )
         for name, law in (("spring", self._spring(axle)), ("damper", self._damper(axle))):
@@ -185,6 +194,56 @@ class MultibodyCar:
             )
         )
         self.wheels.append(disc)
+
+    def _link(self, wheel: Callable[[float], float], rigid: Callable[..., Any]) -> tuple[Any, np.ndarray]:
+        """The link of the steering gear, which the steering wheel moves to the side; and its place (3,) [m]."""
+        steering, part = self.vehicle.steering, self.vehicle.steering_gear.link
+        most = steering.max_angle.value
+        place = self.frame + np.array(part.position.value) * [1, 0, 1]
+        link = rigid(part.mass.value, 0.01 * np.eye(3), place)
+
+        def shift(t: float) -> float:
+            if not wheel(t):
+                return 0.0
+            if self._per_angle is None:
+                self._per_angle = self._shift_per_angle()
+            return self._per_angle * float(np.clip(wheel(t) / steering.ratio.value, -most, most))
+
+        def sideways(amount: float) -> list[float]:  # of the chassis; offsets of a joint are in road axes
+            turn = self.mbs.GetObjectOutputBody(self.chassis, self.exu.OutputVariableType.RotationMatrix)
+            return [amount * turn[1], amount * turn[4], amount * turn[7], 0.0, 0.0, 0.0]
+
+        self.mbs.CreateGenericJoint(
+            itemNumbers=[self.chassis, link],
+            position=list(place),
+            offsetUserFunction=lambda _mbs, t, *_: sideways(shift(t)),
+            offsetUserFunction_t=lambda _mbs, t, *_: sideways((shift(t + 1e-6) - shift(t)) / 1e-6),
+        )
+        return link, place
+
+    def _shift_per_angle(self) -> float:
+        """How far [m] the inner end of the left tierod moves per steer angle [rad] of a wheel that stays at its height.
+
+        As the car stands now, which is where the ratio of a steering is measured. No rod changes its length.
+        """
+        kinds, (upright, at) = self.exu.OutputVariableType, self._left
+
+        def pose(body: Any) -> tuple[np.ndarray, np.ndarray]:
+            turn = self.mbs.GetObjectOutputBody(body, kinds.RotationMatrix).reshape(3, 3)
+            return turn, self.mbs.GetObjectOutputBody(body, kinds.Position)
+
+        (level, chassis_at), (turn, upright_at) = pose(self.chassis), pose(upright)
+
+        def moved(name: str) -> np.ndarray:  # chassis axes, from its center of mass
+            return np.asarray(level.T @ (upright_at + turn @ (at(name) - at("upright_com")) - chassis_at))
+
+        rods = [(f"{arm}_{end}", f"{arm}_ball") for arm in ("upper", "lower") for end in ("front", "rear")]
+        rows, right = [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]], [0.0]  # velocity of the wheel center, angular velocity
+        for inner, outer in [*rods, ("tierod_inner", "tierod_outer")]:
+            along = moved(outer) - (at(inner) - self.cg - self.com)
+            rows.append([*along, *_cross(moved(outer) - moved("wheel_centre"), along)])
+            right.append(along[1] if inner == "tierod_inner" else 0.0)
+        return float(1 / np.linalg.solve(np.array(rows), right)[5])
 
     def _actuators(self) -> None:
         """Forces along the vertical of the chassis between it and the wheel centers.
@@ -296,11 +355,17 @@ class MultibodyCar:
 
     # -------------------------------------------------------------------------------------------------------- running
 
+    def _forward_speed(self) -> float:
+        """Of the CG [m/s], horizontal."""
+        kinds = self.exu.OutputVariableType
+        velocity = self.mbs.GetObjectOutputBody(self.chassis, kinds.Velocity, list(-self.com))
+        turn = self.mbs.GetObjectOutputBody(self.chassis, kinds.RotationMatrix)
+        return float((velocity[0] * turn[0] + velocity[1] * turn[3]) / np.hypot(turn[0], turn[3]))
+
     def _advance(self, _mbs: Any, _t: float) -> bool:
         """Driver and slips, once a step."""
         control = self.vehicle.speed_control
-        velocity = self.mbs.GetObjectOutputBody(self.chassis, self.exu.OutputVariableType.Velocity)
-        error = self.speed - float(velocity[0])
+        error = self.speed - self._forward_speed()
         requested = control.gain.value * error + control.integral_gain.value * self._integral
         limit = control.max_force.value
         if not (abs(requested) > limit and requested * error > 0):
@@ -323,7 +388,10 @@ class MultibodyCar:
             at_seat = mbs.GetObjectOutputBody(self.chassis, kinds.Acceleration, arm)[2]
             turn = mbs.GetObjectOutputBody(self.chassis, kinds.RotationMatrix)
             wheels = [mbs.GetObjectOutputBody(w, kinds.Position)[2] for w in self.wheels]
-            rows.append([t, cg[0], cg[2], az, at_seat, -turn[6], turn[7], *wheels, *(load for load, _ in self._tire)])
+            yaw_rate = mbs.GetObjectOutputBody(self.chassis, kinds.AngularVelocityLocal)[2]
+            handling = cg[1], np.arctan2(turn[7], turn[8]), yaw_rate, self._forward_speed()
+            loads = (load for load, _ in self._tire)
+            rows.append([t, cg[0], cg[2], az, at_seat, -turn[6], turn[7], *wheels, *loads, *handling])
             return True
 
         settings = exu.SimulationSettings()
@@ -346,6 +414,7 @@ class MultibodyCar:
             "roll",
             *(f"wheel.{c}.height" for c in CORNERS),
             *(f"tire.{c}.force" for c in CORNERS),
+            *("y", "body.roll", "body.yaw_rate", "speed"),
         ]
         columns = dict(zip(names, np.array(rows).T, strict=True))
         return Motion(columns.pop("time"), columns)
