@@ -49,6 +49,7 @@ class Copies:
     _groups: int
     _sources: dict[SystemComponent, LaneSource]
     _alone: dict[SystemComponent, str]
+    _seeds: Mapping[tuple[SystemComponent, str], Array]
 
     def __init__(self) -> None:
         self._clones: dict[SystemComponent, list[Any]] = {}
@@ -113,8 +114,11 @@ class Copies:
             self._start_lanes()
         if self._alone:
             self._bind(exchanges)
+        if self._target.directions and (self._alone or len(rest)):
+            self._settle_tangents()
         self._tick = self._exchange.tick
-        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
+        # Number of the first sample, samples, sides of the components.
+        self._chunks: list[tuple[int, npt.NDArray[np.float64], npt.NDArray[np.uint64] | None]] = []
         for copy in sorted(errors):
             self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
 
@@ -125,7 +129,7 @@ class Copies:
             exchanges,
             self._lanes,
             self._alone,
-            self._values,
+            self._whole,
             self._alive,
             self._target,
             self.threads,
@@ -151,16 +155,39 @@ class Copies:
                 self._put(lanes.memory, lanes.row(variable), column)
         for copy in range(self.copies, len(self._alive)):
             self._copy_lane(0, copy)
-        self._values[:] = 0.0
+        self._whole[:] = 0.0
         self._alive[:] = ~refused
+        self._put_seeds()
         for (m, variable), slot in self._exchange.layout.constants.items():
-            self._values[:, slot, :] = self._lanes[m].memory[:, self._lanes[m].row(variable), :]
+            self._whole[:, slot, :] = self._lanes[m].whole[:, self._lanes[m].row(variable), :]
         self._start_lanes()
         self._structs.settle()
         self._alive[:] &= np.isfinite(self._values).all(axis=1).ravel()
         for m, lanes in self._lanes.items():
             self._check(m, lanes, given)
         return np.flatnonzero(self._alive[: self.copies] == 0).tolist()
+
+    def _put_seeds(self) -> None:
+        """Derivatives of parameters and start values, of which those of all other values follow."""
+        if not self._target.directions:
+            return
+        for lanes in self._lanes.values():
+            lanes.whole[:, :, 1:] = 0.0
+        for (m, name), seeds in self._seeds.items():
+            lanes = self._lanes[m]
+            lanes.whole[:, lanes.row(m.description.variables[name]), 1:] = seeds
+
+    def _settle_tangents(self) -> None:
+        """Derivatives of initial values, of copies that are initialized."""
+        before = self._values.copy()
+        self._put_seeds()
+        for (m, variable), slot in self._exchange.layout.constants.items():
+            if m in self._lanes:
+                self._whole[:, slot, 1:] = self._lanes[m].whole[:, self._lanes[m].row(variable), 1:]
+        self._start_lanes()
+        self._structs.settle()
+        if not np.array_equal(before, self._values):
+            raise CosimError("the initial values of these components cannot be followed with derivatives")
 
     def _defaults(self, component: SystemComponent) -> Array:
         """Values of an instance that was only reset."""
@@ -253,7 +280,8 @@ class Copies:
         self._lanes.clear()
         self._plan: Plan = make_plan(exchange)
         lanes, groups = self._target.lanes, self._groups
-        self._values = aligned(groups, self._plan.size, lanes)
+        self._whole = aligned(groups, self._plan.size, self._target.width)
+        self._values = self._whole[:, :, :lanes]
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.ports[m].outputs
@@ -267,10 +295,11 @@ class Copies:
                 )
             )
             spare = self._spare.get(m)
-            if spare is None or len(spare.memory) < groups:
+            if spare is None or len(spare.whole) < groups:
                 library = lane_library(source, shown, self._target) if spare is None else spare.library
-                spare = self._spare[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
-            self._lanes[m] = replace(spare, memory=spare.memory[:groups])
+                whole = aligned(groups, library.cosim_lanes_rows(), self._target.width)
+                spare = self._spare[m] = Lanes(source, library, whole, lanes)
+            self._lanes[m] = replace(spare, whole=spare.whole[:groups])
 
     def _start_lanes(self) -> None:
         ffi, base = interface(), self._exchange.base
@@ -278,7 +307,7 @@ class Copies:
             begin = float(base.start + m.offset)
             lanes.memory[:, 0:2] = begin
             lanes.memory[:, 2:HEADER] = 0.0
-            for group in lanes.memory:
+            for group in lanes.whole:
                 lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
 
     def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:

@@ -15,6 +15,7 @@ typedef struct {
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
+    size_t sides;            /* where in them is what sides it has taken (tangents.h); 0: nowhere */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */
@@ -44,7 +45,9 @@ typedef struct {
     const double *record_scale, *record_offset;
     const uint8_t *record_converted;
     size_t n_recorded;
-    double *rows;             /* copies x n_rows x n_recorded */
+    double *rows;             /* copies x n_rows x n_recorded, each a value and its derivatives */
+    uint64_t *sides;          /* copies x n_rows x n_components; NULL: not recorded */
+    size_t n_components;
     int64_t first_row, n_rows; /* number of the sample in the first row */
     int64_t next_group;       /* to be done */
 } Batch;
