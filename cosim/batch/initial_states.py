@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.batch.library import Target, interface, lane_library
+from cosim.batch.library import PART, Target, interface, lane_library
 from cosim.batch.source import LaneSource
 from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
 from cosim.core.description import Variable
@@ -172,10 +172,10 @@ class Copies:
         if not self._target.directions:
             return
         for lanes in self._lanes.values():
-            lanes.whole[:, :, 1:] = 0.0
+            lanes.whole[:, :, PART:] = 0.0
         for (m, name), seeds in self._seeds.items():
             lanes = self._lanes[m]
-            lanes.whole[:, lanes.row(m.description.variables[name]), 1:] = seeds
+            lanes.whole[:, lanes.row(m.description.variables[name]), PART:] = seeds
 
     def _settle_tangents(self) -> None:
         """Derivatives of initial values, of copies that are initialized."""
@@ -183,7 +183,7 @@ class Copies:
         self._put_seeds()
         for (m, variable), slot in self._exchange.layout.constants.items():
             if m in self._lanes:
-                self._whole[:, slot, 1:] = self._lanes[m].whole[:, self._lanes[m].row(variable), 1:]
+                self._whole[:, slot] = self._lanes[m].whole[:, self._lanes[m].row(variable)]
         self._start_lanes()
         self._structs.settle()
         if not np.array_equal(before, self._values):

@@ -22,6 +22,7 @@ from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
+PART = 8  # derivatives that one vector holds, and numbers to which they are aligned (tangents.h)
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
 _EXPORTED = """
@@ -59,8 +60,8 @@ class Target:
 
     @property
     def width(self) -> int:
-        """Numbers of a value of a group."""
-        return self.lanes + self.directions
+        """Numbers of a value of a group; derivatives are the last."""
+        return self.lanes if not self.directions else PART + self.directions
 
     def with_tangents(self, directions: int) -> Target:
         """Of copies that have derivatives in so many directions, a multiple of 8."""

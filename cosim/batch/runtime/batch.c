@@ -14,7 +14,11 @@ typedef struct {
     int64_t tick;   /* of the instant, where a copy ends */
 } Group;
 
-enum { PER_COPY = sizeof(lanes) / sizeof(double) / LANES }; /* numbers: the value, and its derivatives if it has any */
+#ifdef TANGENTS
+enum { PER_COPY = 1 + TANGENTS }; /* numbers that are recorded: the value and its derivatives */
+#else
+enum { PER_COPY = 1 };
+#endif
 
 INLINE int64_t copy_of(const Group *g, int lane) { return g->group * LANES + lane; }
 
@@ -113,7 +117,8 @@ static void record(const Group *g, const Engine *e) {
             const double *const values = (const double *)&g->values[b->recorded[k]] + i, scale = b->record_scale[k];
             double *const of = to + k * PER_COPY;
             of[0] = !there ? NAN : b->record_converted[k] ? values[0] * scale + b->record_offset[k] : values[0];
-            for (size_t j = 1; j < PER_COPY; j++) of[j] = there ? values[j] * scale : NAN;
+            const double *const derivatives = values + sizeof(lanes) / sizeof(double) - PER_COPY;
+            for (size_t j = 1; j < PER_COPY; j++) of[j] = there ? derivatives[j] * scale : NAN;
         }
         record_sides(g, at);
     }

@@ -18,10 +18,10 @@ extern "C" {
 #include "vectors.h"
 
 enum { PART = 8, PARTS = TANGENTS / PART };
-typedef double Part __attribute__((vector_size(8 * PART), aligned(8)));
+typedef double Part __attribute__((vector_size(8 * PART)));
 
 struct Tangent {
-    double v;
+    double v; /* then as many unused numbers as alignment takes */
     Part d[PARTS];
     Tangent() = default;
     Tangent(double x) : v(x) {
@@ -37,7 +37,7 @@ typedef int mask;
 typedef int condition;
 
 #define EACH_PART(expression) \
-    for (int i = 0; i < PARTS; i++) expression
+    _Pragma("GCC unroll 8") for (int i = 0; i < PARTS; i++) expression
 
 /* ------------------------------------------------------------------ sides */
 
@@ -160,9 +160,9 @@ INLINE double lanes_size(const lanes &x) { return fabs(x.v); }
 
 /* Whether a number is not the same, beyond rounding and at all. */
 INLINE mask lanes_moved(const lanes &was, const lanes &now) {
-    const double *const a = (const double *)&was, *const b = (const double *)&now;
-    int r = 0;
-    for (int i = 0; i <= TANGENTS; i++) r |= fabs(b[i] - a[i]) > 1e-12 * fmax(fabs(a[i]), 1.0);
+    const double *const a = (const double *)was.d, *const b = (const double *)now.d;
+    int r = fabs(now.v - was.v) > 1e-12 * fmax(fabs(was.v), 1.0);
+    for (int i = 0; i < TANGENTS; i++) r |= fabs(b[i] - a[i]) > 1e-12 * fmax(fabs(a[i]), 1.0);
     return r;
 }
 INLINE mask lanes_changed(const lanes &was, const lanes &now) { return memcmp(&was, &now, sizeof was) != 0; }
