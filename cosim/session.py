@@ -44,6 +44,7 @@ from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
     from cosim.export.web.page import Control
+    from cosim.gradient import Gradient, Metric
     from cosim.linear.exchange_error import ExchangeError
     from cosim.linear.statespace import LinearModel, Matrices
     from cosim.scenes.scene import Scene
@@ -284,6 +285,31 @@ class System(Wiring):
         from cosim.linear.statespace import LinearModel
 
         return LinearModel(self._linearized(inputs, outputs, discrete, settle))
+
+    def gradient(
+        self,
+        metrics: Mapping[str, Metric],
+        parameters: str | Iterable[str],
+        *,
+        stop_time: TimeLike,
+        interval: TimeLike | None = None,
+        threads: int | None = None,
+    ) -> Gradient:
+        """Derivatives of metrics of a run by parameters, start values and inputs that nothing drives.
+
+            found = system.gradient({"ride": Rms("car.seat.az")}, ["car.body.mass"], stop_time="8 s", interval="10 ms")
+
+        `metrics`: by a name of your choice, of `cosim.gradient` (Mean, Rms, Peak, Final, QuadraticCost), or your own.
+        `parameters`: full names and patterns, of real numbers. `interval`: between samples that metrics read, as in
+        `Record`; `threads`: default all cores. `cosim.gradient.gradient` says what is differentiated and how, and
+        `Gradient.trust()` compares with differences. Raises GradientError for what has no derivative and for runs that
+        fail or end early, CosimError where a system has no copies (`cosim.batch`), and WiringError for names that do not
+        fit.
+        """
+        from cosim.gradient import gradient
+
+        chosen = [parameters] if isinstance(parameters, str) else list(parameters)
+        return gradient(self, metrics, chosen, stop_time=stop_time, interval=interval, threads=threads)
 
     def _linearized(
         self,

@@ -184,6 +184,7 @@ class Batch(Copies):
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
+        self._probed = self._moving() & set(self._fixed_reasons)
         self._check_memory()
         super().__init__()
         self._pool: ThreadPoolExecutor | None = None
@@ -207,6 +208,13 @@ class Batch(Copies):
                 f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has"
                 f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
             )
+
+    def _moving(self) -> set[SystemComponent]:
+        """Components that depend on the directions of the seeds."""
+        found = {m for m, _ in self._seeds}
+        while more := {c.target for c in self.system.connections.values() if c.source in found} - found:
+            found |= more
+        return found
 
     def _lanes_of(self, component: SystemComponent) -> LaneSource:
         implementation = component.implementation
@@ -269,11 +277,12 @@ class Batch(Copies):
         self.scalar = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
+        probes = 2 * np.count_nonzero(sum(abs(s) for s in self._seeds.values())) if self._probed else 0
         if before != self._alone:
             self._simulations.clear()
         for m in self._schedule.components:
             clones = self._clones.setdefault(m, [])
-            while len(clones) < (self.copies if m in self._alone else 1):
+            while len(clones) < (self.copies + probes if m in self._alone else 1):
                 clones.append(m.implementation.clone())  # type: ignore[attr-defined]
         self._begin(given)
 
@@ -505,6 +514,21 @@ class Batch(Copies):
             data[:, : len(time), :, 1:],
             np.concatenate(sides, axis=1)[:, : len(time)],
         )
+
+    @property
+    def side_changes(self) -> dict[str, int]:
+        """By component with derivatives, in how many steps it took other sides than in the step before; the most."""
+        found = {}
+        for m, lanes in self._lanes.items():
+            if at := lanes.library.cosim_lanes_sides() // 8:
+                counts = lanes.whole.view(np.int64).reshape(len(lanes.whole), -1)[: self.copies, at + 2]
+                found[m.name] = int(counts.max())
+        return found
+
+    @property
+    def by_difference(self) -> dict[str, str]:
+        """Components whose derivatives are differences of neighbouring instances, and why."""
+        return {m.name: self._fixed_reasons[m] for m in self.system.components.values() if m in self._probed}
 
     def end(self, until: TimeLike) -> tuple[float, int]:
         """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from cosim.batch.library import PART, Target, interface, lane_library
 from cosim.batch.source import LaneSource
-from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike
 from cosim.engine.exchange import Exchange
-from cosim.engine.plan import Plan, make_plan
+from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.engine.simulation import Simulation
 from cosim.engine.stops import StopWhen
 from cosim.fmu.own_states import VALUES_AT
@@ -27,6 +27,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.loops import AlgebraicLoop
 from cosim.system.schedule import Schedule
 
+APART = 1e-5  # relative distance of instances on both sides of a component without derivatives
 Signals = Sequence[tuple[SystemComponent, Variable]]
 
 
@@ -50,6 +51,7 @@ class Copies:
     _sources: dict[SystemComponent, LaneSource]
     _alone: dict[SystemComponent, str]
     _seeds: Mapping[tuple[SystemComponent, str], Array]
+    _probed: Collection[SystemComponent]
 
     def __init__(self) -> None:
         self._clones: dict[SystemComponent, list[Any]] = {}
@@ -61,6 +63,8 @@ class Copies:
     def _ended(self, failure: CopyFailure) -> None:
         raise NotImplementedError
 
+    _probes: Probes | None = None
+
     def _begin(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
         """Initialize the copies: all at once in lanes, those that cannot be one after the other."""
         self.system.end_simulation()
@@ -68,14 +72,20 @@ class Copies:
         exchanges: list[Exchange | None] = [None] * self.copies
         errors: dict[int, ComponentError] = {}
 
-        def alone(copy: int) -> None:
+        def initialized(copy: int, clone: int, moved: Mapping[tuple[SystemComponent, str], float]) -> Exchange:
             for m, values, _ in kept:
                 m.values = dict(values)
-                m.implementation = self._clones[m][copy if m in self._alone else 0]
+                m.implementation = self._clones[m][clone if m in self._alone else 0]
             for (m, name), each in given.items():
                 m.values[name] = each[copy]
+            for (m, name), by in moved.items():
+                start = m.values.get(name, m.description.variables[name].start)
+                m.values[name] = float(start) + by
+            return self._initialized(clone if self._alone else 0)
+
+        def alone(copy: int) -> None:
             try:
-                exchanges[copy] = self._initialized(copy if self._alone else 0)
+                exchanges[copy] = initialized(copy, copy, {})
             except ComponentError as error:
                 errors[copy] = error
 
@@ -99,6 +109,8 @@ class Copies:
                 alone(copy)
                 if (exchange := exchanges[copy]) is not None:
                     self._take(exchange, copy)
+            if self._probed:
+                self._probes = self._make_probes(initialized)
         finally:
             for m, values, component in kept:
                 m.values, m.implementation = values, component
@@ -133,6 +145,7 @@ class Copies:
             self._alive,
             self._target,
             self.threads,
+            self._probes,
         )
 
     def _settle(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> list[int]:
@@ -174,13 +187,42 @@ class Copies:
         for lanes in self._lanes.values():
             lanes.whole[:, :, PART:] = 0.0
         for (m, name), seeds in self._seeds.items():
-            lanes = self._lanes[m]
+            if (lanes := self._lanes.get(m)) is None:
+                continue
             lanes.whole[:, lanes.row(m.description.variables[name]), PART:] = seeds
+
+    def _make_probes(
+        self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], float]], Exchange]
+    ) -> Probes:
+        """Instances a little apart from each copy along each direction (`run_probes` of batch.c)."""
+        directions, number = self._target.directions, self.copies
+        apart = np.zeros((self.copies, directions))
+        exchanges: list[Exchange | None] = []
+        for copy, k in np.ndindex(self.copies, directions):
+            along = {key: float(each[copy, k]) for key, each in self._seeds.items() if each[copy, k]}
+            if not along:
+                exchanges += [None, None]
+                continue
+            sizes = [abs(self._start_of(key)) / abs(seed) for key, seed in along.items()]
+            apart[copy, k] = step = APART * (min(s for s in sizes if s) if any(sizes) else 1.0)
+            for side in (step, -step):
+                exchanges.append(initialized(copy, number, {key: side * seed for key, seed in along.items()}))
+                number += 1
+        return Probes(self._probed, apart, exchanges)
+
+    def _start_of(self, key: tuple[SystemComponent, str]) -> float:
+        m, name = key
+        return float(m.values.get(name, m.description.variables[name].start) or 0.0)
 
     def _settle_tangents(self) -> None:
         """Derivatives of initial values, of copies that are initialized."""
         before = self._values.copy()
+        self._whole[:, :, PART:] = 0.0
         self._put_seeds()
+        if self._probes is not None:
+            for plan in self._plan.components:
+                if plan.component in self._probes.components:
+                    self._put_differences(plan, self._probes)
         for (m, variable), slot in self._exchange.layout.constants.items():
             if m in self._lanes:
                 self._whole[:, slot] = self._lanes[m].whole[:, self._lanes[m].row(variable)]
@@ -188,6 +230,14 @@ class Copies:
         self._structs.settle()
         if not np.array_equal(before, self._values):
             raise CosimError("the initial values of these components cannot be followed with derivatives")
+
+    def _put_differences(self, plan: ComponentPlan, probes: Probes) -> None:
+        """Derivatives of the initial outputs of a component that has no derivatives of its own."""
+        own = slice(plan.first, plan.first + plan.n_outputs)
+        for copy, k in np.argwhere(probes.apart):
+            at = 2 * (copy * probes.apart.shape[1] + k)
+            above, below = (e.values[own] for e in probes.exchanges[at : at + 2] if e is not None)
+            self._whole[copy, own, PART + k] = (above - below) / (2.0 * probes.apart[copy, k])
 
     def _defaults(self, component: SystemComponent) -> Array:
         """Values of an instance that was only reset."""

@@ -61,6 +61,19 @@ class Lanes:
         return self.memory[:, HEADER : HEADER + self.source.n_values]
 
 
+@dataclass(frozen=True)
+class Probes:
+    """Instances on both sides of components that depend on a direction and have no derivatives of their own.
+
+    apart: (copies, directions), how far along each direction; 0 where nothing moves.
+    exchanges: those of the instances, for each copy and direction two.
+    """
+
+    components: Collection[SystemComponent]
+    apart: npt.NDArray[np.float64]
+    exchanges: Sequence[Exchange | None]
+
+
 class Structs:
     """A plan for all copies, ready for the engine.
 
@@ -79,7 +92,9 @@ class Structs:
         alive: npt.NDArray[np.uint8],
         target: Target,
         threads: int,
+        probes: Probes | None = None,
     ):
+        self._probes = probes
         self._plan, self._exchange, self._lanes, self._target = plan, exchange, lanes, target
         self._keep: list[Any] = []
         self._engines: list[BoundEngine | None] = []
@@ -89,6 +104,9 @@ class Structs:
             # Where a copy could not be initialized nothing is called.
             pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
             self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
+        if probes is not None:
+            engines = [ffi.NULL if e is None else ffi.cast("Engine*", e.engine.struct) for e in probes.exchanges]
+            self._probe_engines = self._new("Engine*[]", engines)
         self._components = self._new("BatchComponent[]", len(plan.components))
         for struct, component in zip(self._components, plan.components, strict=True):
             self._fill(struct, component)
@@ -103,6 +121,8 @@ class Structs:
         b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
         b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
         b.n_components = len(plan.components)
+        if probes is not None:
+            b.apart = self._address("double*", probes.apart)
         b.record_converted = self._array("uint8_t", (scale != 1.0) | (offset != 0.0))
         self.workers = [self._worker() for _ in range(threads)]
 
@@ -141,6 +161,8 @@ class Structs:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
             m.alone = self._alone_engines
+            if self._probes is not None and plan.component in self._probes.components:
+                m.probes = self._probe_engines
             return
         lanes, port = self._lanes[plan.component], self._exchange.layout.ports[plan.component]
         m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)

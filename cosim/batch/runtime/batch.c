@@ -75,6 +75,35 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
     }
 }
 
+#ifdef TANGENTS
+/* Derivatives of its outputs: differences of two others, which go through the run on either side of it. Their states are
+ * those that the neighbouring inputs lead to, so that nothing has to be known of them. */
+static void run_probes(Group *g, const EngineComponent *of, int32_t number, double t) {
+    const BatchComponent *m = &g->b->components[number];
+    for (int k = 0; k < TANGENTS && g->alive; k++) {
+        const size_t at = (size_t)g->group * TANGENTS + (size_t)k;
+        const double apart = g->b->apart[at];
+        if (apart == 0.0) continue;
+        Engine **const both = &m->probes[2 * at];
+        for (int side = 0; side < 2; side++) {
+            for (size_t i = 0; i < m->n_reads; i++) {
+                const Tangent *x = &g->values[m->reads[i]];
+                both[side]->values[m->reads[i]] = x->v + (side ? -apart : apart) * ((const double *)x->d)[k];
+            }
+            both[side]->environment = environment_bits();
+            const int result = engine_component(both[side], number, t);
+            if (result) {
+                end_copies(g, 1u, number, result, both[side]->call, both[side]->status);
+                return;
+            }
+        }
+        for (uint32_t i = 0; i < of->n_outputs; i++)
+            ((double *)g->values[of->first + i].d)[k] =
+                (both[0]->values[of->first + i] - both[1]->values[of->first + i]) / (2.0 * apart);
+    }
+}
+#endif
+
 static void run_alone(Group *g, const EngineComponent *of, int32_t number, double t) {
     const BatchComponent *m = &g->b->components[number];
     for (int i = 0; i < LANES; i++) {
@@ -90,6 +119,9 @@ static void run_alone(Group *g, const EngineComponent *of, int32_t number, doubl
         }
         if (result) end_copies(g, 1u << i, number, result, e->call, e->status);
     }
+#ifdef TANGENTS
+    if (m->probes) run_probes(g, of, number, t);
+#endif
 }
 
 /* Which sides each component has taken so far. */

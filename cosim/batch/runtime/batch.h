@@ -23,6 +23,7 @@ typedef struct {
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
+    Engine **probes;         /* of numbers with derivatives: for each copy and direction two that are a little apart */
 } BatchComponent;
 
 /* Why a copy has ended; result 0: it has not. */
@@ -46,6 +47,7 @@ typedef struct {
     const uint8_t *record_converted;
     size_t n_recorded;
     double *rows;             /* copies x n_rows x n_recorded, each a value and its derivatives */
+    const double *apart;      /* of each copy and direction: how far along it, to either side; 0 where nothing moves */
     uint64_t *sides;          /* copies x n_rows x n_components; NULL: not recorded */
     size_t n_components;
     int64_t first_row, n_rows; /* number of the sample in the first row */

@@ -196,7 +196,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return sizeof(Component) / sizeof(lanes); }
+EXPORT size_t cosim_lanes_rows(void) { return (sizeof(Component) + sizeof(lanes) - 1) / sizeof(lanes); }
 
 #if HAS_PROFILES
 const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
