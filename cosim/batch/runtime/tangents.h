@@ -66,7 +66,7 @@ INLINE void note_sides(Sides *of) {
     of->all = sides;
 }
 
-INLINE int noted(const Tangent &by, int side) {
+NOINLINE int noted(const Tangent &by, int side) {
     if (depends(by)) take_side((uint64_t)(int64_t)side);
     return side;
 }
@@ -93,57 +93,57 @@ INLINE Tangent chain(double value, double slope, const Tangent &x, double second
     return r;
 }
 
-INLINE Tangent operator+(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent operator+(const Tangent &x, const Tangent &y) {
     Tangent r;
     r.v = x.v + y.v;
     EACH_PART(r.d[i] = x.d[i] + y.d[i]);
     return r;
 }
-INLINE Tangent operator-(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent operator-(const Tangent &x, const Tangent &y) {
     Tangent r;
     r.v = x.v - y.v;
     EACH_PART(r.d[i] = x.d[i] - y.d[i]);
     return r;
 }
-INLINE Tangent operator*(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent operator*(const Tangent &x, const Tangent &y) {
     Tangent r;
     r.v = x.v * y.v;
     EACH_PART(r.d[i] = y.v * x.d[i] + x.v * y.d[i]);
     return r;
 }
-INLINE Tangent operator/(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent operator/(const Tangent &x, const Tangent &y) {
     Tangent r;
     r.v = x.v / y.v;
     const double slope = 1.0 / y.v, by = -r.v * slope;
     EACH_PART(r.d[i] = scaled(slope, x.d[i]) + scaled(by, y.d[i]));
     return r;
 }
-INLINE Tangent operator-(const Tangent &x) {
+NOINLINE Tangent operator-(const Tangent &x) {
     Tangent r;
     r.v = -x.v;
     EACH_PART(r.d[i] = -x.d[i]);
     return r;
 }
-INLINE Tangent moved(double value, const Tangent &x) {
+NOINLINE Tangent moved(double value, const Tangent &x) {
     Tangent r = x;
     r.v = value;
     return r;
 }
-INLINE Tangent operator+(const Tangent &x, double y) { return moved(x.v + y, x); }
-INLINE Tangent operator+(double x, const Tangent &y) { return moved(x + y.v, y); }
-INLINE Tangent operator-(const Tangent &x, double y) { return moved(x.v - y, x); }
-INLINE Tangent operator-(double x, const Tangent &y) { return chain(x - y.v, -1.0, y); }
-INLINE Tangent operator*(const Tangent &x, double y) { return chain(x.v * y, y, x); }
-INLINE Tangent operator*(double x, const Tangent &y) { return chain(x * y.v, x, y); }
-INLINE Tangent operator/(const Tangent &x, double y) { return chain(x.v / y, 1.0 / y, x); }
-INLINE Tangent operator/(double x, const Tangent &y) { return chain(x / y.v, -(x / y.v) / y.v, y); }
+NOINLINE Tangent operator+(const Tangent &x, double y) { return moved(x.v + y, x); }
+NOINLINE Tangent operator+(double x, const Tangent &y) { return moved(x + y.v, y); }
+NOINLINE Tangent operator-(const Tangent &x, double y) { return moved(x.v - y, x); }
+NOINLINE Tangent operator-(double x, const Tangent &y) { return chain(x - y.v, -1.0, y); }
+NOINLINE Tangent operator*(const Tangent &x, double y) { return chain(x.v * y, y, x); }
+NOINLINE Tangent operator*(double x, const Tangent &y) { return chain(x * y.v, x, y); }
+NOINLINE Tangent operator/(const Tangent &x, double y) { return chain(x.v / y, 1.0 / y, x); }
+NOINLINE Tangent operator/(double x, const Tangent &y) { return chain(x / y.v, -(x / y.v) / y.v, y); }
 INLINE Tangent &operator+=(Tangent &x, const Tangent &y) { return x = x + y; }
 INLINE Tangent &operator*=(Tangent &x, const Tangent &y) { return x = x * y; }
 
 #define COMPARED(operator_)                                                                                     \
-    INLINE int operator operator_(const Tangent &x, const Tangent &y) { return noted(x - y, x.v operator_ y.v); } \
-    INLINE int operator operator_(const Tangent &x, double y) { return noted(x, x.v operator_ y); }               \
-    INLINE int operator operator_(double x, const Tangent &y) { return noted(y, x operator_ y.v); }
+    NOINLINE int operator operator_(const Tangent &x, const Tangent &y) { return noted(x - y, x.v operator_ y.v); } \
+    NOINLINE int operator operator_(const Tangent &x, double y) { return noted(x, x.v operator_ y); }               \
+    NOINLINE int operator operator_(double x, const Tangent &y) { return noted(y, x operator_ y.v); }
 COMPARED(<)
 COMPARED(<=)
 COMPARED(>)
@@ -169,46 +169,46 @@ INLINE mask lanes_changed(const lanes &was, const lanes &now) { return memcmp(&w
 
 /* ------------------------------------------------------------------ what equations are written with */
 
-INLINE double fmu_side(const Tangent &x, const Tangent &y) { return noted(x - y, (x.v > y.v) - (x.v < y.v)); }
+NOINLINE double fmu_side(const Tangent &x, const Tangent &y) { return noted(x - y, (x.v > y.v) - (x.v < y.v)); }
 
-INLINE Tangent tangent_square(const Tangent &x) { return chain(x.v * x.v, 2.0 * x.v, x); }
-INLINE Tangent tangent_sign(const Tangent &x) {
+NOINLINE Tangent tangent_square(const Tangent &x) { return chain(x.v * x.v, 2.0 * x.v, x); }
+NOINLINE Tangent tangent_sign(const Tangent &x) {
     noted(x, (x.v > 0.0) - (x.v < 0.0));
     return Tangent(sign(x.v));
 }
-INLINE Tangent tangent_when(int holds, const Tangent &a) { return holds ? a : Tangent(0.0); }
-INLINE Tangent tangent_if_else(int holds, const Tangent &a, const Tangent &b) { return (holds ? a : b) + 0.0; }
-INLINE Tangent tangent_fabs(const Tangent &x) {
+NOINLINE Tangent tangent_when(int holds, const Tangent &a) { return holds ? a : Tangent(0.0); }
+NOINLINE Tangent tangent_if_else(int holds, const Tangent &a, const Tangent &b) { return (holds ? a : b) + 0.0; }
+NOINLINE Tangent tangent_fabs(const Tangent &x) {
     const int side = noted(x, (x.v > 0.0) - (x.v < 0.0));
     return chain(fabs(x.v), side, x);
 }
-INLINE Tangent tangent_copysign(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_copysign(const Tangent &x, const Tangent &y) {
     const double r = copysign(x.v, y.v);
     noted(x, x.v < 0.0);
     noted(y, signbit(y.v) != 0);
     return chain(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
 }
-INLINE Tangent tangent_fmax(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_fmax(const Tangent &x, const Tangent &y) {
     const double r = fmu_fmax(x.v, y.v);
     return moved(r, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
 }
-INLINE Tangent tangent_fmin(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_fmin(const Tangent &x, const Tangent &y) {
     const double r = fmu_fmin(x.v, y.v);
     return moved(r, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
 }
-INLINE Tangent tangent_floor(const Tangent &x) {
+NOINLINE Tangent tangent_floor(const Tangent &x) {
     const double r = fmu_floor(x.v);
     noted(x, index_of(r));
     return Tangent(r);
 }
-INLINE Tangent tangent_ceil(const Tangent &x) {
+NOINLINE Tangent tangent_ceil(const Tangent &x) {
     const double r = fmu_ceil(x.v);
     noted(x, index_of(r));
     return Tangent(r);
 }
 
 #define OF_ONE(name, slope)                                  \
-    INLINE Tangent tangent_##name(const Tangent &x) {        \
+    NOINLINE Tangent tangent_##name(const Tangent &x) {      \
         const double v = x.v, r = fmu_##name(v);             \
         (void)v;                                             \
         return depends(x) ? chain(r, slope, x) : Tangent(r); \
@@ -234,47 +234,47 @@ OF_ONE(sinh, fmu_cosh(v))
 OF_ONE(tan, 1.0 + r * r)
 OF_ONE(tanh, 1.0 - r * r)
 
-INLINE Tangent tangent_atan2(const Tangent &y, const Tangent &x) {
+NOINLINE Tangent tangent_atan2(const Tangent &y, const Tangent &x) {
     const double square_of_both = x.v * x.v + y.v * y.v;
     return chain(fmu_atan2(y.v, x.v), x.v / square_of_both, y, -y.v / square_of_both, x);
 }
-INLINE Tangent tangent_hypot(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_hypot(const Tangent &x, const Tangent &y) {
     const double r = fmu_hypot(x.v, y.v);
     return chain(r, x.v / r, x, y.v / r, y);
 }
-INLINE Tangent tangent_pow(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_pow(const Tangent &x, const Tangent &y) {
     const double r = fmu_pow(x.v, y.v);
     return chain(r, y.v * fmu_pow(x.v, y.v - 1.0), x, depends(y) ? r * fmu_log(x.v) : 0.0, y);
 }
-INLINE Tangent tangent_fmod(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_fmod(const Tangent &x, const Tangent &y) {
     const double r = fmu_fmod(x.v, y.v), turns = (x.v - r) / y.v;
     noted(x, index_of(fabs(turns)));
     return chain(r, 1.0, x, -turns, y);
 }
-INLINE Tangent tangent_remainder(const Tangent &x, const Tangent &y) {
+NOINLINE Tangent tangent_remainder(const Tangent &x, const Tangent &y) {
     const double r = fmu_remainder(x.v, y.v), turns = (x.v - r) / y.v;
     noted(x, index_of(fabs(turns)));
     return chain(r, 1.0, x, -turns, y);
 }
 
-INLINE Tangent tangent_look_up(const double *array, int n, const Tangent &index) {
+NOINLINE Tangent tangent_look_up(const double *array, int n, const Tangent &index) {
     noted(index, index_of(index.v));
     return Tangent(look_up(array, n, index.v));
 }
-INLINE Tangent tangent_look_up(const Tangent *array, int n, const Tangent &index) {
+NOINLINE Tangent tangent_look_up(const Tangent *array, int n, const Tangent &index) {
     const int i = noted(index, index_of(index.v));
     return i >= 0 && i < n ? array[i] : Tangent(NAN);
 }
-INLINE void tangent_store(Tangent *array, int n, const Tangent &index, const Tangent &value) {
+NOINLINE void tangent_store(Tangent *array, int n, const Tangent &index, const Tangent &value) {
     const int i = noted(index, index_of(index.v));
     if (i >= 0 && i < n) array[i] = value;
 }
-INLINE Tangent tangent_smallest(const Tangent *array, int n) {
+NOINLINE Tangent tangent_smallest(const Tangent *array, int n) {
     Tangent least(INFINITY);
     for (int i = 0; i < n; i++) least = tangent_fmin(least, array[i]);
     return least;
 }
-INLINE Tangent tangent_largest(const Tangent *array, int n) {
+NOINLINE Tangent tangent_largest(const Tangent *array, int n) {
     Tangent most(-INFINITY);
     for (int i = 0; i < n; i++) most = tangent_fmax(most, array[i]);
     return most;
