@@ -30,9 +30,9 @@ from cosim.engine.execution import Record
 from cosim.engine.stops import StopWhen, watched_names
 from cosim.fmu.component import FmuComponent
 from cosim.recording.recording import Recording
-from cosim.session import System
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
+from cosim.system.wiring import Wiring
 
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
@@ -49,8 +49,8 @@ class BatchRecording:
     `time` [s] has the shape (samples,), `data` (copies, samples, variables); `names` and `units` are those of the
     variables. Values of a copy are NaN after it has ended. `failed`: time [s] at which a copy failed; `stopped`: the
     stop condition that has ended a copy, and the time; `about`: the rest of what a `Recording` has; `tangents`:
-    derivatives of `data` along the `seeds` (copies, samples, variables, directions); `sides`: numbers that are equal where
-    components have taken the same sides of all comparisons until then (copies, samples, components).
+    derivatives of `data` along the `seeds` (copies, samples, variables, directions); `sides`: numbers that are equal
+    where components have taken the same sides of all comparisons so far (copies, samples, components).
     """
 
     time: Array
@@ -119,7 +119,7 @@ class Batch(Copies):
 
     def __init__(
         self,
-        system: System,
+        system: Wiring,
         copies: int,
         *,
         start: Mapping[str, Any] | None = None,
@@ -527,7 +527,7 @@ class Batch(Copies):
 
     @property
     def by_difference(self) -> dict[str, str]:
-        """Components whose derivatives are differences of neighbouring instances, and why."""
+        """Components whose derivatives are differences of neighboring instances, and why."""
         return {m.name: self._fixed_reasons[m] for m in self.system.components.values() if m in self._probed}
 
     def end(self, until: TimeLike) -> tuple[float, int]:

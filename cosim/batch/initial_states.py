@@ -22,19 +22,19 @@ from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.engine.simulation import Simulation
 from cosim.engine.stops import StopWhen
 from cosim.fmu.own_states import VALUES_AT
-from cosim.session import System
 from cosim.system.components import SystemComponent
 from cosim.system.loops import AlgebraicLoop
 from cosim.system.schedule import Schedule
+from cosim.system.wiring import Wiring
 
-APART = 1e-5  # relative distance of instances on both sides of a component without derivatives
+DISTANCE = 1e-5  # relative distance of instances on both sides of a component without derivatives
 Signals = Sequence[tuple[SystemComponent, Variable]]
 
 
 class Copies:
     """Values and states of the copies of one system; `cosim.batch.Batch` says what they are."""
 
-    system: System
+    system: Wiring
     copies: int
     threads: int
     stop_time: TimeLike | None
@@ -187,9 +187,9 @@ class Copies:
         for lanes in self._lanes.values():
             lanes.whole[:, :, PART:] = 0.0
         for (m, name), seeds in self._seeds.items():
-            if (lanes := self._lanes.get(m)) is None:
-                continue
-            lanes.whole[:, lanes.row(m.description.variables[name]), PART:] = seeds
+            if m in self._lanes:  # else its probes are apart in it
+                own = self._lanes[m]
+                own.whole[:, own.row(m.description.variables[name]), PART:] = seeds
 
     def _make_probes(
         self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], float]], Exchange]
@@ -204,7 +204,7 @@ class Copies:
                 exchanges += [None, None]
                 continue
             sizes = [abs(self._start_of(key)) / abs(seed) for key, seed in along.items()]
-            apart[copy, k] = step = APART * (min(s for s in sizes if s) if any(sizes) else 1.0)
+            apart[copy, k] = step = DISTANCE * (min(s for s in sizes if s) if any(sizes) else 1.0)
             for side in (step, -step):
                 exchanges.append(initialized(copy, number, {key: side * seed for key, seed in along.items()}))
                 number += 1

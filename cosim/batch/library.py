@@ -15,9 +15,8 @@ import cffi
 from build_fmus.base import safe_files
 from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
-from build_fmus.mathematics import math_files
+from cosim.batch.source import MUSL, LaneSource
 from cosim.batch.source import RUNTIME as OF_FMUS
-from cosim.batch.source import LaneSource
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
@@ -69,7 +68,7 @@ class Target:
 
     @property
     def settings(self) -> dict[str, int]:
-        """What C is told of it."""
+        """Its names in C."""
         told = {"LANES": self.lanes, "LANES_TARGET": self.number}
         return told | ({"TANGENTS": self.directions} if self.directions else {})
 
@@ -135,7 +134,7 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     name, code = _over(target, "component", source.settings(outputs), included)
     files = {n: d for n, d in source.files.items() if n.startswith("musl/") or n.endswith(".h")}
     if target.directions:
-        files |= math_files([b'#include "fmu_math.h"\n' + source.files["fmu_math.h"]])  # derivatives call others
+        files |= {f"musl/{p.name}": p.read_bytes() for p in MUSL.glob("*.[ch]")}  # derivatives call others
     mathematics = [n for n in files if n.startswith("musl/") and n.endswith(".c")]
     sources = [name, *mathematics]
     files["model.c"] = source.files["model.c"]

@@ -12,6 +12,7 @@ from build_fmus import compile as building
 from cosim.fmu.file import FmuFile
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
+MUSL = _THIRD_PARTY / "musl"
 _SAME = (
     "equations.h",
     "fmu_core.c",
@@ -102,7 +103,7 @@ class LaneSource:
         return float(text[text.index("{") + 1 : text.index("}")].split(",")[state])
 
     def settings(self, outputs: tuple[int, ...]) -> list[str]:
-        """What its lanes, of which the outputs with these slots are read, are told in C. Raises NoLanes."""
+        """Settings in C of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
         there = self.model.partition("#ifndef LANES")[0]
         for name in ("start_states", "derivatives", "outputs", "sample"):
             if name in self.fields and f"static void {name}(" not in there:

@@ -4,11 +4,11 @@
                             ["car.body.mass", "controller.gain.*"], stop_time=8.0, interval="10 ms")
     print(found)
 
-What is differentiated is what was computed: the solver steps, samples and exchanges of the run itself, not equations that
-they approximate. The run has the bits of one without derivatives (`cosim.batch`). FMUs of this project are compiled over
-numbers that carry derivatives (`batch/runtime/tangents.h`). FMUs of others, and those that solve quadratic programs or
-linear equations, have none: two more instances of them for each parameter go through the run on either side of it, and
-their outputs' differences take the place of derivatives.
+What is differentiated is what was computed: the solver steps, samples and exchanges of the run itself, not equations
+that they approximate. The run is bit-identical to one without derivatives (`cosim.batch`). FMUs of this project are
+compiled over numbers that carry derivatives (`batch/runtime/tangents.h`). Third-party FMUs, and those that solve
+quadratic programs or linear equations, have none: two more instances of them for each parameter go through the run on
+either side of it, and the differences of their outputs take the place of derivatives.
 """
 
 from __future__ import annotations
@@ -17,24 +17,20 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim.batch import Batch, BatchRecording
 from cosim.batch.copies import CopyFailedWarning
 from cosim.core.description import Variable
-from cosim.core.errors import ComponentError, CosimError, UnconnectedInputsWarning
+from cosim.core.errors import CosimError, UnconnectedInputsWarning
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, rational
 from cosim.engine.execution import Record
 from cosim.gradient.metrics import Metric
 from cosim.recording.recording import Recording
 from cosim.system.components import SystemComponent
-
-if TYPE_CHECKING:
-    from cosim.session import System
+from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
@@ -46,7 +42,7 @@ class GradientError(CosimError, ValueError):
 
 @dataclass(frozen=True)
 class Trust:
-    """A gradient beside differences of neighbouring runs.
+    """A gradient beside differences of neighboring runs.
 
     Attributes:
         near, far: central differences of the metrics by the parameters (metrics, parameters), from runs at relative
@@ -78,7 +74,7 @@ class Gradient:
         recording: what the metrics read.
         tangents: derivatives of the samples by the parameters (samples, variables, parameters), in the order of
             `recording.names`.
-        by_difference: components whose derivatives are differences of two neighbouring instances, and why.
+        by_difference: components whose derivatives are differences of two neighboring instances, and why.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
     """
@@ -119,7 +115,7 @@ class Gradient:
                 share = f"   {slope * x / value:+.3g} relative" if value else ""
                 lines.append(f"    {name:{width}}  {slope:+.9e}{share}")
         lines += [
-            f"{name}: derivatives from differences of two neighbouring instances ({why})"
+            f"{name}: derivatives from differences of two neighboring instances ({why})"
             for name, why in self.by_difference.items()
         ]
         lines += [
@@ -131,7 +127,7 @@ class Gradient:
 
 
 def gradient(
-    system: System,
+    system: Wiring,
     metrics: Mapping[str, Metric],
     parameters: str | Sequence[str],
     *,
@@ -148,7 +144,7 @@ def gradient(
 
 @dataclass
 class _Run:
-    system: System
+    system: Wiring
     metrics: dict[str, Metric]
     parameters: list[tuple[SystemComponent, Variable]]
     stop_time: TimeLike
@@ -176,9 +172,7 @@ class _Run:
         one = recording.one(0)
         values, slopes = self._measure(one)
         jacobian = np.array([sum(np.tensordot(w, tangents[:, k], 1) for k, w in each.items()) for each in slopes])
-        return Gradient(
-            list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, self
-        )
+        return Gradient(list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, self)
 
     def compare(self, found: Gradient, step: float) -> Trust:
         """The differences beside it."""
@@ -228,7 +222,7 @@ class _Run:
         values, slopes = [], []
         for name, metric in self.metrics.items():
             variables = [n for given in metric.names for n in self.order[given]]
-            value, weights = metric.of(one.time, [one[n] for n in variables])
+            value, weights = metric.of([one[n] for n in variables])
             if not math.isfinite(value):
                 raise GradientError(f"the metric '{name}' is {value}")
             values.append(value)
@@ -254,7 +248,7 @@ def _start(m: SystemComponent, v: Variable) -> float:
     return 0.0 if value is None else float(value)
 
 
-def _chosen(system: System, names: str | Sequence[str]) -> list[tuple[SystemComponent, Variable]]:
+def _chosen(system: Wiring, names: str | Sequence[str]) -> list[tuple[SystemComponent, Variable]]:
     """The parameters and start values, which all have derivatives."""
     found: dict[tuple[SystemComponent, Variable], None] = {}
     for name in [names] if isinstance(names, str) else names:
@@ -276,7 +270,7 @@ def _chosen(system: System, names: str | Sequence[str]) -> list[tuple[SystemComp
     return list(found)
 
 
-def _refusal(system: System, m: SystemComponent, v: Variable) -> str | None:
+def _refusal(system: Wiring, m: SystemComponent, v: Variable) -> str | None:
     if v.type != "real":
         return f"it is of type {v.fmi_type}, and only real numbers vary continuously"
     if v.causality == "structuralParameter":

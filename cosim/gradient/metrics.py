@@ -1,7 +1,7 @@
 """Numbers that a run is judged by, and their derivatives by every sample of it.
 
-A metric reads columns of a recording and gives a number and, for each column, how the number moves with each sample. So the
-same metric serves tangents, which are carried forward, and the chain rule is applied in one place.
+A metric reads columns of a recording and gives a number and, for each column, how the number moves with each sample;
+the chain rule is applied in one place.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ class Metric(Protocol):
     def names(self) -> Sequence[str]:
         """Full names of the variables that it reads."""
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """Its value, and its derivatives by the samples of each column (samples,).
 
-        `time` [s] (samples,); `columns`: samples of `names`, each (samples,).
+        `columns`: samples of `names`, each (samples,).
         """
 
 
@@ -44,7 +44,7 @@ class _OfOne:
 class Mean(_OfOne):
     """Mean of the samples: sum(y) / n."""
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """See `Metric.of`."""
         y = columns[0]
         return float(np.mean(y)), [np.full(len(y), 1.0 / len(y))]
@@ -54,7 +54,7 @@ class Mean(_OfOne):
 class Rms(_OfOne):
     """Root of the mean square of the samples: sqrt(sum(y^2) / n)."""
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """See `Metric.of`."""
         y = columns[0]
         value = float(np.sqrt(np.mean(y**2)))
@@ -65,7 +65,8 @@ class Rms(_OfOne):
 class Peak(_OfOne):
     """Largest magnitude, as a smooth maximum: (sum(abs(y)^power))^(1/power).
 
-    It lies above the largest magnitude, by a factor of n^(1/power) at most for n samples: 1.04 for 1000 and the default.
+    It lies above the largest magnitude, by a factor of n^(1/power) at most for n samples: 1.04 for 1000 and the
+    default.
     """
 
     power: float = 200.0
@@ -74,7 +75,7 @@ class Peak(_OfOne):
         if not 2.0 <= self.power <= 1e6:
             raise CosimError(f"power is {self.power}; give a number from 2 to 1e6")
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """See `Metric.of`."""
         y = columns[0]
         largest = float(np.max(np.abs(y), initial=0.0))
@@ -91,7 +92,7 @@ class Peak(_OfOne):
 class Final(_OfOne):
     """The last sample: what a component has summed up over the run, as RideComfort does absorbed power."""
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """See `Metric.of`."""
         y = columns[0]
         slopes = np.zeros(len(y))
@@ -110,7 +111,7 @@ class QuadraticCost:
         """The weighted variables."""
         return tuple(self.weights)
 
-    def of(self, time: Array, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
+    def of(self, columns: Sequence[Array]) -> tuple[float, Sequence[Array]]:
         """See `Metric.of`."""
         pairs = list(zip(self.weights.values(), columns, strict=True))
         value = sum(w * float(np.mean(y**2)) for w, y in pairs)
