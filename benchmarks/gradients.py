@@ -1,6 +1,7 @@
-"""Cost of the derivatives of a run, as a multiple of the run: the full car under GPC, by parameters of car and controller.
+"""Cost of the derivatives of a run, as a multiple of the run: the full car under GPC with preview.
 
-Components with derivatives of their own; those that are followed by differences cost two more instances for each parameter.
+All components have derivatives of their own; those that are followed by differences cost two more instances for each
+parameter.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def measure() -> dict[str, float]:
     found: dict[str, float] = {}
     for count in (16, 50):
         gradient(count, 0.01)  # compiles
-        begin = min(spent(lambda: gradient(count, 0.01)) for _ in range(ROUNDS))
-        took = min(spent(lambda: gradient(count, STOP)) for _ in range(ROUNDS)) - begin
+        begin = min(spent(gradient, count, 0.01) for _ in range(ROUNDS))
+        took = min(spent(gradient, count, STOP) for _ in range(ROUNDS)) - begin
         found |= {f"{count} parameters / run": took / run, f"beginning of {count} / run": begin / run}
     return found
