@@ -6,8 +6,8 @@
 
 Nonlinear least squares in the logarithms of the parameters, which are positive. What the data do not tell is found from
 the Jacobian of the response there, by central differences, or exact (`gradient=True`): with noise of standard deviation
-s its Fisher information is J'J / s^2, whose inverse bounds the covariance of every unbiased estimate (Cramer and Rao), and
-whose smallest eigenvalues belong to combinations of parameters that move nothing one could measure.
+s its Fisher information is J'J / s^2, whose inverse bounds the covariance of every unbiased estimate (Cramer and
+Rao), and whose smallest eigenvalues belong to combinations of parameters that move nothing one could measure.
 """
 
 from __future__ import annotations
