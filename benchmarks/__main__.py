@@ -27,6 +27,7 @@ NAMES = (
     "states",
     "learning",
     "batch",
+    "gradients",
     "trench_plant",
     "solver_check",
     "mathematics",

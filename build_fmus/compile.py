@@ -28,6 +28,7 @@ _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 # For whoever compiles the sources. -fno-math-errno makes sqrt the processor's instruction alone; it changes no value.
 SOURCE_FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno")
 CFLAGS = (*SOURCE_FLAGS, "-std=c99", "-fvisibility=hidden", "-g0")
+_CPP_FLAGS = (*(f for f in CFLAGS if not f.startswith("-std")), "-std=c++17", "-fno-exceptions", "-fno-rtti")
 
 
 class CompileError(RuntimeError):
@@ -100,9 +101,10 @@ class Toolchain:
     version: str
 
     def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
-        """One C file to one object file."""
+        """One file of C, or of C++ that needs no library, to one object file."""
         pic = () if self.platform.is_windows else ("-fPIC",)
-        self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
+        flags = _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
+        self._run([*flags, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
         """Link objects to a shared library without undefined symbols; loaders know it by the name of `output`.

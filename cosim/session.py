@@ -20,7 +20,6 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -44,6 +43,7 @@ from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
     from cosim.export.web.page import Control
+    from cosim.gradient import Gradient, Metric
     from cosim.linear.exchange_error import ExchangeError
     from cosim.linear.statespace import LinearModel, Matrices
     from cosim.scenes.scene import Scene
@@ -57,15 +57,11 @@ class System(Wiring):
     """
 
     def __init__(self, *, allow_unconnected: bool = False) -> None:
-        super().__init__()
-        self.allow_unconnected = allow_unconnected
-        """Inputs that nothing drives are meant so; otherwise a run warns of them (UnconnectedInputsWarning)."""
+        super().__init__(allow_unconnected=allow_unconnected)
         self._simulation: Simulation | None = None
         self._lock = threading.RLock()  # for calls of the components, by its simulations and their saved states
         self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
         self._ssp: Path | None = None
-        self.experiment: tuple[Fraction, Fraction | None] = Fraction(0), None
-        """Start and stop time [s] that an SSP proposes."""
 
     @classmethod
     def from_ssp(
@@ -170,7 +166,7 @@ class System(Wiring):
         return self._simulation
 
     def end_simulation(self) -> None:
-        """End the simulation that runs on this system, if there is one: its components are free for something else."""
+        """See `Wiring.end_simulation`."""
         if self._simulation is not None:
             self._simulation.close()
 
@@ -284,6 +280,31 @@ class System(Wiring):
         from cosim.linear.statespace import LinearModel
 
         return LinearModel(self._linearized(inputs, outputs, discrete, settle))
+
+    def gradient(
+        self,
+        metrics: Mapping[str, Metric],
+        parameters: str | Iterable[str],
+        *,
+        stop_time: TimeLike,
+        interval: TimeLike | None = None,
+        threads: int | None = None,
+    ) -> Gradient:
+        """Derivatives of metrics of a run by parameters, start values and inputs that nothing drives.
+
+            found = system.gradient({"ride": Rms("car.seat.az")}, ["car.body.mass"], stop_time="8 s", interval="10 ms")
+
+        `metrics`: by a name of your choice, of `cosim.gradient` (Mean, Rms, Peak, Final, QuadraticCost), or your own.
+        `parameters`: full names and patterns, of real numbers. `interval`: between samples that metrics read, as in
+        `Record`; `threads`: default all cores. `cosim.gradient.gradient` says what is differentiated and how, and
+        `Gradient.trust()` compares with differences. Raises GradientError for what has no derivative and for runs that
+        fail or end early, CosimError where a system has no copies (`cosim.batch`), and WiringError for names that do
+        not fit.
+        """
+        from cosim.gradient import gradient
+
+        chosen = [parameters] if isinstance(parameters, str) else list(parameters)
+        return gradient(self, metrics, chosen, stop_time=stop_time, interval=interval, threads=threads)
 
     def _linearized(
         self,

@@ -30,9 +30,9 @@ from cosim.engine.execution import Record
 from cosim.engine.stops import StopWhen, watched_names
 from cosim.fmu.component import FmuComponent
 from cosim.recording.recording import Recording
-from cosim.session import System
 from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
+from cosim.system.wiring import Wiring
 
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
@@ -48,7 +48,9 @@ class BatchRecording:
 
     `time` [s] has the shape (samples,), `data` (copies, samples, variables); `names` and `units` are those of the
     variables. Values of a copy are NaN after it has ended. `failed`: time [s] at which a copy failed; `stopped`: the
-    stop condition that has ended a copy, and the time; `about`: the rest of what a `Recording` has.
+    stop condition that has ended a copy, and the time; `about`: the rest of what a `Recording` has; `tangents`:
+    derivatives of `data` along the `seeds` (copies, samples, variables, directions); `sides`: numbers that are equal
+    where components have taken the same sides of all comparisons so far (copies, samples, components).
     """
 
     time: Array
@@ -58,6 +60,8 @@ class BatchRecording:
     failed: Mapping[int, float] = field(default_factory=dict)
     stopped: Mapping[int, tuple[str, float]] = field(default_factory=dict)
     about: Mapping[str, Any] = field(default_factory=dict)
+    tangents: Array = field(default_factory=lambda: np.empty(0))
+    sides: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:
@@ -102,6 +106,8 @@ class Batch(Copies):
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
         begin: False where `reset` or `reset_each` comes later.
+        seeds: derivatives of parameters and start values, by full name (copies, directions): a multiple of 8
+            directions, the same number for all. What is recorded then has derivatives (`BatchRecording.tangents`).
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
@@ -113,7 +119,7 @@ class Batch(Copies):
 
     def __init__(
         self,
-        system: System,
+        system: Wiring,
         copies: int,
         *,
         start: Mapping[str, Any] | None = None,
@@ -126,6 +132,7 @@ class Batch(Copies):
         threads: int | None = None,
         vectors: str = "auto",
         begin: bool = True,
+        seeds: Mapping[str, Array] | None = None,
     ):
         self.system = system
         self._set_copies(copies)
@@ -161,6 +168,9 @@ class Batch(Copies):
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
+        self._seeds = {system.components.split(name): np.asarray(value) for name, value in (seeds or {}).items()}
+        if self._seeds:
+            self._target = self._target.with_tangents(next(iter(self._seeds.values())).shape[1])
         schedule = system.schedule(*([] if self._interval is None else [self._interval]))
         self._schedule = only_numbers(schedule, "a batch", "run the copies without a batch")
         self._refuse(self._schedule.loops)
@@ -174,6 +184,7 @@ class Batch(Copies):
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
+        self._probed = self._moving() & set(self._fixed_reasons)
         self._check_memory()
         super().__init__()
         self._pool: ThreadPoolExecutor | None = None
@@ -197,6 +208,13 @@ class Batch(Copies):
                 f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has"
                 f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
             )
+
+    def _moving(self) -> set[SystemComponent]:
+        """Components that depend on the directions of the seeds."""
+        found = {m for m, _ in self._seeds}
+        while more := {c.target for c in self.system.connections.values() if c.source in found} - found:
+            found |= more
+        return found
 
     def _lanes_of(self, component: SystemComponent) -> LaneSource:
         implementation = component.implementation
@@ -259,11 +277,12 @@ class Batch(Copies):
         self.scalar = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
+        probes = 2 * np.count_nonzero(sum(abs(s) for s in self._seeds.values())) if self._probed else 0
         if before != self._alone:
             self._simulations.clear()
         for m in self._schedule.components:
             clones = self._clones.setdefault(m, [])
-            while len(clones) < (self.copies if m in self._alone else 1):
+            while len(clones) < (self.copies + probes if m in self._alone else 1):
                 clones.append(m.implementation.clone())  # type: ignore[attr-defined]
         self._begin(given)
 
@@ -405,12 +424,14 @@ class Batch(Copies):
     def _make_room(self, end: int) -> None:
         period = self._plan.clocks[-1].period
         first, last = -(-self._tick // period), end // period
-        count = last - first + 1 if self._plan.recorded else 0
-        rows = np.full((self.copies, max(count, 0), len(self._plan.recorded)), np.nan)
+        count = max(last - first + 1, 0) if self._plan.recorded else 0
+        directions = self._target.directions
+        rows = np.full((self.copies, count, len(self._plan.recorded), 1 + directions), np.nan)
+        sides = np.zeros((self.copies, count, len(self._plan.components)), dtype=np.uint64) if directions else None
         if count > 0:
-            self._chunks.append((first, rows))
-        self._rows = rows
-        self._structs.record_to(rows, first)
+            self._chunks.append((first, rows, sides))
+        self._rows = rows, sides
+        self._structs.record_to(rows, sides, first)
 
     def _run(self, end: int, final: bool) -> None:
         """One piece, by all threads."""
@@ -465,22 +486,22 @@ class Batch(Copies):
     def recording(self) -> BatchRecording:
         """What was recorded so far; the last sample is provisional, as in `Simulation.recording`."""
         layout, clocks = self._exchange.layout, self._plan.clocks
-        parts: list[Array] = []
+        parts: list[Array] = [np.empty((self.copies, 0, len(self._plan.recorded), 1 + self._target.directions))]
+        sides = [np.empty((self.copies, 0, len(self._plan.components)), dtype=np.uint64)]
         numbers: list[int] = []
-        for (first, rows), following in zip(self._chunks, [*self._chunks[1:], None], strict=True):
+        for (first, rows, taken), following in zip(self._chunks, [*self._chunks[1:], None], strict=True):
             count = rows.shape[1] if following is None else min(rows.shape[1], following[0] - first)
             parts.append(rows[:, :count])
+            sides += [] if taken is None else [taken[:, :count]]
             numbers += range(first, first + count)
-        data = (
-            parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
-        )
+        data = parts[1] if len(parts) == 2 else np.concatenate(parts, axis=1)
         ticks = np.array(numbers, dtype=np.int64) * clocks[-1].period
         a, b, d = self._plan.time
         time = (ticks[ticks <= self._tick] * a + b) / d  # exact, see `advance`
         return BatchRecording(
             time,
             list(self.record_names),
-            data[:, : len(time)],
+            data[:, : len(time), :, 0],
             dict(layout.record_units),
             {f.copy: f.time for f in self.failures},
             self.stopped,
@@ -490,7 +511,24 @@ class Batch(Copies):
                 "types": layout.record_types,
                 "display": layout.record_display,
             },
+            data[:, : len(time), :, 1:],
+            np.concatenate(sides, axis=1)[:, : len(time)],
         )
+
+    @property
+    def side_changes(self) -> dict[str, int]:
+        """By component with derivatives, in how many steps it took other sides than in the step before; the most."""
+        found = {}
+        for m, lanes in self._lanes.items():
+            if at := lanes.library.cosim_lanes_sides() // 8:
+                counts = lanes.whole.view(np.int64).reshape(len(lanes.whole), -1)[: self.copies, at + 2]
+                found[m.name] = int(counts.max())
+        return found
+
+    @property
+    def by_difference(self) -> dict[str, str]:
+        """Components whose derivatives are differences of neighboring instances, and why."""
+        return {m.name: self._fixed_reasons[m] for m in self.system.components.values() if m in self._probed}
 
     def end(self, until: TimeLike) -> tuple[float, int]:
         """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""

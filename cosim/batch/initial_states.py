@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -10,30 +10,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.batch.library import Target, interface, lane_library
+from cosim.batch.library import PART, Target, interface, lane_library
 from cosim.batch.source import LaneSource
-from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike
 from cosim.engine.exchange import Exchange
-from cosim.engine.plan import Plan, make_plan
+from cosim.engine.plan import ComponentPlan, Plan, make_plan
 from cosim.engine.simulation import Simulation
 from cosim.engine.stops import StopWhen
 from cosim.fmu.own_states import VALUES_AT
-from cosim.session import System
 from cosim.system.components import SystemComponent
 from cosim.system.loops import AlgebraicLoop
 from cosim.system.schedule import Schedule
+from cosim.system.wiring import Wiring
 
+DISTANCE = 1e-5  # relative distance of instances on both sides of a component without derivatives
 Signals = Sequence[tuple[SystemComponent, Variable]]
 
 
 class Copies:
     """Values and states of the copies of one system; `cosim.batch.Batch` says what they are."""
 
-    system: System
+    system: Wiring
     copies: int
     threads: int
     stop_time: TimeLike | None
@@ -49,6 +50,8 @@ class Copies:
     _groups: int
     _sources: dict[SystemComponent, LaneSource]
     _alone: dict[SystemComponent, str]
+    _seeds: Mapping[tuple[SystemComponent, str], Array]
+    _probed: Collection[SystemComponent]
 
     def __init__(self) -> None:
         self._clones: dict[SystemComponent, list[Any]] = {}
@@ -60,6 +63,8 @@ class Copies:
     def _ended(self, failure: CopyFailure) -> None:
         raise NotImplementedError
 
+    _probes: Probes | None = None
+
     def _begin(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> None:
         """Initialize the copies: all at once in lanes, those that cannot be one after the other."""
         self.system.end_simulation()
@@ -67,14 +72,20 @@ class Copies:
         exchanges: list[Exchange | None] = [None] * self.copies
         errors: dict[int, ComponentError] = {}
 
-        def alone(copy: int) -> None:
+        def initialized(copy: int, clone: int, moved: Mapping[tuple[SystemComponent, str], float]) -> Exchange:
             for m, values, _ in kept:
                 m.values = dict(values)
-                m.implementation = self._clones[m][copy if m in self._alone else 0]
+                m.implementation = self._clones[m][clone if m in self._alone else 0]
             for (m, name), each in given.items():
                 m.values[name] = each[copy]
+            for (m, name), by in moved.items():
+                start = m.values.get(name, m.description.variables[name].start)
+                m.values[name] = float(start) + by
+            return self._initialized(clone if self._alone else 0)
+
+        def alone(copy: int) -> None:
             try:
-                exchanges[copy] = self._initialized(copy if self._alone else 0)
+                exchanges[copy] = initialized(copy, copy, {})
             except ComponentError as error:
                 errors[copy] = error
 
@@ -98,6 +109,8 @@ class Copies:
                 alone(copy)
                 if (exchange := exchanges[copy]) is not None:
                     self._take(exchange, copy)
+            if self._probed:
+                self._probes = self._make_probes(initialized)
         finally:
             for m, values, component in kept:
                 m.values, m.implementation = values, component
@@ -113,8 +126,11 @@ class Copies:
             self._start_lanes()
         if self._alone:
             self._bind(exchanges)
+        if self._target.directions and (self._alone or len(rest)):
+            self._settle_tangents()
         self._tick = self._exchange.tick
-        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
+        # Number of the first sample, samples, sides of the components.
+        self._chunks: list[tuple[int, npt.NDArray[np.float64], npt.NDArray[np.uint64] | None]] = []
         for copy in sorted(errors):
             self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
 
@@ -125,10 +141,11 @@ class Copies:
             exchanges,
             self._lanes,
             self._alone,
-            self._values,
+            self._whole,
             self._alive,
             self._target,
             self.threads,
+            self._probes,
         )
 
     def _settle(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> list[int]:
@@ -151,16 +168,76 @@ class Copies:
                 self._put(lanes.memory, lanes.row(variable), column)
         for copy in range(self.copies, len(self._alive)):
             self._copy_lane(0, copy)
-        self._values[:] = 0.0
+        self._whole[:] = 0.0
         self._alive[:] = ~refused
+        self._put_seeds()
         for (m, variable), slot in self._exchange.layout.constants.items():
-            self._values[:, slot, :] = self._lanes[m].memory[:, self._lanes[m].row(variable), :]
+            self._whole[:, slot, :] = self._lanes[m].whole[:, self._lanes[m].row(variable), :]
         self._start_lanes()
         self._structs.settle()
         self._alive[:] &= np.isfinite(self._values).all(axis=1).ravel()
         for m, lanes in self._lanes.items():
             self._check(m, lanes, given)
         return np.flatnonzero(self._alive[: self.copies] == 0).tolist()
+
+    def _put_seeds(self) -> None:
+        """Derivatives of parameters and start values, of which those of all other values follow."""
+        if not self._target.directions:
+            return
+        for lanes in self._lanes.values():
+            lanes.whole[:, :, PART:] = 0.0
+        for (m, name), seeds in self._seeds.items():
+            if m in self._lanes:  # else its probes are apart in it
+                own = self._lanes[m]
+                own.whole[:, own.row(m.description.variables[name]), PART:] = seeds
+
+    def _make_probes(
+        self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], float]], Exchange]
+    ) -> Probes:
+        """Instances a little apart from each copy along each direction (`run_probes` of batch.c)."""
+        directions, number = self._target.directions, self.copies
+        apart = np.zeros((self.copies, directions))
+        exchanges: list[Exchange | None] = []
+        for copy, k in np.ndindex(self.copies, directions):
+            along = {key: float(each[copy, k]) for key, each in self._seeds.items() if each[copy, k]}
+            if not along:
+                exchanges += [None, None]
+                continue
+            sizes = [abs(self._start_of(key)) / abs(seed) for key, seed in along.items()]
+            apart[copy, k] = step = DISTANCE * (min(s for s in sizes if s) if any(sizes) else 1.0)
+            for side in (step, -step):
+                exchanges.append(initialized(copy, number, {key: side * seed for key, seed in along.items()}))
+                number += 1
+        return Probes(self._probed, apart, exchanges)
+
+    def _start_of(self, key: tuple[SystemComponent, str]) -> float:
+        m, name = key
+        return float(m.values.get(name, m.description.variables[name].start) or 0.0)
+
+    def _settle_tangents(self) -> None:
+        """Derivatives of initial values, of copies that are initialized."""
+        before = self._values.copy()
+        self._whole[:, :, PART:] = 0.0
+        self._put_seeds()
+        if self._probes is not None:
+            for plan in self._plan.components:
+                if plan.component in self._probes.components:
+                    self._put_differences(plan, self._probes)
+        for (m, variable), slot in self._exchange.layout.constants.items():
+            if m in self._lanes:
+                self._whole[:, slot] = self._lanes[m].whole[:, self._lanes[m].row(variable)]
+        self._start_lanes()
+        self._structs.settle()
+        if not np.array_equal(before, self._values):
+            raise CosimError("the initial values of these components cannot be followed with derivatives")
+
+    def _put_differences(self, plan: ComponentPlan, probes: Probes) -> None:
+        """Derivatives of the initial outputs of a component that has no derivatives of its own."""
+        own = slice(plan.first, plan.first + plan.n_outputs)
+        for copy, k in np.argwhere(probes.apart):
+            at = 2 * (copy * probes.apart.shape[1] + k)
+            above, below = (e.values[own] for e in probes.exchanges[at : at + 2] if e is not None)
+            self._whole[copy, own, PART + k] = (above - below) / (2.0 * probes.apart[copy, k])
 
     def _defaults(self, component: SystemComponent) -> Array:
         """Values of an instance that was only reset."""
@@ -253,7 +330,8 @@ class Copies:
         self._lanes.clear()
         self._plan: Plan = make_plan(exchange)
         lanes, groups = self._target.lanes, self._groups
-        self._values = aligned(groups, self._plan.size, lanes)
+        self._whole = aligned(groups, self._plan.size, self._target.width)
+        self._values = self._whole[:, :, :lanes]
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.ports[m].outputs
@@ -267,10 +345,11 @@ class Copies:
                 )
             )
             spare = self._spare.get(m)
-            if spare is None or len(spare.memory) < groups:
+            if spare is None or len(spare.whole) < groups:
                 library = lane_library(source, shown, self._target) if spare is None else spare.library
-                spare = self._spare[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
-            self._lanes[m] = replace(spare, memory=spare.memory[:groups])
+                whole = aligned(groups, library.cosim_lanes_rows(), self._target.width)
+                spare = self._spare[m] = Lanes(source, library, whole, lanes)
+            self._lanes[m] = replace(spare, whole=spare.whole[:groups])
 
     def _start_lanes(self) -> None:
         ffi, base = interface(), self._exchange.base
@@ -278,7 +357,7 @@ class Copies:
             begin = float(base.start + m.offset)
             lanes.memory[:, 0:2] = begin
             lanes.memory[:, 2:HEADER] = 0.0
-            for group in lanes.memory:
+            for group in lanes.whole:
                 lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
 
     def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,20 @@ import cffi
 from build_fmus.base import safe_files
 from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
+from cosim.batch.source import MUSL, LaneSource
 from cosim.batch.source import RUNTIME as OF_FMUS
-from cosim.batch.source import LaneSource
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
+PART = 8  # derivatives that one vector holds, and numbers to which they are aligned (tangents.h)
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
 _EXPORTED = """
 void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end, bool final);
 void cosim_batch_settle(Batch *b, BatchWorker *w);
 size_t cosim_lanes_rows(void);
+size_t cosim_lanes_sides(void);
 void cosim_lanes_prepare(void *memory);
 unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of);
 unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of);
@@ -44,12 +46,31 @@ const double *lane_profiles(const double *p) {
 
 @dataclass(frozen=True)
 class Target:
-    """Vector instructions: name, copies side by side, LANES_TARGET, and the processor flags that they require."""
+    """Vector instructions: name, copies side by side, LANES_TARGET, and the processor flags that they require.
+
+    `directions`: in which each number has derivatives (tangents.h); copies are then alone.
+    """
 
     name: str
     lanes: int
     number: int
     needs: int
+    directions: int = 0
+
+    @property
+    def width(self) -> int:
+        """Numbers of a value of a group; derivatives are the last."""
+        return self.lanes if not self.directions else PART + self.directions
+
+    def with_tangents(self, directions: int) -> Target:
+        """Of copies that have derivatives in so many directions, a multiple of 8."""
+        return replace(self, name=f"{self.name}_tangents_{directions}", lanes=1, directions=directions)
+
+    @property
+    def settings(self) -> dict[str, int]:
+        """Its names in C."""
+        told = {"LANES": self.lanes, "LANES_TARGET": self.number}
+        return told | ({"TANGENTS": self.directions} if self.directions else {})
 
 
 TARGETS = {t.name: t for t in (Target("avx512", 8, 512, 2), Target("avx2", 4, 2, 1), Target("baseline", 2, 0, 0))}
@@ -89,10 +110,19 @@ def _processor() -> int:
 @lru_cache
 def batch_library(target: Target) -> Any:
     """The engine of groups."""
-    stub = f'#define LANES {target.lanes}\n#define LANES_TARGET {target.number}\n#include "batch.c"\n'
     own = ("engine.c", "algebraic_loop.c")
-    sources = {"batch_lanes.c": stub.encode(), **{n: engine.HEADER.with_name(n).read_bytes() for n in own}}
-    return _compiled(sources, ("batch_lanes.c", *own), f"batch_{target.name}")
+    name, code = _over(target, "batch", [], ["VALUEs.h", "batch.c"])
+    sources = {name: code, **{n: engine.HEADER.with_name(n).read_bytes() for n in own}}
+    return _compiled(sources, (name, *own), f"batch_{target.name}")
+
+
+def _over(target: Target, name: str, settings: Sequence[str], included: Sequence[str]) -> tuple[str, bytes]:
+    """Name and content of a file of code over vectors, or over numbers with tangents, which is C++."""
+    value = "tangent" if target.directions else "lane"
+    before, *rest = (f'#include "{file}"'.replace("VALUE", value) for file in included)
+    lines = ['extern "C" {', *rest, "}"] if target.directions else rest
+    code = [*(f"#define {k} {v}" for k, v in target.settings.items()), before, *settings, *lines, ""]
+    return f"{name}_of_{value}s.{'cpp' if target.directions else 'c'}", "\n".join(code).encode()
 
 
 def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
@@ -100,10 +130,13 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
 
     Raises NoLanes, and CosimError without a compiler.
     """
-    code = source.code(outputs, target.lanes, target.number)
-    mathematics = [n for n in source.files if n.startswith("musl/") and n.endswith(".c")]
-    files = {n: d for n, d in source.files.items() if n in mathematics or n.endswith(".h")}
-    sources = ["lanes.c", *mathematics]
+    included = ["VALUE_equations.h", "lane_profiles.h", "model.c", "lane_component.h"]
+    name, code = _over(target, "component", source.settings(outputs), included)
+    files = {n: d for n, d in source.files.items() if n.startswith("musl/") or n.endswith(".h")}
+    if target.directions:
+        files |= {f"musl/{p.name}": p.read_bytes() for p in MUSL.glob("*.[ch]")}  # derivatives call others
+    mathematics = [n for n in files if n.startswith("musl/") and n.endswith(".c")]
+    sources = [name, *mathematics]
     files["model.c"] = source.files["model.c"]
     if "random_profiles.c" in source.files:  # each copy has its own, which the FMU's own code computes
         files |= {
@@ -111,7 +144,7 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
             "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode(),
         }
         sources += ["profiles.c", "random_profiles.c"]
-    return _compiled(files | {"lanes.c": code.encode()}, tuple(sources), f"lanes_{target.name}")
+    return _compiled(files | {name: code}, tuple(sources), f"lanes_{target.name}")
 
 
 def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:

@@ -12,6 +12,7 @@ from build_fmus import compile as building
 from cosim.fmu.file import FmuFile
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
+MUSL = _THIRD_PARTY / "musl"
 _SAME = (
     "equations.h",
     "fmu_core.c",
@@ -101,15 +102,13 @@ class LaneSource:
         text = next(m[0] for m in _NUMBERS.finditer(self.model) if m[1] == "bounds")
         return float(text[text.index("{") + 1 : text.index("}")].split(",")[state])
 
-    def code(self, outputs: tuple[int, ...], lanes: int, target: int) -> str:
-        """C code of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
+    def settings(self, outputs: tuple[int, ...]) -> list[str]:
+        """Settings in C of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
         there = self.model.partition("#ifndef LANES")[0]
         for name in ("start_states", "derivatives", "outputs", "sample"):
             if name in self.fields and f"static void {name}(" not in there:
                 raise NoLanes(f"lanes cannot follow its sources: there is no function {name}")
         constants = {
-            "LANES": lanes,
-            "LANES_TARGET": target,
             "N_PARAMETERS": self.size("parameters"),
             "N_INPUTS": self.size("inputs"),
             "N_STATES": self.size("states"),
@@ -124,17 +123,10 @@ class LaneSource:
             self.fields.get("solver", "FMU_RK4").removeprefix("FMU_"): 1,
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
         }
-        return "\n".join(
-            [
-                "/* An FMU in lanes: its own functions over vectors. */",
-                *(f"#define {k} {v}" for k, v in constants.items()),
-                f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};",
-                '#include "lane_equations.h"',
-                '#include "model.c"',
-                '#include "lane_component.h"',
-                "",
-            ]
-        )
+        return [
+            *(f"#define {k} {v}" for k, v in constants.items()),
+            f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};",
+        ]
 
 
 def lane_source(fmu: FmuFile) -> LaneSource:
@@ -163,7 +155,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     if len(rows) != int(fields.get("n_variables", "0")):
         raise NoLanes("its sources are those of another version of build-fmus")
     source = LaneSource(model, fields, rows, files)
-    source.code(tuple(range(source.size("outputs"))), 2, 0)
+    source.settings(tuple(range(source.size("outputs"))))
     return source
 
 

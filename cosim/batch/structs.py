@@ -43,7 +43,13 @@ class Lanes:
 
     source: LaneSource
     library: Any
-    memory: npt.NDArray[np.float64]  # (groups, rows, lanes)
+    whole: npt.NDArray[np.float64]  # (groups, rows, numbers of a value)
+    lanes: int
+
+    @property
+    def memory(self) -> npt.NDArray[np.float64]:
+        """Values of the copies (groups, rows, lanes)."""
+        return self.whole[:, :, : self.lanes]
 
     def row(self, variable: Variable) -> int:
         """Where a variable is."""
@@ -53,6 +59,19 @@ class Lanes:
     def values(self) -> npt.NDArray[np.float64]:
         """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
         return self.memory[:, HEADER : HEADER + self.source.n_values]
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Instances on both sides of components that depend on a direction and have no derivatives of their own.
+
+    apart: (copies, directions), how far along each direction; 0 where nothing moves.
+    exchanges: those of the instances, for each copy and direction two.
+    """
+
+    components: Collection[SystemComponent]
+    apart: npt.NDArray[np.float64]
+    exchanges: Sequence[Exchange | None]
 
 
 class Structs:
@@ -73,7 +92,9 @@ class Structs:
         alive: npt.NDArray[np.uint8],
         target: Target,
         threads: int,
+        probes: Probes | None = None,
     ):
+        self._probes = probes
         self._plan, self._exchange, self._lanes, self._target = plan, exchange, lanes, target
         self._keep: list[Any] = []
         self._engines: list[BoundEngine | None] = []
@@ -83,6 +104,9 @@ class Structs:
             # Where a copy could not be initialized nothing is called.
             pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
             self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
+        if probes is not None:
+            engines = [ffi.NULL if e is None else ffi.cast("Engine*", e.engine.struct) for e in probes.exchanges]
+            self._probe_engines = self._new("Engine*[]", engines)
         self._components = self._new("BatchComponent[]", len(plan.components))
         for struct, component in zip(self._components, plan.components, strict=True):
             self._fill(struct, component)
@@ -96,12 +120,19 @@ class Structs:
         scale, offset = exchange.layout.record_conversion
         b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
         b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
+        b.n_components = len(plan.components)
+        if probes is not None:
+            b.apart = self._address("double*", probes.apart)
         b.record_converted = self._array("uint8_t", (scale != 1.0) | (offset != 0.0))
         self.workers = [self._worker() for _ in range(threads)]
 
-    def record_to(self, rows: npt.NDArray[np.float64], first: int) -> None:
-        """Where samples go (copies, samples, variables), from sample number `first` on. The caller keeps the array."""
+    def record_to(self, rows: npt.NDArray[np.float64], sides: npt.NDArray[np.uint64] | None, first: int) -> None:
+        """Where samples go (copies, samples, variables, 1 + directions), from sample number `first` on.
+
+        `sides`: those of the components (copies, samples, components). The caller keeps the arrays.
+        """
         b = self.batch
+        b.sides = interface().NULL if sides is None else interface().cast("uint64_t*", sides.ctypes.data)
         b.rows, b.first_row, b.n_rows = interface().cast("double*", rows.ctypes.data), first, rows.shape[1]
 
     def run(self, worker: Any, tick: int, end: int, final: bool) -> None:
@@ -120,7 +151,7 @@ class Structs:
         w.engine.list = self._new(f"EngineComponent*[{e.n_components}]")
         w.engine.computed = self._new(f"EnginePiece[{e.n_components}]")
         w.engine.published = self._new(f"EngineCopy[{sum(len(m.published) for m in self._plan.components)}]")
-        w.before = self._address("char*", aligned(1, self._plan.size, self._target.lanes))
+        w.before = self._address("char*", aligned(1, self._plan.size, self._target.width))
         return w
 
     def _fill(self, m: Any, plan: ComponentPlan) -> None:
@@ -130,11 +161,14 @@ class Structs:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
             m.alone = self._alone_engines
+            if self._probes is not None and plan.component in self._probes.components:
+                m.probes = self._probe_engines
             return
         lanes, port = self._lanes[plan.component], self._exchange.layout.ports[plan.component]
         m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
         m.begin = ffi.cast("BatchStep", lanes.library.cosim_lanes_begin)
-        m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
+        m.memory, m.stride = self._address("char*", lanes.whole), lanes.whole[0].nbytes
+        m.sides = lanes.library.cosim_lanes_sides()
         rows = lanes.source.rows
         m.to = self._array("uint32_t", [lanes.row(v) for v in port.inputs])
         setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in port.outputs]))
@@ -213,8 +247,8 @@ class Structs:
         )
 
 
-def aligned(groups: int, rows: int, lanes: int) -> npt.NDArray[np.float64]:
-    """Zeros (groups, rows, lanes) that begin at a multiple of 64 bytes, as vectors must."""
-    raw = np.zeros(groups * rows * lanes + 8)
+def aligned(groups: int, rows: int, width: int) -> npt.NDArray[np.float64]:
+    """Zeros (groups, rows, width) that begin at a multiple of 64 bytes, as vectors must."""
+    raw = np.zeros(groups * rows * width + 8)
     begin = (-raw.ctypes.data % 64) // 8
-    return raw[begin : begin + groups * rows * lanes].reshape(groups, rows, lanes)
+    return raw[begin : begin + groups * rows * width].reshape(groups, rows, width)

@@ -94,10 +94,10 @@ static void publish(Engine *e) {
 /* What a continuous component shows at its arrival, and where its outputs are, behind what others have. */
 static void append(Engine *e, const EngineComponent *m) {
     for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
-        const EngineCopy new = m->copies[c];
+        const EngineCopy added = m->copies[c];
         EngineCopy *last = e->published + e->n_published - 1;
-        if (e->n_published && last->to + last->n == new.to && last->from + last->n == new.from) last->n += new.n;
-        else e->published[e->n_published++] = new;
+        if (e->n_published && last->to + last->n == added.to && last->from + last->n == added.from) last->n += added.n;
+        else e->published[e->n_published++] = added;
     }
     EnginePiece *last = e->computed + e->n_computed - 1;
     if (e->n_computed && last->from + last->n == m->first) last->n += m->n_outputs;

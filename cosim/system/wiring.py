@@ -35,7 +35,11 @@ Kind = Literal["discrete", "continuous"]
 class Wiring:
     """Components by name, connections by the name of their target, and groups by name."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, allow_unconnected: bool = False) -> None:
+        self.allow_unconnected = allow_unconnected
+        """Inputs that nothing drives are meant so; otherwise a run warns of them (UnconnectedInputsWarning)."""
+        self.experiment: tuple[Fraction, Fraction | None] = Fraction(0), None
+        """Start and stop time [s] that an SSP proposes."""
         self.components = SystemComponents()
         self.connections: dict[str, Connection] = {}
         self.groups: dict[str, Group] = {}
@@ -43,6 +47,9 @@ class Wiring:
 
     def __getitem__(self, name: str) -> SystemComponent:
         return self.components[name]
+
+    def end_simulation(self) -> None:
+        """End the simulation that runs on this system, if there is one: its components are free for something else."""
 
     # Putting it together.
 

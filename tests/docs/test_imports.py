@@ -26,6 +26,7 @@ BELOW = (
     "cosim/engine/library.py",  # C alone, the integrator of Model Exchange
     "cosim/export/",  # which builds, and is asked for by one function of `System`
     "cosim/scenes/",  # what its pages show
+    "cosim/gradient/",  # which compiles, and is asked for by one function of `System`
 )
 
 

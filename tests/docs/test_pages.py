@@ -74,6 +74,14 @@ def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert len(set(names["rms"].tolist())) == 100  # type: ignore[attr-defined]
 
 
+def test_a_gradient(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
+    names = run_blocks(ROOT / "docs" / "how-to" / "gradients.md")
+    found, trust = names["found"], names["trust"]
+    assert len(found.parameters) == 5  # type: ignore[attr-defined]
+    assert abs(trust.deviation).max() < 1e-6  # type: ignore[attr-defined]
+    assert "car.suspension.front.damper" in capsys.readouterr().out
+
+
 @pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
 def test_a_third_party_fmu_runs_connected_and_isolated(
     seat: Path, workplace: Path, capsys: pytest.CaptureFixture[str]

@@ -2,8 +2,6 @@
  *
  * A group of copies is taken from the first instant to the last by one thread; groups share nothing, so the numbers do
  * not depend on the number of threads. Nothing is allocated. */
-#include "lanes.h"
-
 #include "batch.h"
 #include "environment.h"
 #include "hints.h"
@@ -15,6 +13,12 @@ typedef struct {
     unsigned alive; /* one bit for each copy */
     int64_t tick;   /* of the instant, where a copy ends */
 } Group;
+
+#ifdef TANGENTS
+enum { PER_COPY = 1 + TANGENTS }; /* numbers that are recorded: the value and its derivatives */
+#else
+enum { PER_COPY = 1 };
+#endif
 
 INLINE int64_t copy_of(const Group *g, int lane) { return g->group * LANES + lane; }
 
@@ -31,11 +35,12 @@ static void end_copies(
 
 /* An input that is no real number, as the FMI call takes it. */
 static lanes as_type(lanes u, int type) {
+    lanes r = lanes_all(0.0);
     for (int i = 0; i < LANES; i++) {
-        if (type == 2) u[i] = u[i] != 0.0;
-        else u[i] = fabs(u[i]) < 2147483648.0 ? (double)(int32_t)u[i] : NAN;
+        if (type == 2) r[i] = u[i] != 0.0;
+        else r[i] = fabs(u[i]) < 2147483648.0 ? (double)(int32_t)u[i] : NAN;
     }
-    return u;
+    return r;
 }
 
 static void run_lanes(Group *g, const EngineComponent *of, int32_t number, BatchStep run, double t) {
@@ -55,8 +60,9 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
         for (size_t i = 0; i < m->n_inputs; i++) {
             lanes *const u = &memory[m->to[i]];
             if (m->to_type[i]) *u = as_type(*u, m->to_type[i]);
+            const lanes_values value = lanes_value(*u);
             const unsigned now =
-                lanes_bits(~((mask)(*u >= m->least[i]) & (mask)(*u <= m->most[i]))) & g->alive & ~refused;
+                lanes_bits(~((mask)(value >= m->least[i]) & (mask)(value <= m->most[i]))) & g->alive & ~refused;
             if (now) end_copies(g, now, number, BATCH_INPUT_REFUSED, (int32_t)i, 0);
             refused |= now;
         }
@@ -68,6 +74,35 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
         if (m->from_type[i]) y[i] = as_type(y[i], m->from_type[i]);
     }
 }
+
+#ifdef TANGENTS
+/* Derivatives of its outputs: differences of two others, which go through the run on either side of it. Their states are
+ * those that the neighboring inputs lead to, so that nothing has to be known of them. */
+static void run_probes(Group *g, const EngineComponent *of, int32_t number, double t) {
+    const BatchComponent *m = &g->b->components[number];
+    for (int k = 0; k < TANGENTS && g->alive; k++) {
+        const size_t at = (size_t)g->group * TANGENTS + (size_t)k;
+        const double apart = g->b->apart[at];
+        if (apart == 0.0) continue;
+        Engine **const both = &m->probes[2 * at];
+        for (int side = 0; side < 2; side++) {
+            for (size_t i = 0; i < m->n_reads; i++) {
+                const Tangent *x = &g->values[m->reads[i]];
+                both[side]->values[m->reads[i]] = x->v + (side ? -apart : apart) * ((const double *)x->d)[k];
+            }
+            both[side]->environment = environment_bits();
+            const int result = engine_component(both[side], number, t);
+            if (result) {
+                end_copies(g, 1u, number, result, both[side]->call, both[side]->status);
+                return;
+            }
+        }
+        for (uint32_t i = 0; i < of->n_outputs; i++)
+            ((double *)g->values[of->first + i].d)[k] =
+                (both[0]->values[of->first + i] - both[1]->values[of->first + i]) / (2.0 * apart);
+    }
+}
+#endif
 
 static void run_alone(Group *g, const EngineComponent *of, int32_t number, double t) {
     const BatchComponent *m = &g->b->components[number];
@@ -84,6 +119,19 @@ static void run_alone(Group *g, const EngineComponent *of, int32_t number, doubl
         }
         if (result) end_copies(g, 1u << i, number, result, e->call, e->status);
     }
+#ifdef TANGENTS
+    if (m->probes) run_probes(g, of, number, t);
+#endif
+}
+
+/* Which sides each component has taken so far. */
+static void record_sides(const Group *g, size_t at) {
+    const Batch *b = g->b;
+    for (size_t i = 0; b->sides && i < b->n_components; i++) {
+        const BatchComponent *m = &b->components[i];
+        const char *const memory = m->memory + m->stride * (size_t)g->group;
+        if (m->sides) memcpy(&b->sides[at * b->n_components + i], memory + m->sides, sizeof *b->sides);
+    }
 }
 
 static void record(const Group *g, const Engine *e) {
@@ -94,12 +142,17 @@ static void record(const Group *g, const Engine *e) {
     for (int i = 0; i < LANES; i++) {
         const int64_t copy = copy_of(g, i);
         if (copy >= b->n_copies_of_system) break;
-        double *const to = b->rows + ((size_t)copy * (size_t)b->n_rows + (size_t)row) * b->n_recorded;
+        const size_t at = (size_t)copy * (size_t)b->n_rows + (size_t)row;
+        double *const to = b->rows + at * b->n_recorded * PER_COPY;
         const int there = g->alive >> i & 1u;
         for (size_t k = 0; k < b->n_recorded; k++) {
-            const double value = ((const double *)&g->values[b->recorded[k]])[i];
-            to[k] = !there ? NAN : b->record_converted[k] ? value * b->record_scale[k] + b->record_offset[k] : value;
+            const double *const values = (const double *)&g->values[b->recorded[k]] + i, scale = b->record_scale[k];
+            double *const of = to + k * PER_COPY;
+            of[0] = !there ? NAN : b->record_converted[k] ? values[0] * scale + b->record_offset[k] : values[0];
+            const double *const derivatives = values + sizeof(lanes) / sizeof(double) - PER_COPY;
+            for (size_t j = 1; j < PER_COPY; j++) of[j] = there ? derivatives[j] * scale : NAN;
         }
+        record_sides(g, at);
     }
 }
 
@@ -107,7 +160,7 @@ static void record(const Group *g, const Engine *e) {
 static void check_stops(Group *g, const Engine *e) {
     for (int32_t k = 0; k < e->n_stops; k++) {
         const EngineStop *s = &e->stops[k];
-        const lanes value = s->scale * g->values[s->slot] + s->offset;
+        const lanes_values value = s->scale * lanes_value(g->values[s->slot]) + s->offset;
         const mask holds = s->relation == ENGINE_GE   ? (mask)(value >= s->value)
                            : s->relation == ENGINE_GT ? (mask)(value > s->value)
                            : s->relation == ENGINE_LE ? (mask)(value <= s->value)
@@ -120,7 +173,7 @@ static void check_stops(Group *g, const Engine *e) {
 /* ------------------------------------------------------------------ instants */
 
 INLINE int run_component(Engine *e, const EngineComponent *m, double t) {
-    Group *const g = e->context;
+    Group *const g = (Group *)e->context;
     const int32_t number = (int32_t)(m - e->components);
     const BatchStep run = g->b->components[number].run;
     if (run) run_lanes(g, m, number, run, t);
@@ -134,7 +187,7 @@ INLINE int check_computed_finite(Engine *e) { return (void)e, 0; }
 INLINE int solve_due(Engine *e, bool after_discrete) { return (void)e, (void)after_discrete, 0; }
 
 INLINE int sampled(Engine *e, double t) {
-    Group *const g = e->context;
+    Group *const g = (Group *)e->context;
     (void)t;
     if (e->due[e->n_clocks - 1]) record(g, e);
     check_stops(g, e);
@@ -142,7 +195,7 @@ INLINE int sampled(Engine *e, double t) {
 }
 
 INLINE int begun(Engine *e, int64_t tick) {
-    Group *const g = e->context;
+    Group *const g = (Group *)e->context;
     g->tick = tick;
     return g->alive ? ENGINE_AT_END : ENGINE_STOPPED;
 }
@@ -171,15 +224,13 @@ static void settle(Group *g, Engine *e, lanes *before) {
     for (int32_t round = 0; round < 20 + e->n_components && g->alive; round++) {
         memcpy(before, g->values, b->n_values * sizeof(lanes));
         for (int32_t i = 0; i < e->n_components; i++) {
-            run_lanes(g, &e->components[i], i, b->components[i].begin, 0.0);
+            if (b->components[i].begin) run_lanes(g, &e->components[i], i, b->components[i].begin, 0.0);
             publish(e);
         }
         mask moved = {0}, changed = {0};
         for (size_t k = 0; k < b->n_values; k++) {
-            const lanes was = before[k], now = g->values[k];
-            const lanes size = lanes_more(lanes_fabs(was), lanes_all(1.0));
-            moved |= (mask)(lanes_fabs(now - was) > 1e-12 * size);
-            changed |= (mask)((mask)now != (mask)was);
+            moved |= lanes_moved(before[k], g->values[k]);
+            changed |= lanes_changed(before[k], g->values[k]);
         }
         const unsigned moving = lanes_bits(moved) & g->alive, rounding = lanes_bits(changed) & ~moving & g->alive;
         if (!moving) return;
@@ -187,12 +238,6 @@ static void settle(Group *g, Engine *e, lanes *before) {
     }
     end_copies(g, g->alive, -1, BATCH_UNSETTLED, 0, 0);
 }
-
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 
 static Group group_at(Batch *b, BatchWorker *w, int64_t number) {
     Group g = {.b = b, .group = number, .values = (lanes *)b->values + (size_t)number * b->n_values};

@@ -15,6 +15,7 @@ typedef struct {
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
+    size_t sides;            /* where in them is what sides it has taken (tangents.h); 0: nowhere */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */
@@ -22,6 +23,7 @@ typedef struct {
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
+    Engine **probes;         /* of numbers with derivatives: for each copy and direction two that are a little apart */
 } BatchComponent;
 
 /* Why a copy has ended; result 0: it has not. */
@@ -44,7 +46,10 @@ typedef struct {
     const double *record_scale, *record_offset;
     const uint8_t *record_converted;
     size_t n_recorded;
-    double *rows;             /* copies x n_rows x n_recorded */
+    double *rows;             /* copies x n_rows x n_recorded, each a value and its derivatives */
+    const double *apart;      /* of each copy and direction: how far along it, to either side; 0 where nothing moves */
+    uint64_t *sides;          /* copies x n_rows x n_components; NULL: not recorded */
+    size_t n_components;
     int64_t first_row, n_rows; /* number of the sample in the first row */
     int64_t next_group;       /* to be done */
 } Batch;

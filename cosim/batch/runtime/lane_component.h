@@ -24,18 +24,15 @@ typedef struct {
     Profiles profiles;
     uint64_t touched[PIECES]; /* pieces of them that are not zeros */
 #endif
+#ifdef TANGENTS
+    Sides sides;
+#endif
 } Component;
 
 #define P (m->v)
 #define U (P + N_PARAMETERS)
 #define X (U + N_INPUTS)
 #define Y (X + 2 * N_STATES)
-
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 
 INLINE FmuArguments arguments(Component *m, double t, const lanes *x) {
 #if HAS_PROFILES
@@ -81,7 +78,7 @@ static unsigned not_finite(
     unsigned failed = 0;
     for (int i = 0; i < n; i++) {
         const int slot = slots ? slots[i] : i;
-        const unsigned now = lanes_bits(~(mask)(lanes_fabs(values[slot]) <= DBL_MAX)) & of & ~failed;
+        const unsigned now = lanes_bits(~(mask)(lanes_size(values[slot]) <= DBL_MAX)) & of & ~failed;
         if (now) fail(m, now, why, slot, when, &values[slot]);
         failed |= now;
     }
@@ -144,11 +141,11 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
         const double ti = t + (double)i * dt;
         step_solver(m, ti, dt, i == 0);
         mask within = ~(mask){0};
-        for (int j = 0; j < N_STATES; j++) within &= (mask)(lanes_fabs(X[j]) <= bounds[j]);
+        for (int j = 0; j < N_STATES; j++) within &= (mask)(lanes_size(X[j]) <= bounds[j]);
         const unsigned beyond = lanes_bits(~within) & of & ~failed;
         unsigned noted = 0;
         for (int j = 0; beyond & ~noted && j < N_STATES; j++) {
-            const unsigned now = lanes_bits(~(mask)(lanes_fabs(X[j]) <= bounds[j])) & beyond & ~noted;
+            const unsigned now = lanes_bits(~(mask)(lanes_size(X[j]) <= bounds[j])) & beyond & ~noted;
             if (now) fail(m, now, STATE_BEYOND, j, ti + dt, &X[j]);
             noted |= now;
         }
@@ -159,7 +156,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 #if N_SHOWN
     evaluate(m, reached, NULL);
     mask finite = ~(mask){0};
-    for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
+    for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_size(Y[shown[i]]) <= DBL_MAX);
     if (lanes_bits(~finite) & of & ~failed)
         failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, reached);
 #endif
@@ -185,8 +182,8 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
         lanes *const next = m->k[0];
         evaluate(m, instant, next);
         mask finite = ~(mask){0};
-        for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_fabs(next[i]) <= DBL_MAX);
-        for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
+        for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_size(next[i]) <= DBL_MAX);
+        for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_size(Y[shown[i]]) <= DBL_MAX);
         if (lanes_bits(~finite) & of & ~failed) {
             failed |= not_finite(m, of & ~failed, next, NULL, N_STATES, STATE_NOT_FINITE, time);
             failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
@@ -199,7 +196,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return sizeof(Component) / sizeof(lanes); }
+EXPORT size_t cosim_lanes_rows(void) { return (sizeof(Component) + sizeof(lanes) - 1) / sizeof(lanes); }
 
 #if HAS_PROFILES
 const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
@@ -227,7 +224,7 @@ static void take_profiles(Component *m) {
 #endif
 
 EXPORT void cosim_lanes_prepare(void *memory) {
-    Component *const m = memory;
+    Component *const m = (Component *)memory;
 #if N_FIXED
     const FmuArguments at = arguments(m, 0.0, X);
     prepare(&at, m->fixed);
@@ -238,7 +235,7 @@ EXPORT void cosim_lanes_prepare(void *memory) {
 }
 /* Outputs before the first step, as fmu_core.c has them, with start states that follow inputs and parameters. */
 EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of) {
-    Component *const m = memory;
+    Component *const m = (Component *)memory;
     const double time = *(const double *)&m->time;
     lanes *const next = m->k[0];
     unsigned failed = 0;
@@ -254,7 +251,26 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
     evaluate(m, time, next);
     return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
-EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }
+EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) {
+    Component *const m = (Component *)memory;
+#ifdef TANGENTS
+    sides = 0;
+#endif
+    const unsigned failed = step(m, t, h, of);
+#ifdef TANGENTS
+    note_sides(&m->sides);
+#endif
+    return failed;
+}
+
+/* Where a group's memory holds what sides it has taken, if it does. */
+EXPORT size_t cosim_lanes_sides(void) {
+#ifdef TANGENTS
+    return offsetof(Component, sides);
+#else
+    return 0;
+#endif
+}
 
 #if LANES_TARGET && defined(__clang__)
 #pragma clang attribute pop

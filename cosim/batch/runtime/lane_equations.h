@@ -44,9 +44,3 @@
         default: _Generic((y), const double *: lanes_##name##_lanes_table, default: lanes_##name##_lanes_lanes))
 #define product(z, x, y, rows, inner, columns) OF_ARRAYS(product, x, y)(z, x, y, rows, inner, columns)
 #define add_product(z, x, y, rows, inner, columns) OF_ARRAYS(add_product, x, y)(z, x, y, rows, inner, columns)
-
-/* Random profiles of each copy are computed by the code of one (library.py), and are given in place of solutions. */
-#if HAS_PROFILES
-#include "random_profiles.h"
-#define fmu_profiles(of, at, kept) ((void)(of), (void)(kept), (at)->s)
-#endif

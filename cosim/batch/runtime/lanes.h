@@ -1,38 +1,22 @@
 /* Vectors of LANES numbers, and what generated equations are written with (equations.h, fmu_math.h) in each lane, with
- * bit-identical values. LANES and LANES_TARGET (0 for what every
- * processor has, 2 for AVX2, 512 for AVX-512) come from the file that includes this first. */
+ * bit-identical values. LANES and LANES_TARGET (vectors.h) come
+ * from the file that includes this first. */
 #ifndef LANES_H
 #define LANES_H
 
-#if LANES_TARGET
-#include <immintrin.h>
-#endif
 #include <float.h>
 #include <stdint.h>
 #include <stddef.h>
 #include <string.h>
 #include "equations.h"
-
-#if LANES_TARGET == 512 && defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx2"))), apply_to = function)
-#elif LANES_TARGET == 2 && defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
-#elif LANES_TARGET == 512
-#pragma GCC target("avx512f,avx512dq,avx512vl,avx2")
-#elif LANES_TARGET == 2
-#pragma GCC target("avx2")
-#endif
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wpsabi"
-#endif
+#include "vectors.h"
 
 typedef double lanes __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
 typedef lanes real;
+typedef lanes lanes_values;
 typedef mask condition;
 
-#define INLINE static inline __attribute__((always_inline, unused))
-#define NOINLINE static __attribute__((noinline, unused))
 #define CONST __attribute__((const)) /* a call whose value is not needed can go */
 
 /* ------------------------------------------------------------------ conditions */
@@ -161,6 +145,16 @@ INLINE lanes lanes_ceil(lanes x) {
     return r;
 #endif
 }
+
+/* Values and sizes, where numbers may have more than a value (tangents.h). */
+#define lanes_value(x) (x)
+#define lanes_size(x) lanes_fabs(x)
+
+/* Where numbers are not the same, beyond rounding and at all. */
+INLINE mask lanes_moved(lanes was, lanes now) {
+    return (mask)(lanes_fabs(now - was) > 1e-12 * lanes_more(lanes_fabs(was), lanes_all(1.0)));
+}
+INLINE mask lanes_changed(lanes was, lanes now) { return (mask)((mask)now != (mask)was); }
 
 /* ------------------------------------------------------------------ arrays */
 

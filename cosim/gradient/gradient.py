@@ -1,0 +1,285 @@
+"""Derivatives of a whole run, carried forward through components, rates and the rule of exchange.
+
+    found = system.gradient({"ride": Rms("car.seat.az"), "bump": Peak("car.seat.az")},
+                            ["car.body.mass", "controller.gain.*"], stop_time=8.0, interval="10 ms")
+    print(found)
+
+What is differentiated is what was computed: the solver steps, samples and exchanges of the run itself, not equations
+that they approximate. The run is bit-identical to one without derivatives (`cosim.batch`). FMUs of this project are
+compiled over numbers that carry derivatives (`batch/runtime/tangents.h`). Third-party FMUs, and those that solve
+quadratic programs or linear equations, have none: two more instances of them for each parameter go through the run on
+either side of it, and the differences of their outputs take the place of derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.batch import Batch, BatchRecording
+from cosim.batch.copies import CopyFailedWarning
+from cosim.core.description import Variable
+from cosim.core.errors import CosimError, UnconnectedInputsWarning
+from cosim.core.signals import Array
+from cosim.core.time import TimeLike, rational
+from cosim.engine.execution import Record
+from cosim.gradient.metrics import Metric
+from cosim.recording.recording import Recording
+from cosim.system.components import SystemComponent
+from cosim.system.wiring import Wiring
+
+DIRECTIONS = 16  # parameters that one copy of the system carries
+STEP = 1e-4  # relative step of the differences that a gradient is compared with
+
+
+class GradientError(CosimError, ValueError):
+    """Parameters that nothing can be differentiated by, or a run that has no derivatives."""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """A gradient beside differences of neighboring runs.
+
+    Attributes:
+        near, far: central differences of the metrics by the parameters (metrics, parameters), from runs at relative
+            steps of `step` and of twice that.
+        smooth: time [s] up to which the runs of a parameter have taken the same sides of all comparisons (parameters,);
+            a metric of samples until then is smooth there, and beyond it differences and derivatives may disagree.
+        stop: time [s] at which the runs ended.
+        deviation: difference of the gradient from the extrapolated differences, relative to the largest of these for
+            each metric (metrics, parameters).
+    """
+
+    near: Array
+    far: Array
+    smooth: Array
+    stop: float
+    step: float
+    deviation: Array
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Metrics of a run and their derivatives. `print()` it.
+
+    Attributes:
+        metrics, parameters: names.
+        at: values of the parameters (parameters,).
+        values: of the metrics (metrics,).
+        jacobian: derivatives (metrics, parameters), each in the metric's unit by the parameter's.
+        recording: what the metrics read.
+        tangents: derivatives of the samples by the parameters (samples, variables, parameters), in the order of
+            `recording.names`.
+        by_difference: components whose derivatives are differences of two neighboring instances, and why.
+        changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
+            the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
+    """
+
+    metrics: Sequence[str]
+    parameters: Sequence[str]
+    at: Array
+    values: Array
+    jacobian: Array
+    recording: Recording
+    tangents: Array
+    by_difference: Mapping[str, str]
+    changes: Mapping[str, int]
+    _run: _Run = field(repr=False)
+
+    def __getitem__(self, metric: str) -> dict[str, float]:
+        """Derivatives of one metric, by the name of the parameter."""
+        if metric not in self.metrics:
+            raise KeyError(f"there is no metric '{metric}'; there are: {', '.join(self.metrics)}")
+        row = self.jacobian[list(self.metrics).index(metric)]
+        return dict(zip(self.parameters, row.tolist(), strict=True))
+
+    def trust(self, step: float = STEP) -> Trust:
+        """Compare with central differences at two steps, relative to each parameter (to 1 where it is 0).
+
+        Five runs for each parameter. Raises GradientError for a step that is no positive number.
+        """
+        if not (step > 0.0 and math.isfinite(step)):
+            raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
+        return self._run.compare(self, step)
+
+    def __str__(self) -> str:
+        lines = []
+        for metric, value, row in zip(self.metrics, self.values, self.jacobian, strict=True):
+            lines.append(f"{metric} = {value:.9g}")
+            width = max(map(len, self.parameters))
+            for name, x, slope in zip(self.parameters, self.at, row, strict=True):
+                share = f"   {slope * x / value:+.3g} relative" if value else ""
+                lines.append(f"    {name:{width}}  {slope:+.9e}{share}")
+        lines += [
+            f"{name}: derivatives from differences of two neighboring instances ({why})"
+            for name, why in self.by_difference.items()
+        ]
+        lines += [
+            f"{name}: in {n} steps other sides of comparisons than in the step before"
+            for name, n in self.changes.items()
+            if n
+        ]
+        return "\n".join(lines)
+
+
+def gradient(
+    system: Wiring,
+    metrics: Mapping[str, Metric],
+    parameters: str | Sequence[str],
+    *,
+    stop_time: TimeLike,
+    interval: TimeLike | None = None,
+    threads: int | None = None,
+) -> Gradient:
+    """See `System.gradient`."""
+    if not metrics:
+        raise GradientError("there is no metric to differentiate: give one, such as {'ride': Rms('car.seat.az')}")
+    run = _Run(system, dict(metrics), _chosen(system, parameters), stop_time, interval, threads)
+    return run.gradient()
+
+
+@dataclass
+class _Run:
+    system: Wiring
+    metrics: dict[str, Metric]
+    parameters: list[tuple[SystemComponent, Variable]]
+    stop_time: TimeLike
+    interval: TimeLike | None
+    threads: int | None
+
+    def __post_init__(self) -> None:
+        read = dict.fromkeys(name for metric in self.metrics.values() for name in metric.names)
+        self.names = [f"{m.name}.{v.name}" for m, v in self.system.select(list(read))]
+        self.order = {
+            given: [f"{m.name}.{v.name}" for m, v in self.system.select([given])] for given in read
+        }  # a metric may call a variable by another name than the recording
+        self.by = [f"{m.name}.{v.name}" for m, v in self.parameters]
+        self.at = np.array([_start(m, v) for m, v in self.parameters])
+
+    def gradient(self) -> Gradient:
+        """All parameters, `DIRECTIONS` by each copy."""
+        n = len(self.by)
+        copies = -(-n // DIRECTIONS)
+        seeds = np.zeros((n, copies, DIRECTIONS))
+        seeds[range(n), np.arange(n) // DIRECTIONS, np.arange(n) % DIRECTIONS] = 1.0
+        recording, changes, differing = self._advance(dict(zip(self.by, seeds, strict=True)), {}, copies)
+        tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n]
+        self._check(recording, tangents)
+        one = recording.one(0)
+        values, slopes = self._measure(one)
+        jacobian = np.array([sum(np.tensordot(w, tangents[:, k], 1) for k, w in each.items()) for each in slopes])
+        return Gradient(list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, self)
+
+    def compare(self, found: Gradient, step: float) -> Trust:
+        """The differences beside it."""
+        steps = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+        n, of = len(self.by), len(self.metrics)
+        near, far, smooth = np.zeros((of, n)), np.zeros((of, n)), np.zeros(n)
+        for j, name in enumerate(self.by):
+            h = step * (abs(self.at[j]) or 1.0)
+            seeds = np.zeros((len(steps), DIRECTIONS))
+            seeds[:, 0] = 1.0
+            recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+            value = np.array([self._measure(recording.one(c))[0] for c in range(len(steps))])
+            near[:, j], far[:, j] = (value[3] - value[1]) / (2.0 * h), (value[4] - value[0]) / (4.0 * h)
+            same = (recording.sides == recording.sides[2]).all(axis=(0, 2))
+            smooth[j] = recording.time[same][-1] if same.any() else recording.time[0]
+        exact = (4.0 * near - far) / 3.0
+        size = np.abs(exact).max(axis=1, keepdims=True)
+        deviation = (found.jacobian - exact) / np.where(size == 0.0, 1.0, size)
+        return Trust(near, far, smooth, float(found.recording.time[-1]), step, deviation)
+
+    def _advance(
+        self, seeds: Mapping[str, Array], start: Mapping[str, Array], copies: int
+    ) -> tuple[BatchRecording, dict[str, int], dict[str, str]]:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CopyFailedWarning)
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)
+            batch = Batch(
+                self.system,
+                copies,
+                start=start,
+                seeds=seeds,
+                record=Record(self.names, self.interval),
+                stop_time=self.stop_time,
+                threads=self.threads,
+            )
+            with batch:
+                batch.advance(rational(self.stop_time, "stop_time"), final=True)
+                if batch.failures:
+                    raise GradientError(
+                        f"the run has no derivatives, since it ends at t = {batch.failures[0].time:.9g} s:"
+                        f" {batch.failures[0].message}"
+                    )
+                return batch.recording, batch.side_changes, batch.by_difference
+
+    def _measure(self, one: Recording) -> tuple[Array, list[dict[int, Array]]]:
+        """Values of the metrics, and their derivatives by the samples of each variable."""
+        values, slopes = [], []
+        for name, metric in self.metrics.items():
+            variables = [n for given in metric.names for n in self.order[given]]
+            value, weights = metric.of([one[n] for n in variables])
+            if not math.isfinite(value):
+                raise GradientError(f"the metric '{name}' is {value}")
+            values.append(value)
+            of: dict[int, Array] = {}
+            for variable, weight in zip(variables, weights, strict=True):
+                k = list(one.names).index(variable)
+                of[k] = of.get(k, 0.0) + weight
+            slopes.append(of)
+        return np.array(values), slopes
+
+    def _check(self, recording: BatchRecording, tangents: Array) -> None:
+        bad = np.argwhere(~np.isfinite(tangents))
+        if len(bad):
+            sample, variable, parameter = bad[0]
+            raise GradientError(
+                f"the derivative of {recording.names[variable]} by {self.by[parameter]} is not finite at"
+                f" t = {recording.time[sample]:.9g} s: a root, a quotient or a norm has no slope there"
+            )
+
+
+def _start(m: SystemComponent, v: Variable) -> float:
+    value = m.values.get(v.name, v.start)
+    return 0.0 if value is None else float(value)
+
+
+def _chosen(system: Wiring, names: str | Sequence[str]) -> list[tuple[SystemComponent, Variable]]:
+    """The parameters and start values, which all have derivatives."""
+    found: dict[tuple[SystemComponent, Variable], None] = {}
+    for name in [names] if isinstance(names, str) else names:
+        pattern = "*" in name or "?" in name
+        fitting = [
+            pair
+            for causality in ("parameter", "input", "output", "local")
+            for pair in system.components.fitting(name, causality)
+            if _refusal(system, *pair) is None or not pattern
+        ]
+        if not fitting:
+            raise GradientError(f"'{name}' fits no parameter, start value or unconnected input that is a real number")
+        for m, v in fitting:
+            if why := _refusal(system, m, v):
+                raise GradientError(f"{m.name}.{v.name} has no derivative: {why}")
+            found[m, v] = None
+    if not found:
+        raise GradientError("there is no parameter to differentiate by: name one, such as car.body.mass")
+    return list(found)
+
+
+def _refusal(system: Wiring, m: SystemComponent, v: Variable) -> str | None:
+    if v.type != "real":
+        return f"it is of type {v.fmi_type}, and only real numbers vary continuously"
+    if v.causality == "structuralParameter":
+        return "it is a structural parameter"
+    if v.name == "solver.step":
+        return "it sets the number of solver steps"
+    if v.causality == "input":
+        source = system.connections.get(f"{m.name}.{v.name}")
+        return None if source is None else f"{source.source_name} drives it"
+    if v.causality != "parameter" and v.initial != "exact":
+        return "it is calculated, so no start value can be given"
+    return None

@@ -1,0 +1,230 @@
+"""Derivatives of whole runs beside exact ones, beside differences of runs, and what has none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from built import FMUS, BuiltFmus
+from same import bits
+
+from cosim import CosimError, Record, System
+from cosim.experiments.bench import EXPERIMENT as BENCH
+from cosim.experiments.bench.runs import Case as BenchCase
+from cosim.experiments.gpc import EXPERIMENT as GPC
+from cosim.experiments.gpc.runs import Case as GpcCase
+from cosim.experiments.preview_lq import EXPERIMENT as RIDE
+from cosim.experiments.preview_lq.runs import Case as RideCase
+from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
+from cosim.study import FmuSet, Runner
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
+    pytest.mark.usefixtures("built_fmus"),
+]
+RIDE_METRICS: Mapping[str, Metric] = {
+    "rms": Rms("car.body.az"),
+    "peak": Peak("car.body.az"),
+    "J": QuadraticCost({"car.body.az": 1.0, "car.body.pitch": 10.0}),
+    "end": Final("car.body.z"),
+}
+
+
+def system_of(experiment: Any, case: Any) -> System:
+    system: System = Runner(experiment, FmuSet(FMUS)).system(case)
+    return system
+
+
+@pytest.fixture(scope="module")
+def quarter_car(built_fmus: BuiltFmus) -> System:
+    system = System()
+    system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+    system["car"].set({"body.z": 0.01, "wheel.vz": -0.2})
+    return system
+
+
+def free_response(values: Mapping[str, complex], steps: int) -> Any:
+    """body.z of the bench's equations (paper 002, (1) and (2)) by the Runge-Kutta matrix, here over complex numbers."""
+    mb, mw = values["body.mass"], values["wheel.mass"]
+    k, c = values["suspension.stiffness"], values["suspension.damping"]
+    kt, ct = values["tire.stiffness"], values["tire.damping"]
+    a = np.array(  # states: body.z, body.vz, wheel.z, wheel.vz
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-k / mb, -c / mb, k / mb, c / mb],
+            [0.0, 0.0, 0.0, 1.0],
+            [k / mw, c / mw, -(k + kt) / mw, -(c + ct) / mw],
+        ]
+    )
+    h = 0.0005 * a
+    step = np.eye(4) + h + h @ h / 2 + h @ h @ h / 6 + h @ h @ h @ h / 24
+    x, found = np.array([values["body.z"], 0.0, 0.0, values["wheel.vz"]], dtype=complex), []
+    for _ in range(steps + 1):
+        found.append(x[0])
+        x = step @ step @ x  # two solver steps in a communication step
+    return np.array(found)
+
+
+def test_derivatives_of_a_linear_run_are_exact(quarter_car: System) -> None:
+    names = ["body.mass", "wheel.mass", "suspension.stiffness", "suspension.damping", "tire.stiffness", "tire.damping"]
+    names += ["body.z", "wheel.vz"]
+    found = quarter_car.gradient(
+        {"end": Final("car.body.z"), "mean": Mean("car.body.z")}, [f"car.{n}" for n in names], stop_time="0.3 s"
+    )
+    values = dict(zip(names, found.at.tolist(), strict=True))
+    for j, name in enumerate(names):
+        h = 1e-30 * values[name]
+        exact = free_response(values | {name: values[name] + 1j * h}, 300).imag / h
+        np.testing.assert_allclose(found.tangents[:, 0, j], exact, rtol=1e-9, atol=1e-11 * np.abs(exact).max())
+        assert found["end"][f"car.{name}"] == pytest.approx(exact[-1], rel=1e-9)
+        assert found["mean"][f"car.{name}"] == pytest.approx(exact.mean(), rel=1e-9)
+    assert found.values[0] == pytest.approx(free_response(values, 300)[-1].real, rel=1e-12)
+    assert not found.by_difference
+
+
+@pytest.mark.parametrize(
+    ("experiment", "case", "stop"),
+    [(GPC, GpcCase(), 1.0), (RIDE, RideCase(), 1.0), (BENCH, BenchCase(), 0.3)],
+    ids=["gpc", "preview-lq", "bench"],
+)
+def test_the_run_has_the_bits_of_one_without(experiment: Any, case: Any, stop: float) -> None:
+    system = system_of(experiment, case)
+    car = "bench" if "bench" in system.components else "car" if "car" in system.components else "plant"
+    found = system.gradient({"ride": Rms(f"{car}.body.az")}, f"{car}.body.mass", stop_time=stop, interval="10 ms")
+    alone = system.run(stop, record=Record([f"{car}.body.az"], "10 ms"))
+    np.testing.assert_array_equal(bits(found.recording.time), bits(alone.time))
+    np.testing.assert_array_equal(bits(found.recording.data), bits(alone.data))
+    assert found.jacobian[0, 0] != 0.0
+
+
+def deviates(found: Gradient, parameter: str, limit: float) -> None:
+    j = list(found.parameters).index(parameter)
+    trust = found.trust()
+    assert np.abs(trust.deviation[:, j]).max() < limit
+    assert np.abs(found.jacobian[:, j]).min() > 0.0
+
+
+@pytest.mark.parametrize("parameter", ["car.body.mass", "car.suspension.fl.stiffness", "car.body.z"])
+def test_a_ride_car_under_preview_agrees_with_differences(parameter: str) -> None:
+    system = system_of(RIDE, RideCase())
+    deviates(system.gradient(RIDE_METRICS, parameter, stop_time=1.5, interval="10 ms"), parameter, 1e-8)
+
+
+def test_a_full_car_under_gpc_agrees_with_differences() -> None:
+    system = system_of(GPC, GpcCase())
+    names = ["controller.gain.preview[1,1]", "car.tire.stiffness"]
+    found = system.gradient(RIDE_METRICS, names, stop_time=2.5, interval="10 ms")
+    trust = found.trust()
+    assert np.abs(trust.deviation).max() < 1e-8
+    assert (trust.smooth == trust.stop).all()  # no comparison had another outcome in the neighboring runs
+    assert found.changes["road"] > 0  # the car passes pieces of the road
+
+
+def test_an_fmu_without_derivatives_is_followed_by_differences() -> None:
+    system = system_of(RIDE, RideCase())
+    exact = system.gradient(RIDE_METRICS, "car.body.mass", stop_time=1.0, interval="10 ms")
+    system.isolate("controller")
+    found = system.gradient(RIDE_METRICS, "car.body.mass", stop_time=1.0, interval="10 ms")
+    system.close()
+    assert found.by_difference == {"controller": "it is isolated in a process of its own"}
+    np.testing.assert_array_equal(found.values, exact.values)
+    np.testing.assert_allclose(found.jacobian, exact.jacobian, rtol=1e-6)
+
+
+def test_a_controller_with_quadratic_programs_is_followed_by_differences() -> None:
+    system = system_of(BENCH, BenchCase())
+    car = "bench" if "bench" in system.components else "plant"
+    found = system.gradient({"ride": Rms(f"{car}.body.az")}, f"{car}.body.mass", stop_time=0.4, interval="2 ms")
+    assert list(found.by_difference.values()) == ["it solves quadratic programs"]
+    assert np.abs(found.trust().deviation).max() < 1e-4
+
+
+def test_many_parameters_are_shared_among_copies() -> None:
+    system = system_of(RIDE, RideCase())
+    many = system.gradient(RIDE_METRICS, "car.*.stiffness", stop_time=0.5, interval="10 ms", threads=2)
+    names = ["car.*.mass", "car.*.damping", *many.parameters]
+    more = system.gradient(RIDE_METRICS, names, stop_time=0.5, interval="10 ms")
+    assert len(more.parameters) > 16
+    same = [list(more.parameters).index(n) for n in many.parameters]
+    np.testing.assert_array_equal(bits(more.tangents[:, :, same]), bits(many.tangents))
+    np.testing.assert_allclose(more.jacobian[:, same], many.jacobian, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ("car.solver.step", "car.solver.step has no derivative: it sets the number of solver steps"),
+        ("car.force", None),
+        ("car.body.az", "car.body.az has no derivative: it is calculated, so no start value can be given"),
+        ("car.no*", "'car.no*' fits no parameter, start value or unconnected input that is a real number"),
+        ([], "there is no parameter to differentiate by: name one, such as car.body.mass"),
+    ],
+)
+def test_what_has_no_derivative(quarter_car: System, parameters: Any, message: str | None) -> None:
+    if message is None:
+        assert quarter_car.gradient({"end": Final("car.body.z")}, parameters, stop_time="0.1 s").jacobian[0, 0] > 0.0
+        return
+    with pytest.raises(GradientError) as raised:
+        quarter_car.gradient({"end": Final("car.body.z")}, parameters, stop_time="0.1 s")
+    assert str(raised.value) == message
+
+
+def test_driven_inputs_and_integers_have_no_derivative() -> None:
+    system = system_of(GPC, GpcCase())
+    for name, why in {
+        "controller.body.az": "car.body.az drives it",
+        "car.driver.mode": "it is of type Int32, and only real numbers vary continuously",
+    }.items():
+        with pytest.raises(GradientError) as raised:
+            system.gradient({"ride": Rms("car.body.az")}, name, stop_time=1.0)
+        assert str(raised.value) == f"{name} has no derivative: {why}"
+
+
+def test_a_run_that_fails_has_no_derivatives(quarter_car: System) -> None:
+    kept = dict(quarter_car["car"].values)
+    quarter_car["car"].set({"force": 1e300})
+    try:
+        with pytest.raises(GradientError, match=r"^the run has no derivatives, since it ends at t = .* diverged"):
+            quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="5 s")
+    finally:
+        quarter_car["car"].values = kept
+
+
+def test_metrics_must_be_there_and_be_named(quarter_car: System) -> None:
+    with pytest.raises(GradientError, match="there is no metric to differentiate"):
+        quarter_car.gradient({}, "car.body.mass", stop_time="0.1 s")
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="0.1 s")
+    with pytest.raises(KeyError, match="there is no metric 'begin'; there are: end"):
+        found["begin"]
+    with pytest.raises(GradientError, match="give a positive number"):
+        found.trust(0.0)
+    assert "end = " in str(found)
+    assert "car.body.mass" in str(found)
+
+
+@pytest.mark.parametrize(
+    "metric", [Mean("y"), Rms("y"), Peak("y", power=8.0), Final("y"), QuadraticCost({"y": 3.0, "z": 0.5})]
+)
+def test_slopes_of_metrics(metric: Metric) -> None:
+    random = np.random.default_rng(1)
+    columns = [random.normal(size=7) for _ in metric.names]
+    value, slopes = metric.of(columns)
+    assert np.isfinite(value)
+    for k, slope in enumerate(slopes):
+        for i in range(7):
+            both = []
+            for h in (1e-6, -1e-6):
+                moved = [c.copy() for c in columns]
+                moved[k][i] += h
+                both.append(metric.of(moved)[0])
+            assert slope[i] == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-6, abs=1e-8)
+
+
+def test_a_peak_is_close_to_the_largest_magnitude() -> None:
+    y = np.array([0.3, -2.0, 1.9, 0.0])
+    assert 2.0 <= Peak("y").of([y])[0] <= 2.0 * 4 ** (1 / 200)
+    assert Peak("y").of([0.0 * y])[0] == 0.0
+    with pytest.raises(CosimError, match="give a number from 2 to 1e6"):
+        Peak("y", power=1.0)
