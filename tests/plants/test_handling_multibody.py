@@ -21,7 +21,7 @@ SETTLED = 0.9  # s: before the steering wheel moves, when the public car there h
 GAIN, PEAK = 3.0, 5.0  # %
 
 
-def both(case, seconds, rigid=1):
+def both(case, seconds, parameters=None):
     """Yaw rate [rad/s] and roll [rad] over the same times, from `SETTLED` on: ours, theirs."""
     driven = table(MANOEUVRES[case.manoeuvre], radians(case.wheel_deg))
     speed = case.speed_kmh / 3.6
@@ -34,8 +34,7 @@ def both(case, seconds, rigid=1):
     else:
         theirs = HandlingCar(load_full_car(FILES[case.car]), wheel, speed).run(seconds)
     with wire(FmuSet(FMUS), case) as system:
-        if case.car != "public":
-            system["car"].set({"wheel.rigid_body": rigid})
+        system["car"].set(parameters or {})
         ours = system.run(seconds, record=Record(["car.body.*"], "1 ms"))
     after = theirs.time >= SETTLED
     at = theirs.time[after]
@@ -87,5 +86,5 @@ def test_three_manoeuvres_as_rigid_bodies_make_them(car, manoeuvre):
 def test_without_rigid_wheels_the_yaw_gain_is_too_large():
     """Wheels whose mass acts at the CG, which is behind their common one, unload the front tires sideways."""
     case = Case(car="hmmwv", manoeuvre="step", speed_kmh=60.0, wheel_deg=45.0)
-    gain, _, _ = errors(*both(case, 6.0, rigid=0))
+    gain, _, _ = errors(*both(case, 6.0, {"wheel.rigid_body": 0}))
     assert 8.0 < gain < 14.0

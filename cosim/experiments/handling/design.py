@@ -21,7 +21,10 @@ DESIGNED = {"hmmwv": "hmmwv", "modified": "hmmwv_modified"}
 
 @cache
 def near_rest(car: str, file: Path) -> Component:
-    """The linear ride car of one of `DESIGNED`, with the parameters of its FMU.
+    """The linear ride car of one of `DESIGNED`, with the parameters of its FMU, where `wheel.rigid_body` is 0.
+
+    With 1, as the car is driven, roll and pitch accelerations depend on absolute heights, which the states of paper 001
+    do not have.
 
     Raises:
         CaseError: the FMU is of a car with other equations, such as tires by file.
