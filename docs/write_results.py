@@ -4,9 +4,9 @@ make studies
 python docs/write_results.py [results]
 
 Claims and results of each `summary.json` are stored in `docs/results/NAME.json`, with the tables that a page of the
-study shows, and verdicts under several readings of a
-paper in `docs/results/readings/NAME.json`. The pages are generated from these files, so every number on them comes from
-a run. Tests compare the pages with these files, and the files with new runs of the studies.
+study shows, verdicts under several readings of a paper in `docs/results/readings/NAME.json`, and their combinations
+(`--full`) in `docs/results/combinations/NAME.json`. The pages are generated from these files, so every number on them
+comes from a run. Tests compare the pages with these files, and the files with new runs of the studies.
 """
 
 from __future__ import annotations
@@ -107,6 +107,40 @@ def condense_readings(summary: Summary) -> Summary:
 def kept_readings() -> list[Summary]:
     """Those in the repository."""
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / "readings").glob("*.json"))]
+
+
+def condense_combinations(summary: Summary) -> Summary:
+    """What is kept of all combinations: of each with its hold-out seeds, how many claims hold, and of which block."""
+    blocks = {reading: cells for reading, *cells in summary["tables"]["blocks"]["rows"]}
+    rows = [
+        [reading, *blocks[reading][:2], *counts]
+        for reading, *counts in summary["tables"]["counts"]["rows"]
+        if counts[-1] not in (None, "")
+    ]
+    columns = ["reading", *summary["tables"]["blocks"]["columns"][1:3], *summary["tables"]["counts"]["columns"][1:]]
+    return {"experiment": summary["experiment"], "columns": columns, "rows": rows}
+
+
+def kept_combinations() -> list[Summary]:
+    """Those in the repository."""
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / "combinations").glob("*.json"))]
+
+
+def combinations_section(study: Summary) -> str:
+    """The table, and the most that any combination reaches on hold-out seeds, beside the first reading."""
+    rows = study["rows"]
+    best = max(int(row[-1]) for row in rows)
+    names = [row[0] for row in rows if int(row[-1]) == best]
+    both = max(int(row[1]) for row in rows if int(row[2]) == max(int(r[2]) for r in rows))
+    return "\n\n".join(
+        [
+            "\n".join(map(_row, [study["columns"], ["---"] * len(study["columns"]), *rows])),
+            _wrapped(
+                f"On hold-out seeds {rows[0][-1]} claims hold {rows[0][0]}, and {best} at most, {' and '.join(names)}."
+                f" Where all claims about smooth roads hold, {both} of those about the curb hold at most."
+            ),
+        ]
+    )
 
 
 def turned(study: Summary, reading: str) -> str:
@@ -282,6 +316,8 @@ def with_readings(page: str) -> str:
     """The page on what papers do not say, with the sections of all studies that are kept."""
     for s in kept_readings():
         page = with_section(page, readings_section(s), s["experiment"])
+    for s in kept_combinations():
+        page = with_section(page, combinations_section(s), f"{s['experiment']} combinations")
     return page
 
 
@@ -353,6 +389,8 @@ def write(results: Path) -> None:
         name = summary["experiment"]
         if name in JUDGED:
             _keep(KEPT / f"{name}.json", condense(summary), sort_keys=True)
+        elif "combinations" in summary["tables"]:
+            _keep(KEPT / "combinations" / f"{name}.json", condense_combinations(summary))
         elif name in READINGS:
             _keep(KEPT / "readings" / f"{name}.json", condense_readings(summary))
     studies = kept()

@@ -75,6 +75,18 @@ def test_a_verdict_that_changes_changes_the_table_of_readings(study: dict) -> No
     assert f"`{claim}`" not in " ".join(WRITER["readings_section"](changed).split()).partition("hold in full: ")[2]
 
 
+def test_the_page_on_papers_has_the_tables_of_all_combinations() -> None:
+    """And no combination holds both blocks, or many more claims on hold-out seeds than the printed text, as it says."""
+    (study,) = WRITER["kept_combinations"]()
+    assert WRITER["combinations_section"](study) in PAPERS_PAGE
+    assert len(study["rows"]) == 2**4
+    assert not any(int(curb) == len(CURB) and int(smooth) == len(SMOOTH) for _, curb, smooth, *_ in study["rows"])
+    held_out = [int(row[-1]) for row in study["rows"]]
+    assert max(held_out) - held_out[0] <= 2
+    study["rows"][5][-1] = 12
+    assert f"12 at most, {study['rows'][5][0]}." in " ".join(WRITER["combinations_section"](study).split())
+
+
 def test_the_page_on_papers_has_the_tables_of_all_readings() -> None:
     assert WRITER["READINGS"] == ["gpc-readings", "hmmwv-readings", "trench-readings"]
     assert WRITER["with_readings"](PAPERS_PAGE) == PAPERS_PAGE
