@@ -183,6 +183,12 @@ class Batch(Copies):
                 self._sources[m] = self._lanes_of(m)
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
+        for m, name in self._seeds:
+            if m in self._sources and self._sources[m].profiles:
+                raise CosimError(
+                    f"{m.name}.{name} has no derivative: {m.description.name} computes random profiles from its"
+                    " parameters"
+                )
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
         self._probed = self._moving() & set(self._fixed_reasons)
         self._check_memory()

@@ -100,7 +100,8 @@ class Gradient:
     def trust(self, step: float = STEP) -> Trust:
         """Compare with central differences at two steps, relative to each parameter (to 1 where it is 0).
 
-        Five runs for each parameter. Raises GradientError for a step that is no positive number.
+        Five runs for each parameter. Raises GradientError for a step that is no positive number, and for a parameter
+        whose range ends within two steps.
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
@@ -183,7 +184,12 @@ class _Run:
             h = step * (abs(self.at[j]) or 1.0)
             seeds = np.zeros((len(steps), DIRECTIONS))
             seeds[:, 0] = 1.0
-            recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+            try:
+                recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+            except CosimError as error:
+                raise GradientError(
+                    f"{name} cannot be compared with runs at {self.at[j]:.9g} -+ {2.0 * h:.3g}: {error}"
+                ) from error
             value = np.array([self._measure(recording.one(c))[0] for c in range(len(steps))])
             near[:, j], far[:, j] = (value[3] - value[1]) / (2.0 * h), (value[4] - value[0]) / (4.0 * h)
             same = (recording.sides == recording.sides[2]).all(axis=(0, 2))

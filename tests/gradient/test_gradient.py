@@ -171,6 +171,42 @@ def test_what_has_no_derivative(quarter_car: System, parameters: Any, message: s
     assert str(raised.value) == message
 
 
+def test_a_linear_response_to_a_constant_input(quarter_car: System) -> None:
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.force", stop_time="0.2 s")
+    kept, ends = dict(quarter_car["car"].values), []
+    for force in (0.0, 100.0):
+        quarter_car["car"].set({"force": force})
+        ends.append(quarter_car.run("0.2 s", record=["car.body.z"])["car.body.z"][-1])
+    quarter_car["car"].values = kept
+    assert found["end"]["car.force"] == pytest.approx((ends[1] - ends[0]) / 100.0, rel=1e-9)
+
+
+def test_a_parameter_at_the_end_of_its_range_has_a_derivative_but_no_neighbors(quarter_car: System) -> None:
+    kept = dict(quarter_car["car"].values)
+    quarter_car["car"].set({"suspension.damping": 0.0})
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.suspension.damping", stop_time="0.2 s")
+    try:
+        assert found.jacobian[0, 0] != 0.0
+        with pytest.raises(
+            GradientError, match=r"^car.suspension.damping cannot be compared with runs at 0 -\+ 0.0002: "
+        ):
+            found.trust()
+    finally:
+        quarter_car["car"].values = kept
+
+
+def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("road", built_fmus.path("RoadRandom", 3))
+        name = next(
+            n
+            for n, v in system["road"].description.variables.items()
+            if v.causality == "parameter" and v.type == "real"
+        )
+        with pytest.raises(CosimError, match="RoadRandom computes random profiles from its parameters"):
+            system.gradient({"end": Final("road.road.fl.height")}, f"road.{name}", stop_time="0.1 s")
+
+
 def test_driven_inputs_and_integers_have_no_derivative() -> None:
     system = system_of(GPC, GpcCase())
     for name, why in {
