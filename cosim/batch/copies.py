@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.initial_states import Copies
-from cosim.batch.library import Target, choose_target
+from cosim.batch.library import PART, Target, choose_target
 from cosim.batch.source import LaneSource, NoLanes, lane_source
 from cosim.batch.structs import CopyFailure
 from cosim.core.description import Variable
@@ -170,7 +170,14 @@ class Batch(Copies):
         self._target: Target = choose_target(vectors)
         self._seeds = {system.components.split(name): np.asarray(value) for name, value in (seeds or {}).items()}
         if self._seeds:
-            self._target = self._target.with_tangents(next(iter(self._seeds.values())).shape[1])
+            widths = {s.shape for s in self._seeds.values()}
+            _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
+            if widths != {(copies, directions)} or directions % PART or not directions:
+                raise CosimError(
+                    f"the seeds have the shapes {', '.join(map(str, sorted(widths)))}; give all of them the same,"
+                    f" ({copies}, n), where n is a multiple of {PART}"
+                )
+            self._target = self._target.with_tangents(directions)
         schedule = system.schedule(*([] if self._interval is None else [self._interval]))
         self._schedule = only_numbers(schedule, "a batch", "run the copies without a batch")
         self._refuse(self._schedule.loops)
@@ -183,6 +190,22 @@ class Batch(Copies):
                 self._sources[m] = self._lanes_of(m)
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
+        read = [
+            *self._outputs,
+            *self._record,
+            *self._watch,
+            *((c.source, c.output) for c in system.connections.values()),
+        ]
+        for m, v in read:
+            if m in self._sources and self._sources[m].rows[v.reference].role == "FMU_DERIVATIVE":
+                del self._sources[m]
+                self._fixed_reasons[m] = f"its derivative {v.name} is read"
+        for m, name in self._seeds:
+            if m in self._sources and self._sources[m].profiles:
+                raise CosimError(
+                    f"{m.name}.{name} has no derivative: {m.description.name} computes random profiles from its"
+                    " parameters"
+                )
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
         self._probed = self._moving() & set(self._fixed_reasons)
         self._check_memory()

@@ -203,16 +203,32 @@ class Copies:
             if not along:
                 exchanges += [None, None]
                 continue
-            sizes = [abs(self._start_of(key)) / abs(seed) for key, seed in along.items()]
-            apart[copy, k] = step = DISTANCE * (min(s for s in sizes if s) if any(sizes) else 1.0)
+            apart[copy, k] = step = DISTANCE * min(self._size_of(key) / abs(seed) for key, seed in along.items())
             for side in (step, -step):
-                exchanges.append(initialized(copy, number, {key: side * seed for key, seed in along.items()}))
+                moved = {key: side * seed for key, seed in along.items()}
+                for (m, name), by in moved.items():
+                    self._check_range(m, m.description.variables[name], by)
+                exchanges.append(initialized(copy, number, moved))
                 number += 1
         return Probes(self._probed, apart, exchanges)
 
-    def _start_of(self, key: tuple[SystemComponent, str]) -> float:
+    def _size_of(self, key: tuple[SystemComponent, str]) -> float:
+        """Magnitude of a value; of one that is 0 a thousandth of its range, or its nominal value."""
         m, name = key
-        return float(m.values.get(name, m.description.variables[name].start) or 0.0)
+        v = m.description.variables[name]
+        given = float(m.values.get(name, v.start) or 0.0)
+        wide = (v.maximum or 0.0) - (v.minimum or 0.0)
+        return abs(given) or (1e-3 * wide if 0.0 < wide < np.inf else v.nominal)
+
+    def _check_range(self, m: SystemComponent, v: Variable, by: float) -> None:
+        """Refuse a value that has no neighbor on one side."""
+        value = float(m.values.get(v.name, v.start) or 0.0) + by
+        if (v.minimum is not None and value < v.minimum) or (v.maximum is not None and value > v.maximum):
+            raise CosimError(
+                f"{m.name}.{v.name} is at the end of its range, so it has neighbors on one side only:"
+                f" {', '.join(sorted(c.name for c in self._probed))} can be followed by differences alone; move it a"
+                " little"
+            )
 
     def _settle_tangents(self) -> None:
         """Derivatives of initial values, of copies that are initialized."""
@@ -226,6 +242,8 @@ class Copies:
         for (m, variable), slot in self._exchange.layout.constants.items():
             if m in self._lanes:
                 self._whole[:, slot] = self._lanes[m].whole[:, self._lanes[m].row(variable)]
+            elif (seeds := self._seeds.get((m, variable.name))) is not None:
+                self._whole[: self.copies, slot, PART:] = seeds
         self._start_lanes()
         self._structs.settle()
         if not np.array_equal(before, self._values):

@@ -138,7 +138,7 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     mathematics = [n for n in files if n.startswith("musl/") and n.endswith(".c")]
     sources = [name, *mathematics]
     files["model.c"] = source.files["model.c"]
-    if "random_profiles.c" in source.files:  # each copy has its own, which the FMU's own code computes
+    if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],
             "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode(),

@@ -67,6 +67,11 @@ class LaneSource:
         return "is_continuous" in self.fields
 
     @property
+    def profiles(self) -> bool:
+        """Whether it computes random profiles, with code for one copy."""
+        return "random_profiles.c" in self.files
+
+    @property
     def checks(self) -> bool:
         """Whether its initialization checks more than ranges: relations of parameters, or its solver."""
         return self.continuous or "checks" in self.fields
@@ -118,7 +123,7 @@ class LaneSource:
             "N_SHOWN": len(outputs),
             "IS_CONTINUOUS": int(self.continuous),
             "HAS_START": int("start_states" in self.fields),
-            "HAS_PROFILES": int("random_profiles.c" in self.files),
+            "HAS_PROFILES": int(self.profiles),
             "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
             self.fields.get("solver", "FMU_RK4").removeprefix("FMU_"): 1,
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),

@@ -48,10 +48,11 @@ class Trust:
         near, far: central differences of the metrics by the parameters (metrics, parameters), from runs at relative
             steps of `step` and of twice that.
         smooth: time [s] up to which the runs of a parameter have taken the same sides of all comparisons (parameters,);
-            a metric of samples until then is smooth there, and beyond it differences and derivatives may disagree.
+            a metric of samples until then is smooth there, and beyond it differences and derivatives may disagree. NaN
+            where a component is followed by differences, since nothing is known of its comparisons.
         stop: time [s] at which the runs ended.
-        deviation: difference of the gradient from the extrapolated differences, relative to the largest of these for
-            each metric (metrics, parameters).
+        deviation: difference of the gradient from the extrapolated differences, both times the parameter, relative to
+            the largest of these products for each metric (metrics, parameters).
     """
 
     near: Array
@@ -100,7 +101,8 @@ class Gradient:
     def trust(self, step: float = STEP) -> Trust:
         """Compare with central differences at two steps, relative to each parameter (to 1 where it is 0).
 
-        Five runs for each parameter. Raises GradientError for a step that is no positive number.
+        Five runs for each parameter. Raises GradientError for a step that is no positive number, and for a parameter
+        whose range ends within two steps.
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
@@ -136,6 +138,8 @@ def gradient(
     threads: int | None = None,
 ) -> Gradient:
     """See `System.gradient`."""
+    if rational(stop_time, "stop_time") <= system.experiment[0]:
+        raise GradientError(f"stop_time is {stop_time}; a run needs time to depend on its parameters")
     if not metrics:
         raise GradientError("there is no metric to differentiate: give one, such as {'ride': Rms('car.seat.az')}")
     run = _Run(system, dict(metrics), _chosen(system, parameters), stop_time, interval, threads)
@@ -176,6 +180,10 @@ class _Run:
 
     def compare(self, found: Gradient, step: float) -> Trust:
         """The differences beside it."""
+        if [_start(m, v) for m, v in self.parameters] != self.at.tolist():
+            raise GradientError(
+                "the system has other parameters than when this gradient was computed: compute it again"
+            )
         steps = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
         n, of = len(self.by), len(self.metrics)
         near, far, smooth = np.zeros((of, n)), np.zeros((of, n)), np.zeros(n)
@@ -183,14 +191,19 @@ class _Run:
             h = step * (abs(self.at[j]) or 1.0)
             seeds = np.zeros((len(steps), DIRECTIONS))
             seeds[:, 0] = 1.0
-            recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+            try:
+                recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+            except CosimError as error:
+                raise GradientError(
+                    f"{name} cannot be compared with runs at {self.at[j]:.9g} -+ {2.0 * h:.3g}: {error}"
+                ) from error
             value = np.array([self._measure(recording.one(c))[0] for c in range(len(steps))])
             near[:, j], far[:, j] = (value[3] - value[1]) / (2.0 * h), (value[4] - value[0]) / (4.0 * h)
             same = (recording.sides == recording.sides[2]).all(axis=(0, 2))
-            smooth[j] = recording.time[same][-1] if same.any() else recording.time[0]
-        exact = (4.0 * near - far) / 3.0
-        size = np.abs(exact).max(axis=1, keepdims=True)
-        deviation = (found.jacobian - exact) / np.where(size == 0.0, 1.0, size)
+            smooth[j] = np.nan if found.by_difference else recording.time[same][-1] if same.any() else recording.time[0]
+        exact, per = (4.0 * near - far) / 3.0, np.where(self.at == 0.0, 1.0, np.abs(self.at))
+        size = np.abs(exact * per).max(axis=1, keepdims=True)
+        deviation = (found.jacobian - exact) * per / np.where(size == 0.0, 1.0, size)
         return Trust(near, far, smooth, float(found.recording.time[-1]), step, deviation)
 
     def _advance(
@@ -222,9 +235,13 @@ class _Run:
         values, slopes = [], []
         for name, metric in self.metrics.items():
             variables = [n for given in metric.names for n in self.order[given]]
+            if len(variables) != len(metric.names):
+                raise GradientError(f"the metric '{name}' reads a pattern: give full names, one metric for each")
             value, weights = metric.of([one[n] for n in variables])
             if not math.isfinite(value):
                 raise GradientError(f"the metric '{name}' is {value}")
+            if not all(np.isfinite(w).all() for w in weights):
+                raise GradientError(f"the metric '{name}' is {value:.9g}, where it has no slope: use a QuadraticCost")
             values.append(value)
             of: dict[int, Array] = {}
             for variable, weight in zip(variables, weights, strict=True):

@@ -58,7 +58,7 @@ class Rms(_OfOne):
         """See `Metric.of`."""
         y = columns[0]
         value = float(np.sqrt(np.mean(y**2)))
-        return value, [y / (len(y) * value) if value else np.zeros(len(y))]
+        return value, [y / (len(y) * value) if value else np.full(len(y), np.nan)]
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Peak(_OfOne):
         y = columns[0]
         largest = float(np.max(np.abs(y), initial=0.0))
         if not largest:
-            return 0.0, [np.zeros(len(y))]
+            return 0.0, [np.full(len(y), np.nan)]
         part = np.abs(y) / largest
         total = float(np.sum(part**self.power))
         return largest * total ** (1.0 / self.power), [

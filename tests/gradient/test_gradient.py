@@ -11,6 +11,7 @@ from built import FMUS, BuiltFmus
 from same import bits
 
 from cosim import CosimError, Record, System
+from cosim.batch import Batch
 from cosim.experiments.bench import EXPERIMENT as BENCH
 from cosim.experiments.bench.runs import Case as BenchCase
 from cosim.experiments.gpc import EXPERIMENT as GPC
@@ -141,6 +142,40 @@ def test_a_controller_with_quadratic_programs_is_followed_by_differences() -> No
     assert np.abs(found.trust().deviation).max() < 1e-4
 
 
+def test_a_derivative_of_an_fmu_is_read_and_differentiated(quarter_car: System) -> None:
+    found = quarter_car.gradient({"rms": Rms("car.der(body.vz)")}, "car.body.mass", stop_time="0.2 s")
+    exact = quarter_car.gradient({"rms": Rms("car.body.az")}, "car.body.mass", stop_time="0.2 s")
+    alone = quarter_car.run("0.2 s", record=["car.der(body.vz)"])
+    np.testing.assert_array_equal(bits(found.recording.data), bits(alone.data))
+    assert found.by_difference == {"car": "its derivative der(body.vz) is read"}
+    np.testing.assert_allclose(found.jacobian, exact.jacobian, rtol=1e-6)
+    assert np.isnan(found.trust().smooth).all()
+
+
+def test_values_that_are_equal_by_chance_move_apart(built_fmus: BuiltFmus) -> None:
+    """The generated road takes the heights of one wheel for the other where both are at one place."""
+    with System(allow_unconnected=True) as system:
+        system.add("road", built_fmus.path("RoadSine", 3))
+        system["road"].set({"x": 31.3})
+        names = ["road.wheel.fl.x", "road.wheel.fr.x"]
+        wheels = {"left": Final("road.road.fl.height"), "right": Final("road.road.fr.height")}
+        found = system.gradient(wheels, names, stop_time="0.01 s")
+        assert found.values[0] == found.values[1] != 0.0
+        assert (found.jacobian == np.diag(np.diag(found.jacobian))).all()
+        assert np.abs(found.trust().deviation).max() < 1e-6
+
+
+def test_a_gradient_is_of_the_values_it_was_computed_at(quarter_car: System) -> None:
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="0.1 s")
+    kept = dict(quarter_car["car"].values)
+    quarter_car["car"].set({"body.mass": 1.5})
+    try:
+        with pytest.raises(GradientError, match="other parameters than when this gradient was computed"):
+            found.trust()
+    finally:
+        quarter_car["car"].values = kept
+
+
 def test_many_parameters_are_shared_among_copies() -> None:
     system = system_of(RIDE, RideCase())
     many = system.gradient(RIDE_METRICS, "car.*.stiffness", stop_time=0.5, interval="10 ms", threads=2)
@@ -171,6 +206,42 @@ def test_what_has_no_derivative(quarter_car: System, parameters: Any, message: s
     assert str(raised.value) == message
 
 
+def test_a_linear_response_to_a_constant_input(quarter_car: System) -> None:
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.force", stop_time="0.2 s")
+    kept, ends = dict(quarter_car["car"].values), []
+    for force in (0.0, 100.0):
+        quarter_car["car"].set({"force": force})
+        ends.append(quarter_car.run("0.2 s", record=["car.body.z"])["car.body.z"][-1])
+    quarter_car["car"].values = kept
+    assert found["end"]["car.force"] == pytest.approx((ends[1] - ends[0]) / 100.0, rel=1e-9)
+
+
+def test_a_parameter_at_the_end_of_its_range_has_a_derivative_but_no_neighbors(quarter_car: System) -> None:
+    kept = dict(quarter_car["car"].values)
+    quarter_car["car"].set({"suspension.damping": 0.0})
+    found = quarter_car.gradient({"end": Final("car.body.z")}, "car.suspension.damping", stop_time="0.2 s")
+    try:
+        assert found.jacobian[0, 0] != 0.0
+        with pytest.raises(
+            GradientError, match=r"^car.suspension.damping cannot be compared with runs at 0 -\+ 0.0002: "
+        ):
+            found.trust()
+    finally:
+        quarter_car["car"].values = kept
+
+
+def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("road", built_fmus.path("RoadRandom", 3))
+        name = next(
+            n
+            for n, v in system["road"].description.variables.items()
+            if v.causality == "parameter" and v.type == "real"
+        )
+        with pytest.raises(CosimError, match="RoadRandom computes random profiles from its parameters"):
+            system.gradient({"end": Final("road.road.fl.height")}, f"road.{name}", stop_time="0.1 s")
+
+
 def test_driven_inputs_and_integers_have_no_derivative() -> None:
     system = system_of(GPC, GpcCase())
     for name, why in {
@@ -190,6 +261,25 @@ def test_a_run_that_fails_has_no_derivatives(quarter_car: System) -> None:
             quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="5 s")
     finally:
         quarter_car["car"].values = kept
+
+
+def test_metrics_have_slopes_and_full_names(quarter_car: System) -> None:
+    for metric, message in {
+        Rms("car.*.z"): "the metric 'ride' reads a pattern: give full names, one metric for each",
+        Rms("car.road.height"): "the metric 'ride' is 0, where it has no slope: use a QuadraticCost",
+    }.items():
+        with pytest.raises(GradientError) as raised:
+            quarter_car.gradient({"ride": metric}, "car.body.mass", stop_time="0.1 s")
+        assert str(raised.value) == message
+    with pytest.raises(GradientError, match="a run needs time to depend on its parameters"):
+        quarter_car.gradient({"ride": Rms("car.body.z")}, "car.body.mass", stop_time=0)
+
+
+@pytest.mark.parametrize("shapes", [[(1, 12)], [(1, 8), (1, 16)], [(2, 8)], [(1, 0)]])
+def test_seeds_of_other_shapes_are_refused(quarter_car: System, shapes: list[tuple[int, int]]) -> None:
+    names = ["car.body.mass", "car.wheel.mass"]
+    with pytest.raises(CosimError, match=r"^the seeds have the shapes .* where n is a multiple of 8$"):
+        Batch(quarter_car, 1, seeds={n: np.zeros(s) for n, s in zip(names, shapes, strict=False)})
 
 
 def test_metrics_must_be_there_and_be_named(quarter_car: System) -> None:

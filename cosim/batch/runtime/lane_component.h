@@ -225,12 +225,18 @@ static void take_profiles(Component *m) {
 
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
+#ifdef TANGENTS
+    sides = 0;
+#endif
 #if N_FIXED
     const FmuArguments at = arguments(m, 0.0, X);
     prepare(&at, m->fixed);
 #endif
 #if HAS_PROFILES
     take_profiles(m);
+#endif
+#ifdef TANGENTS
+    begin_sides(&m->sides);
 #endif
 }
 /* Outputs before the first step, as fmu_core.c has them, with start states that follow inputs and parameters. */

@@ -59,8 +59,14 @@ typedef struct {
     uint64_t all, last, changes;
 } Sides;
 
+/* At first those that values which follow from the parameters alone have taken. */
+INLINE void begin_sides(Sides *of) {
+    of->all = of->last = sides;
+    of->changes = 0;
+}
+
 INLINE void note_sides(Sides *of) {
-    of->changes += of->all && sides != of->last;
+    of->changes += of->last && sides != of->last;
     of->last = sides;
     take_side(of->all);
     of->all = sides;
@@ -148,8 +154,15 @@ COMPARED(<)
 COMPARED(<=)
 COMPARED(>)
 COMPARED(>=)
-COMPARED(==)
-COMPARED(!=)
+
+/* Numbers that are equal by chance, and move apart, are not equal: generated code takes a short way for those that are. */
+INLINE int equal(const Tangent &by, int are) { return noted(by, are && !depends(by)); }
+NOINLINE int operator==(const Tangent &x, const Tangent &y) { return equal(x - y, x.v == y.v); }
+NOINLINE int operator!=(const Tangent &x, const Tangent &y) { return !equal(x - y, x.v == y.v); }
+NOINLINE int operator==(const Tangent &x, double y) { return noted(x, x.v == y); }
+NOINLINE int operator!=(const Tangent &x, double y) { return noted(x, x.v != y); }
+NOINLINE int operator==(double x, const Tangent &y) { return noted(y, x == y.v); }
+NOINLINE int operator!=(double x, const Tangent &y) { return noted(y, x != y.v); }
 
 /* ------------------------------------------------------------------ what lanes have, for one copy */
 
