@@ -253,12 +253,16 @@ class Rule:
     # What is recorded.
 
     def value(self, name: str) -> float:
-        """Present value of an output, or of a connected input: what its source shows, converted."""
+        """Present value of an output, of an input that keeps its start value, or of a connected one.
+
+        The last is what its source shows, converted.
+        """
         component, _, variable = name.partition(".")
         m = next(m for m in self.schedule.components if m.name == component)
-        c = self.sources.get((m, m.description.find(variable, component)))
+        v = m.description.find(variable, component)
+        c = self.sources.get((m, v))
         if c is None:
-            return self.published[m, m.description.find(variable, component)]
+            return self.published[m, v] if (m, v) in self.published else float(m.values.get(v.name, v.start))
         value = (self.before if c.delay else self.published)[c.source, c.output]
         return value if (c.scale, c.offset) == (1.0, 0.0) else value * c.scale + c.offset
 

@@ -76,8 +76,8 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
 }
 
 #ifdef TANGENTS
-/* Derivatives of its outputs: differences of two others, which go through the run on either side of it. Their states are
- * those that the neighboring inputs lead to, so that nothing has to be known of them. */
+/* Derivatives of its outputs: differences of two others, which go through the run on either side of it. Their states
+ * are those that the neighboring inputs lead to, so that nothing has to be known of them. */
 static void run_probes(Group *g, const EngineComponent *of, int32_t number, double t) {
     const BatchComponent *m = &g->b->components[number];
     for (int k = 0; k < TANGENTS && g->alive; k++) {

@@ -1,9 +1,10 @@
 /* A number with its derivatives in TANGENTS directions, and what generated equations are written with (equations.h,
- * fmu_math.h) over it: the value in the operations of one number, so with its bits, the derivatives by the chain rule for
- * each operation. For one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
+ * fmu_math.h) over it: the value in the operations of one number, so with its bits, the derivatives by the chain rule
+ * for each operation. For one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
  *
- * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side taken.
- * Comparisons of what depends on a direction are noted, so that two runs can be compared that should take the same sides. */
+ * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side
+ * taken. Comparisons of what depends on a direction are noted, so that two runs can be compared that should take the
+ * same sides. */
 #ifndef TANGENTS_H
 #define TANGENTS_H
 
@@ -54,7 +55,7 @@ INLINE int depends(const Tangent &x) {
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
 
-/* All sides of a run so far, those of the last step, and in how many steps they were other ones than in the step before. */
+/* All sides of a run so far, those of the last step, and in how many steps they were others than in the one before. */
 typedef struct {
     uint64_t all, last, changes;
 } Sides;
@@ -155,7 +156,7 @@ COMPARED(<=)
 COMPARED(>)
 COMPARED(>=)
 
-/* Numbers that are equal by chance, and move apart, are not equal: generated code takes a short way for those that are. */
+/* Numbers that are equal by chance, and move apart, are not equal: generated code takes a short way for equal ones. */
 INLINE int equal(const Tangent &by, int are) { return noted(by, are && !depends(by)); }
 NOINLINE int operator==(const Tangent &x, const Tangent &y) { return equal(x - y, x.v == y.v); }
 NOINLINE int operator!=(const Tangent &x, const Tangent &y) { return !equal(x - y, x.v == y.v); }
