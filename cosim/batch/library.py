@@ -162,4 +162,5 @@ def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -
     except (CompileError, OSError) as error:
         said = str(error).splitlines()
         why = next((line for line in said if "error" in line), said[0])
-        raise CosimError(f"a batch needs a C compiler, and that failed: {why}") from error
+        needs = "a gradient needs a C++" if any(s.endswith(".cpp") for s in sources) else "a batch needs a C"
+        raise CosimError(f"{needs} compiler, and that failed: {why}") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from built import FMUS, BuiltFmus
 from same import bits
 
+from build_fmus.compile import ObjectCache
 from cosim import CosimError, Record, System
 from cosim.batch import Batch
+from cosim.batch.library import batch_library
 from cosim.experiments.bench import EXPERIMENT as BENCH
 from cosim.experiments.bench.runs import Case as BenchCase
 from cosim.experiments.gpc import EXPERIMENT as GPC
@@ -240,6 +243,17 @@ def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus)
         )
         with pytest.raises(CosimError, match="RoadRandom computes random profiles from its parameters"):
             system.gradient({"end": Final("road.road.fl.height")}, f"road.{name}", stop_time="0.1 s")
+
+
+def test_a_compiler_that_fails_is_named(built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As one for C alone does."""
+    batch_library.cache_clear()
+    monkeypatch.setattr("cosim.batch.library.ObjectCache.of_user", lambda _: ObjectCache(tmp_path))
+    monkeypatch.setattr("build_fmus.compile._CPP_FLAGS", ("-no-such-option",))
+    with System(allow_unconnected=True) as system:
+        system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+        with pytest.raises(CosimError, match=r"^a gradient needs a C\+\+ compiler, and that failed: .*no-such-option"):
+            system.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="0.1 s")
 
 
 def test_driven_inputs_and_integers_have_no_derivative() -> None:
