@@ -301,10 +301,9 @@ class System(Wiring):
         fail or end early, CosimError where a system has no copies (`cosim.batch`), and WiringError for names that do
         not fit.
         """
-        from cosim.gradient import gradient
+        from cosim.gradient.gradient import GradientRun
 
-        chosen = [parameters] if isinstance(parameters, str) else list(parameters)
-        return gradient(self, metrics, chosen, stop_time=stop_time, interval=interval, threads=threads)
+        return GradientRun(self, metrics, parameters, stop_time, interval, threads).gradient()
 
     def _linearized(
         self,

@@ -130,14 +130,14 @@ def combinations_section(study: Summary) -> str:
     """The table, and the most that any combination reaches on hold-out seeds, beside the first reading."""
     rows = study["rows"]
     best = max(int(row[-1]) for row in rows)
-    names = [row[0] for row in rows if int(row[-1]) == best]
+    names = [f'"{row[0]}"' for row in rows if int(row[-1]) == best]
     both = max(int(row[1]) for row in rows if int(row[2]) == max(int(r[2]) for r in rows))
     return "\n\n".join(
         [
             "\n".join(map(_row, [study["columns"], ["---"] * len(study["columns"]), *rows])),
             _wrapped(
-                f"On hold-out seeds {rows[0][-1]} claims hold {rows[0][0]}, and {best} at most, {' and '.join(names)}."
-                f" Where all claims about smooth roads hold, {both} of those about the curb hold at most."
+                f'On hold-out seeds {rows[0][-1]} claims hold in the reading "{rows[0][0]}". The most are {best}, in'
+                f" {' and '.join(names)}. Where all claims about smooth roads hold, at most {both} about the curb does."
             ),
         ]
     )

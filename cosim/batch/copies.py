@@ -135,12 +135,19 @@ class Batch(Copies):
         seeds: Mapping[str, Array] | None = None,
     ):
         self.system = system
+        # What messages call this, and what they advise instead.
+        self._words = (
+            ("a gradient", "compare runs with different values instead")
+            if seeds
+            else ("a batch", "run the copies without a batch")
+        )
         self._set_copies(copies)
         for m in system.components.values():
             if not isinstance(m.implementation, FmuComponent) and not m.description.native:
+                what, instead = self._words
                 raise CosimError(
-                    f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component"
-                    " that build-fmus makes an FMU of, or run the copies without a batch"
+                    f"'{m.name}' is written in Python, and {what} has no Python in its loop: declare it as a component"
+                    f" that build-fmus makes an FMU of, or {instead}"
                 )
         if threads is not None:
             whole_number("threads", threads, error=CosimError)
@@ -179,7 +186,7 @@ class Batch(Copies):
                 )
             self._target = self._target.with_tangents(directions)
         schedule = system.schedule(*([] if self._interval is None else [self._interval]))
-        self._schedule = only_numbers(schedule, "a batch", "run the copies without a batch")
+        self._schedule = only_numbers(schedule, *self._words)
         self._refuse(self._schedule.loops)
         self._sources: dict[SystemComponent, LaneSource] = {}
         self.scalar: dict[str, str] = {}

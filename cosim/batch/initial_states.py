@@ -52,6 +52,7 @@ class Copies:
     _alone: dict[SystemComponent, str]
     _seeds: Mapping[tuple[SystemComponent, str], Array]
     _probed: Collection[SystemComponent]
+    _words: tuple[str, str]
 
     def __init__(self) -> None:
         self._clones: dict[SystemComponent, list[Any]] = {}
@@ -79,8 +80,7 @@ class Copies:
             for (m, name), each in given.items():
                 m.values[name] = each[copy]
             for (m, name), by in moved.items():
-                start = m.values.get(name, m.description.variables[name].start)
-                m.values[name] = float(start) + by
+                m.values[name] = float(m.start(name) or 0.0) + by
             return self._initialized(clone if self._alone else 0)
 
         def alone(copy: int) -> None:
@@ -216,13 +216,12 @@ class Copies:
         """Magnitude of a value; of one that is 0 a thousandth of its range, or its nominal value."""
         m, name = key
         v = m.description.variables[name]
-        given = float(m.values.get(name, v.start) or 0.0)
         wide = (v.maximum or 0.0) - (v.minimum or 0.0)
-        return abs(given) or (1e-3 * wide if 0.0 < wide < np.inf else v.nominal)
+        return abs(float(m.start(name) or 0.0)) or (1e-3 * wide if 0.0 < wide < np.inf else v.nominal)
 
     def _check_range(self, m: SystemComponent, v: Variable, by: float) -> None:
         """Refuse a value that has no neighbor on one side."""
-        value = float(m.values.get(v.name, v.start) or 0.0) + by
+        value = float(m.start(v.name) or 0.0) + by
         if (v.minimum is not None and value < v.minimum) or (v.maximum is not None and value > v.maximum):
             raise CosimError(
                 f"{m.name}.{v.name} is at the end of its range, so it has neighbors on one side only:"
@@ -246,8 +245,10 @@ class Copies:
                 self._whole[: self.copies, slot, PART:] = seeds
         self._start_lanes()
         self._structs.settle()
-        if not np.array_equal(before, self._values):
-            raise CosimError("the initial values of these components cannot be followed with derivatives")
+        moved = (before != self._values).any(axis=(0, 2))
+        wrong = [p.component.name for p in self._plan.components if moved[p.first : p.first + p.n_outputs].any()]
+        if wrong or moved.any():
+            raise CosimError(f"the initial values of {', '.join(wrong)} cannot be computed again with derivatives")
 
     def _put_differences(self, plan: ComponentPlan, probes: Probes) -> None:
         """Derivatives of the initial outputs of a component that has no derivatives of its own."""
@@ -299,13 +300,13 @@ class Copies:
             except CallFailed:
                 self._alive[copy] = 0
 
-    @staticmethod
-    def _refuse(loops: Sequence[AlgebraicLoop]) -> None:
+    def _refuse(self, loops: Sequence[AlgebraicLoop]) -> None:
         """Raise CosimError for algebraic loops."""
         if loops:
+            what, instead = self._words
             raise CosimError(
-                f"the components {loops[0].names} form an algebraic loop, which a batch does not solve: run the copies"
-                " alone, or give a connection of the loop delay=True"
+                f"the components {loops[0].names} form an algebraic loop, which {what} does not solve: {instead}, or"
+                " give a connection of the loop delay=True"
             )
 
     def _initialized(self, clone: int) -> Exchange:

@@ -20,7 +20,7 @@ from cosim.engine.plan import ComponentPlan, Plan
 from cosim.system.components import SystemComponent
 
 HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)
-_INPUT_REFUSED, _STOPPED = 101, 102  # BATCH_INPUT_REFUSED, BATCH_STOPPED
+_INPUT_REFUSED, _STOPPED, _PROBE_FAILED = 101, 102, 104  # BATCH_...
 _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 
@@ -209,6 +209,9 @@ class Structs:
         t = self._exchange.base.seconds(found.tick)
         if component in self._lanes:
             return CopyFailure(copy, component.name, t, self._lane_message(copy, component, found))
+        if found.result == _PROBE_FAILED:
+            text = f"component '{component.name}': an instance beside it, for differences, failed where it did not"
+            return CopyFailure(copy, component.name, t, text)
         engine = self._engines[copy]
         assert engine is not None
         # What is raised is what a run of this copy alone would raise.

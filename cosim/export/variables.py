@@ -109,7 +109,7 @@ def _unfit(variable: Variable, causality: str, connection: Connection | None) ->
 
 
 def _start(component: SystemComponent, variable: Variable) -> Any:
-    value = component.values.get(variable.name, variable.start)
+    value = component.start(variable.name)
     return 0 if value is None else value
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -89,7 +89,7 @@ class Gradient:
     tangents: Array
     by_difference: Mapping[str, str]
     changes: Mapping[str, int]
-    _run: _Run = field(repr=False)
+    _run: GradientRun = field(repr=False)
 
     def __getitem__(self, metric: str) -> dict[str, float]:
         """Derivatives of one metric, by the name of the parameter."""
@@ -128,41 +128,34 @@ class Gradient:
         return "\n".join(lines)
 
 
-def gradient(
-    system: Wiring,
-    metrics: Mapping[str, Metric],
-    parameters: str | Sequence[str],
-    *,
-    stop_time: TimeLike,
-    interval: TimeLike | None = None,
-    threads: int | None = None,
-) -> Gradient:
-    """See `System.gradient`."""
-    if rational(stop_time, "stop_time") <= system.experiment[0]:
-        raise GradientError(f"stop_time is {stop_time}; a run needs time to depend on its parameters")
-    if not metrics:
-        raise GradientError("there is no metric to differentiate: give one, such as {'ride': Rms('car.seat.az')}")
-    run = _Run(system, dict(metrics), _chosen(system, parameters), stop_time, interval, threads)
-    return run.gradient()
-
-
 @dataclass
-class _Run:
+class GradientRun:
+    """Arguments of `System.gradient`, and the runs that it makes."""
+
     system: Wiring
-    metrics: dict[str, Metric]
-    parameters: list[tuple[SystemComponent, Variable]]
+    metrics: Mapping[str, Metric]
+    given: str | Iterable[str]
     stop_time: TimeLike
     interval: TimeLike | None
     threads: int | None
 
     def __post_init__(self) -> None:
+        if rational(self.stop_time, "stop_time") <= self.system.experiment[0]:
+            raise GradientError(f"stop_time is {self.stop_time}; a run needs time to depend on its parameters")
+        if not self.metrics:
+            raise GradientError("there is no metric to differentiate: give one, such as {'ride': Rms('car.seat.az')}")
+        self.parameters = _chosen(self.system, self.given)
         read = dict.fromkeys(name for metric in self.metrics.values() for name in metric.names)
         self.names = [f"{m.name}.{v.name}" for m, v in self.system.select(list(read))]
         self.order = {
             given: [f"{m.name}.{v.name}" for m, v in self.system.select([given])] for given in read
         }  # a metric may call a variable by another name than the recording
         self.by = [f"{m.name}.{v.name}" for m, v in self.parameters]
-        self.at = np.array([_start(m, v) for m, v in self.parameters])
+        self.at = np.array(self.present())
+
+    def present(self) -> list[float]:
+        """Values of the parameters in the system as it is now."""
+        return [float(m.start(v.name) or 0.0) for m, v in self.parameters]
 
     def gradient(self) -> Gradient:
         """All parameters, `DIRECTIONS` by each copy."""
@@ -180,7 +173,7 @@ class _Run:
 
     def compare(self, found: Gradient, step: float) -> Trust:
         """The differences beside it."""
-        if [_start(m, v) for m, v in self.parameters] != self.at.tolist():
+        if self.present() != self.at.tolist():
             raise GradientError(
                 "the system has other parameters than when this gradient was computed: compute it again"
             )
@@ -260,12 +253,7 @@ class _Run:
             )
 
 
-def _start(m: SystemComponent, v: Variable) -> float:
-    value = m.values.get(v.name, v.start)
-    return 0.0 if value is None else float(value)
-
-
-def _chosen(system: Wiring, names: str | Sequence[str]) -> list[tuple[SystemComponent, Variable]]:
+def _chosen(system: Wiring, names: str | Iterable[str]) -> list[tuple[SystemComponent, Variable]]:
     """The parameters and start values, which all have derivatives."""
     found: dict[tuple[SystemComponent, Variable], None] = {}
     for name in [names] if isinstance(names, str) else names:

@@ -345,10 +345,10 @@ def calibrate(
     def residuals(logs: Array) -> Array:
         return all_residuals([logs])[0]
 
-    def jacobian(logs: Array, step: float) -> Array:
-        if isinstance(response, SystemResponse) and response.gradient:
+    def jacobian(logs: Array, step: float | None) -> Array:
+        if step is None:
             at = np.exp(logs)
-            slopes = response.slopes(dict(zip(names, at.tolist(), strict=True))) * at
+            slopes = response.slopes(dict(zip(names, at.tolist(), strict=True))) * at  # type: ignore[attr-defined]
             return (slopes / scale[:, None]).reshape(data.size, -1)
         pairs = []
         for i in range(len(logs)):
@@ -359,11 +359,13 @@ def calibrate(
         width = [a[i] - b[i] for i, (a, b) in enumerate(zip(pairs[::2], pairs[1::2], strict=True))]
         return np.column_stack([(a - b) / w for a, b, w in zip(found[::2], found[1::2], width, strict=True)])
 
+    exact = isinstance(response, SystemResponse) and response.gradient
+    steps: Sequence[float | None] = (None,) if exact else STEPS
     random = np.random.default_rng(seed)
     begins = [np.log(start), *(random.uniform(np.log(low), np.log(high)) for _ in range(others))]
 
     def fit(logs: Array) -> Any:
-        for step in STEPS:
+        for step in steps:
             found = optimize.least_squares(
                 residuals,
                 logs,
@@ -378,7 +380,7 @@ def calibrate(
     best = min((fit(b) for b in begins), key=lambda f: f.cost)
     logs = best.x
     left = (-best.fun.reshape(data.shape)) * scale
-    final, sigma = jacobian(logs, STEPS[-1]), scale
+    final, sigma = jacobian(logs, steps[-1]), scale
     if noise is None:
         free = max(1, len(data) - len(names) / data.shape[1])
         sigma = np.maximum(np.sqrt((left**2).sum(axis=0) / free), 1e-12 * scale)

@@ -45,9 +45,7 @@ class Run:
     def start(self, name: str) -> Any:
         """Start value `component.variable` of this run: as set for it, else the FMU's own."""
         owner, variable = self.system.components.parts(name)
-        component = self.system[owner]
-        found = component.description.find(variable, owner)
-        return component.values.get(found.name, found.start)
+        return self.system[owner].start(variable)
 
 
 class Search(Protocol):

@@ -51,6 +51,11 @@ class SystemComponent:
         for expanded in given:
             self.values.update(expanded)
 
+    def start(self, name: str) -> Any:
+        """Value that a variable starts with: as set, else the FMU's own; None if neither says it."""
+        found = self.description.find(name, self.name)
+        return self.values.get(found.name, found.start)
+
     def expand(self, name: str, value: Any) -> dict[str, Any]:
         """What `set` would set, element by element, without setting it."""
         name = self.description.canonical(name)

@@ -84,7 +84,7 @@ def test_the_page_on_papers_has_the_tables_of_all_combinations() -> None:
     held_out = [int(row[-1]) for row in study["rows"]]
     assert max(held_out) - held_out[0] <= 2
     study["rows"][5][-1] = 12
-    assert f"12 at most, {study['rows'][5][0]}." in " ".join(WRITER["combinations_section"](study).split())
+    assert f'The most are 12, in "{study["rows"][5][0]}".' in " ".join(WRITER["combinations_section"](study).split())
 
 
 def test_the_page_on_papers_has_the_tables_of_all_readings() -> None:

@@ -12,7 +12,7 @@ from built import FMUS, BuiltFmus
 from same import bits
 
 from build_fmus.compile import ObjectCache
-from cosim import CosimError, Record, System
+from cosim import CosimError, PythonComponent, Record, System
 from cosim.batch import Batch
 from cosim.batch.library import batch_library
 from cosim.experiments.bench import EXPERIMENT as BENCH
@@ -246,7 +246,7 @@ def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus)
 
 
 def test_a_compiler_that_fails_is_named(built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """As one for C alone does."""
+    """It is one for C++."""
     batch_library.cache_clear()
     monkeypatch.setattr("cosim.batch.library.ObjectCache.of_user", lambda _: ObjectCache(tmp_path))
     monkeypatch.setattr("build_fmus.compile._CPP_FLAGS", ("-no-such-option",))
@@ -275,6 +275,19 @@ def test_a_run_that_fails_has_no_derivatives(quarter_car: System) -> None:
             quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="5 s")
     finally:
         quarter_car["car"].values = kept
+
+
+def test_python_in_a_gradient_is_refused_in_words_of_gradients(built_fmus: BuiltFmus) -> None:
+    class Gain(PythonComponent):
+        outputs = ("y",)
+
+    with System(allow_unconnected=True) as system:
+        system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+        system.add("p", Gain(), step="1 ms")
+        with pytest.raises(
+            CosimError, match=r"^'p' is .* a gradient has no Python .* or compare runs with different v"
+        ):
+            system.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="0.1 s")
 
 
 def test_metrics_have_slopes_and_full_names(quarter_car: System) -> None:

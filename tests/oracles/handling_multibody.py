@@ -14,7 +14,6 @@ Not shared: kinematics, equations of motion, points where forces act, and all co
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import atan, cos, exp, hypot, pi, sin, sqrt, tan
 from types import SimpleNamespace
 from typing import Any
@@ -22,23 +21,10 @@ from typing import Any
 import numpy as np
 
 from fmu_sources.vehicles.schema import FullCar
+from oracles.multibody import CORNERS, GRAVITY, LOW_SPEED, Motion
 
-GRAVITY = 9.81  # m/s2
-LOW_SPEED = 1.0  # m/s, below which slip is formed with it
 LEAST_RELAXATION = 0.1  # m
-CORNERS = ("fl", "fr", "rl", "rr")
 BODY, FIRST = 5, 6  # links of the tree: the chassis, the guide of the first wheel; its disc follows it
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What was recorded at every step: times (n,) [s], and signals (n,) by the names of the FMU's variables."""
-
-    time: np.ndarray
-    signals: dict[str, np.ndarray]
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.signals[name]
 
 
 class HandlingCar:

@@ -15,24 +15,13 @@ from typing import Any
 import numpy as np
 
 from fmu_sources.vehicles.schema import ThreeAxleTrenchCar
+from oracles.multibody import GRAVITY, Motion
 
-GRAVITY = 9.81  # m/s2
 AXLES = ("a1", "a2", "a3")
 FRICTION_TIME = 4e-4  # s, least time in which friction may stop a wheel, as the plant has it
 
 Vector = np.ndarray
 """Of the road's x and z."""
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """What was recorded at every step: times (n,) [s], and signals (n,) by the names of the FMU's variables."""
-
-    time: np.ndarray
-    signals: dict[str, np.ndarray]
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.signals[name]
 
 
 @dataclass(frozen=True)
@@ -293,7 +282,7 @@ class MultibodyTrenchCar:
 
     # -------------------------------------------------------------------------------------------------------- running
 
-    def run(self, duration: float, step: float = 2.5e-4) -> Crossing:
+    def run(self, duration: float, step: float = 2.5e-4) -> Motion:
         """The motion over `duration` [s] in steps of `step` [s]."""
         exu, mbs = self.exu, self.mbs
         rows: list[list[float]] = []
@@ -320,4 +309,4 @@ class MultibodyTrenchCar:
         mbs.SolveDynamic(settings)
         names = ["time", "x", "height", "speed", "body.pitch", "body.ax", "body.az", *(f"hub.{a}.fx" for a in AXLES)]
         columns = dict(zip(names, np.array(rows).T, strict=True))
-        return Crossing(columns.pop("time"), columns)
+        return Motion(columns.pop("time"), columns)

@@ -93,7 +93,7 @@ static void run_probes(Group *g, const EngineComponent *of, int32_t number, doub
             both[side]->environment = environment_bits();
             const int result = engine_component(both[side], number, t);
             if (result) {
-                end_copies(g, 1u, number, result, both[side]->call, both[side]->status);
+                end_copies(g, 1u, number, BATCH_PROBE_FAILED, k, 0);
                 return;
             }
         }
@@ -129,8 +129,9 @@ static void record_sides(const Group *g, size_t at) {
     const Batch *b = g->b;
     for (size_t i = 0; b->sides && i < b->n_components; i++) {
         const BatchComponent *m = &b->components[i];
+        if (!m->sides) continue;
         const char *const memory = m->memory + m->stride * (size_t)g->group;
-        if (m->sides) memcpy(&b->sides[at * b->n_components + i], memory + m->sides, sizeof *b->sides);
+        memcpy(&b->sides[at * b->n_components + i], memory + m->sides, sizeof *b->sides);
     }
 }
 

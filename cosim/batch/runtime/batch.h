@@ -33,7 +33,13 @@ typedef struct {
     uint32_t status;
 } BatchFailure;
 
-enum { BATCH_LANE_FAILED = 100, BATCH_INPUT_REFUSED = 101, BATCH_STOPPED = 102, BATCH_UNSETTLED = 103 };
+enum {
+    BATCH_LANE_FAILED = 100,
+    BATCH_INPUT_REFUSED = 101,
+    BATCH_STOPPED = 102,
+    BATCH_UNSETTLED = 103,
+    BATCH_PROBE_FAILED = 104
+};
 
 typedef struct {
     BatchComponent *components;

@@ -80,7 +80,7 @@ NOINLINE int noted(const Tangent &by, int side) {
 
 /* ------------------------------------------------------------------ operators */
 
-/* The chain rule: an infinite slope of something that does not move is none. */
+/* The chain rule. Where x does not move, its part is 0, also where the slope is infinite. */
 INLINE Part scaled(double slope, const Part &d) {
     if (slope - slope == 0.0) return slope * d;
     Part r;
@@ -260,16 +260,14 @@ NOINLINE Tangent tangent_pow(const Tangent &x, const Tangent &y) {
     const double r = fmu_pow(x.v, y.v);
     return chain(r, y.v * fmu_pow(x.v, y.v - 1.0), x, depends(y) ? r * fmu_log(x.v) : 0.0, y);
 }
-NOINLINE Tangent tangent_fmod(const Tangent &x, const Tangent &y) {
-    const double r = fmu_fmod(x.v, y.v), turns = (x.v - r) / y.v;
-    noted(x, index_of(fabs(turns)));
-    return chain(r, 1.0, x, -turns, y);
-}
-NOINLINE Tangent tangent_remainder(const Tangent &x, const Tangent &y) {
-    const double r = fmu_remainder(x.v, y.v), turns = (x.v - r) / y.v;
-    noted(x, index_of(fabs(turns)));
-    return chain(r, 1.0, x, -turns, y);
-}
+#define OF_TURNS(name)                                                     \
+    NOINLINE Tangent tangent_##name(const Tangent &x, const Tangent &y) {  \
+        const double r = fmu_##name(x.v, y.v), turns = (x.v - r) / y.v;    \
+        noted(x, index_of(fabs(turns)));                                   \
+        return chain(r, 1.0, x, -turns, y);                                \
+    }
+OF_TURNS(fmod)
+OF_TURNS(remainder)
 
 NOINLINE Tangent tangent_look_up(const double *array, int n, const Tangent &index) {
     noted(index, index_of(index.v));

@@ -335,8 +335,7 @@ def table(manoeuvre: Manoeuvre, amplitude: float) -> dict[str, Array]:
 
 
 def _parameter(system: System, name: str) -> float:
-    component = system["car"]
-    return float(component.values.get(name, component.description.parameters[name].start))
+    return float(system["car"].start(name))
 
 
 def steering_ratio(system: System) -> float:

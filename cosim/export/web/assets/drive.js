@@ -74,7 +74,7 @@ class Hands {
     return key.length === 1 ? key.toLowerCase() : key; // with shift it is the same key
   }
 
-  /** The gamepad of the standard layout; null: there is none, or it was lost. */
+  /** Returns the gamepad with the standard layout, or null if there is none. */
   pad() {
     const pads = [...(navigator.getGamepads?.() ?? [])].filter((p) => p?.connected),
       found = pads.find((p) => p.mapping === "standard") ?? null;
