@@ -33,7 +33,8 @@ _INPUTS = {
     "fwd": ("t", "x", "u", "p", "dx", "du", "dp"),
     "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
 }
-_IN_LANES = ("fixed", *random_profiles.FUNCTIONS, "start", "out", "rhs", "tick")  # and no other functions
+# What copies and gradients need, and no other functions.
+_IN_LANES = ("fixed", *random_profiles.FUNCTIONS, "start", "out", "rhs", "jac", "programs", "tick")
 _ARGUMENT_CODE = {"t": "&at->t", "c": "profiles(at)"}  # of others: at->NAME
 
 

@@ -86,23 +86,24 @@ static QpStatus prepare_bounds(const Qp *qp, const double *lower, const double *
     return status;
 }
 
+const QpCase *qp_case(const Qp *qp, double choice) {
+    const double last = (double)(qp->n_cases - 1), rounded = floor(choice + 0.5);
+    return qp->cases + (int)(!(rounded > 0.0) ? 0.0 : rounded > last ? last : rounded);
+}
+
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution) {
     const int n = qp->n, m = qp->m;
     size_t own;
     double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m, *ay = z + n;
     const double *q = data, choice = data[n + 2 * m];
     double *result = solution, *multipliers = solution + n, *report = solution + n + m;
-    const QpCase *c = qp->cases;
+    const QpCase *const c = qp_case(qp, choice);
     int iterations = 0;
 
     (void)memcpy(z, memory, (size_t)n * sizeof(double));
     (void)memset(y, 0, (size_t)m * sizeof(double));
     QpStatus status = prepare_bounds(qp, data + n, data + n + m, l, u);
     if (!all_finite(q, n) || !isfinite(choice)) status = QP_BAD_DATA;
-    if (status != QP_BAD_DATA) {
-        const double last = (double)(qp->n_cases - 1), rounded = floor(choice + 0.5);
-        c += (int)(rounded < 0.0 ? 0.0 : rounded > last ? last : rounded);
-    }
     if (status == QP_SOLVED)
         status = qp->backend->solve(qp, c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
     const int usable = status == QP_SOLVED || status == QP_LIMIT_REACHED;

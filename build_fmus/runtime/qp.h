@@ -51,6 +51,9 @@ void qp_setup(const Qp *qp, void *scratch);
  * residual. `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
 
+/* The case that a number means: the nearest one; the first for NaN. */
+const QpCase *qp_case(const Qp *qp, double choice);
+
 /* Whether `memory` can be what qp_solve left there. */
 int qp_memory_ok(const Qp *qp, const double *memory);
 

@@ -6,8 +6,9 @@
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
 - `library`: the compiled library, for one kind of processor.
 
-In `runtime/` are the vectors (`lanes.h`), the generated functions over them (`lane_equations.h`), solvers and samples
-in lanes (`lane_component.h`), and the engine of groups (`batch.c`).
+In `runtime/` are the vectors (`lanes.h`), the generated functions over them (`lane_equations.h`), steps and samples
+in lanes (`lane_component.h`), the engine of groups (`batch.c`), and what a number with derivatives takes in place of a
+vector (`tangents.h`, `programs.h`).
 """
 
 from cosim.batch.copies import Batch, BatchRecording, CopyFailedWarning

@@ -254,7 +254,10 @@ class Batch(Copies):
             raise NoLanes("the master integrates it (Model Exchange)")
         if implementation.isolation is not None:
             raise NoLanes("it is isolated in a process of its own")
-        return lane_source(implementation.fmu)
+        source = lane_source(implementation.fmu)
+        if source.one_at_a_time and not self._target.directions:
+            raise NoLanes(source.one_at_a_time)
+        return source
 
     def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[SystemComponent, Variable]]:
         components, driven = self.system.components, self.system.connections

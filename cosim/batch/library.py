@@ -137,6 +137,9 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
         files |= {f"musl/{p.name}": p.read_bytes() for p in MUSL.glob("*.[ch]")}  # derivatives call others
     mathematics = [n for n in files if n.startswith("musl/") and n.endswith(".c")]
     sources = [name, *mathematics]
+    if target.directions:
+        files |= {n: source.files[n] for n in source.solvers}
+        sources += source.solvers
     files["model.c"] = source.files["model.c"]
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {

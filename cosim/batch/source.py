@@ -67,9 +67,27 @@ class LaneSource:
         return "is_continuous" in self.fields
 
     @property
+    def solver(self) -> str:
+        """Its name in C."""
+        return self.fields.get("solver", "FMU_RK4")
+
+    @property
+    def one_at_a_time(self) -> str:
+        """Why copies cannot lie side by side; empty where they can."""
+        if "qp" in self.fields:
+            return "it solves quadratic programs"
+        return "its solver (ros2) chooses pivots, each copy its own" if self.solver == "FMU_ROS2" else ""
+
+    @property
     def profiles(self) -> bool:
         """Whether it computes random profiles, with code for one copy."""
         return "random_profiles.c" in self.files
+
+    @property
+    def solvers(self) -> list[str]:
+        """C files that solve its quadratic programs, with those of the solvers."""
+        rest = {"model.c", *(p.name for p in RUNTIME.glob("*.c") if not p.name.startswith("qp"))}
+        return [n for n in self.files if n.endswith(".c") and not n.startswith("musl/") and n not in rest]
 
     @property
     def checks(self) -> bool:
@@ -110,7 +128,7 @@ class LaneSource:
     def settings(self, outputs: tuple[int, ...]) -> list[str]:
         """Settings in C of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
         there = self.model.partition("#ifndef LANES")[0]
-        for name in ("start_states", "derivatives", "outputs", "sample"):
+        for name in ("start_states", "derivatives", "jacobian", "outputs", "program_data", "sample"):
             if name in self.fields and f"static void {name}(" not in there:
                 raise NoLanes(f"lanes cannot follow its sources: there is no function {name}")
         constants = {
@@ -120,12 +138,15 @@ class LaneSource:
             "N_OUTPUTS": self.size("outputs"),
             "N_WORK": self.size("work"),
             "N_FIXED": self.size("fixed"),
+            **{f"N_QP_{k.upper()}": self.size(f"qp_{k}") for k in ("data", "solution", "memory")},
             "N_SHOWN": len(outputs),
             "IS_CONTINUOUS": int(self.continuous),
             "HAS_START": int("start_states" in self.fields),
             "HAS_PROFILES": int(self.profiles),
             "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
-            self.fields.get("solver", "FMU_RK4").removeprefix("FMU_"): 1,
+            "SOLVER": self.solver,
+            "IS_ROS2": int(self.solver == "FMU_ROS2"),
+            **{k.upper(): k if k in self.fields else "NULL" for k in ("nominals", "velocity_of")},
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
         }
         return [
@@ -148,10 +169,6 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     fields = dict(_FIELD.findall(found[1]))
     if fields.get("token", "").strip('"') != fmu.description.token:
         raise NoLanes("its sources are not those of its binary")
-    if "qp" in fields:
-        raise NoLanes("it solves quadratic programs")
-    if fields.get("solver", "FMU_RK4") == "FMU_ROS2":
-        raise NoLanes("its solver (ros2) chooses pivots, each copy its own")
     if "is_continuous" not in fields and "sample" not in fields:
         raise NoLanes("it has no equations")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
@@ -167,9 +184,10 @@ def lane_source(fmu: FmuFile) -> LaneSource:
 @lru_cache
 def _expected(names: frozenset[str]) -> dict[str, bytes]:
     """The runtime's own files, of which an FMU must have the same."""
+    own = [*_SAME, *(n for n in names if n.startswith("qp") and (RUNTIME / n).exists())]
     return {
         n: (_THIRD_PARTY / n).read_bytes() for n in names if n.startswith("musl/") and (_THIRD_PARTY / n).exists()
-    } | {n: (RUNTIME / n).read_bytes() for n in _SAME}
+    } | {n: (RUNTIME / n).read_bytes() for n in own}
 
 
 def _row(text: str) -> Row:

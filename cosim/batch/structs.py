@@ -242,6 +242,11 @@ class Structs:
         kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
         role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
         name = lanes.source.name_of(role, slot)
+        if kind == 4:
+            return (
+                f"component '{component.name}': the matrix of solver ros2 is singular or not finite at time"
+                f" {when:.9g} s (state {name}); try another solver.step"
+            )
         if kind != 1:
             return f"component '{component.name}': {name} is not finite at time {when:.9g} s"
         return (

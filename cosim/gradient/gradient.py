@@ -6,9 +6,10 @@
 
 What is differentiated is what was computed: the solver steps, samples and exchanges of the run itself, not equations
 that they approximate. The run is bit-identical to one without derivatives (`cosim.batch`). FMUs of this project are
-compiled over numbers that carry derivatives (`batch/runtime/tangents.h`). Third-party FMUs, and those that solve
-quadratic programs or linear equations, have none: two more instances of them for each parameter go through the run on
-either side of it, and the differences of their outputs take the place of derivatives.
+compiled over numbers that carry derivatives (`batch/runtime/tangents.h`); solutions of quadratic programs are
+differentiated by their optimality conditions (`programs.h`). Third-party and isolated FMUs have no derivatives: two
+more instances of them for each parameter go through the run on either side of it, and the differences of their outputs
+take the place of derivatives.
 """
 
 from __future__ import annotations

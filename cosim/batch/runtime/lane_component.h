@@ -1,10 +1,14 @@
 /* One component in LANES copies: steps of its solver, or its samples, over the functions of its model.c. Included last.
  *
- * In the operations of fmu_core.c and integrators.c, for lanes that are at one time and have one solver step. A copy
- * that fails is reported by its lane; the others are not concerned. */
+ * In the operations of fmu_core.c, for lanes that are at one time and have one solver step. A copy that fails is
+ * reported by its lane; the others are not concerned. */
+#if IS_CONTINUOUS
+#include "integrators.c"
+#endif
 
 enum { N_VALUES = N_PARAMETERS + N_INPUTS + 2 * N_STATES + N_OUTPUTS };
-enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane failed */
+enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE, SINGULAR }; /* why a lane failed */
+enum { MATRIX = IS_ROS2 * N_STATES * N_STATES };
 
 #if HAS_PROFILES /* the last numbers of the work memory are those of one copy */
 enum { N_NODES = sizeof(Profiles) / sizeof(lanes), PIECE = 256, PIECES = (N_NODES + PIECE - 1) / PIECE };
@@ -18,6 +22,8 @@ typedef struct {
     lanes failure, which, when, value;       /* of lanes that have failed: why, slot, time, and the state */
     lanes v[N_VALUES + 1]; /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
     lanes k[5][N_STATES + 1];
+    lanes matrix[MATRIX + IS_ROS2 * N_STATES + 1];
+    int pivots[IS_ROS2 * N_STATES + 1];
     lanes w[WORK + 1];
     lanes fixed[N_FIXED + 1];
 #if HAS_PROFILES
@@ -26,6 +32,10 @@ typedef struct {
 #endif
 #ifdef TANGENTS
     Sides sides;
+#endif
+#if N_QP_DATA
+    lanes data[N_QP_DATA], solution[N_QP_SOLUTION], kept[N_QP_SOLUTION];
+    double memory[N_QP_MEMORY];
 #endif
 } Component;
 
@@ -37,11 +47,32 @@ typedef struct {
 INLINE FmuArguments arguments(Component *m, double t, const lanes *x) {
 #if HAS_PROFILES
     const lanes *const s = (const lanes *)&m->profiles;
+#elif N_QP_DATA
+    const lanes *const s = m->solution;
 #else
     const lanes *const s = NULL;
 #endif
     return (FmuArguments){.t = t, .x = x, .u = U, .p = P, .f = m->fixed, .s = s, .w = m->w};
 }
+
+#if N_QP_DATA
+#include "programs.h"
+/* Scratch of the quadratic programs lies behind the component. */
+enum { SCRATCH = (sizeof(Component) + 63) / 64 * 64 };
+INLINE size_t scratch_bytes(void) { return programs_bytes(); }
+
+static void solve_at(Component *m, double t, int trial) {
+    const FmuArguments at = arguments(m, t, X);
+    double tried[N_QP_MEMORY];
+    if (trial) memcpy(tried, m->memory, sizeof tried);
+    program_data(&at, m->data);
+    solve_programs(m->data, m->solution, trial ? tried : m->memory, m->kept, trial, (char *)m + SCRATCH);
+}
+#else
+enum { SCRATCH = sizeof(Component) };
+INLINE size_t scratch_bytes(void) { return 0; }
+INLINE void solve_at(Component *m, double t, int trial) { (void)m, (void)t, (void)trial; }
+#endif
 
 /* Outputs that somebody reads, and the next states of a discrete component. The compiler leaves out all that no other
  * output depends on, as far as it has these functions at this place. */
@@ -86,49 +117,41 @@ static unsigned not_finite(
 }
 
 #if IS_CONTINUOUS
-INLINE void rhs(Component *m, double t, const lanes *x, lanes *dx) {
+static void rhs(void *component, double t, const lanes *x, lanes *dx) {
 #if N_STATES
-    const FmuArguments at = arguments(m, t, x);
+    const FmuArguments at = arguments((Component *)component, t, x);
     derivatives(&at, dx);
 #endif
 }
 
-static void step_solver(Component *m, double t, double h, int first) {
-    lanes *const x = X, *const s = m->k[0], *const k1 = m->k[1], *const k2 = m->k[2], *const k3 = m->k[3],
-                 *const k4 = m->k[4];
-    const int n = N_STATES;
-    (void)first;
-    (void)k4;
-#if RK4
-    rhs(m, t, x, k1);
-    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k1[i];
-    rhs(m, t + 0.5 * h, s, k2);
-    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k2[i];
-    rhs(m, t + 0.5 * h, s, k3);
-    for (int i = 0; i < n; i++) s[i] = x[i] + h * k3[i];
-    rhs(m, t + h, s, k4);
-    for (int i = 0; i < n; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-#elif AM2
-    rhs(m, t, x, k1);
-    if (first) for (int i = 0; i < n; i++) s[i] = x[i] + h * k1[i];
-    else for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * k1[i] - 0.5 * k2[i]);
-    rhs(m, t + h, s, k3);
-    for (int i = 0; i < n; i++) {
-        x[i] += 0.5 * h * (k1[i] + k3[i]);
-        k2[i] = k1[i];
-    }
-#elif SEMI_IMPLICIT
-    for (int i = 0; i < n; i++)
-        if (velocity_of[i] >= 0) x[i] += 0.5 * h * x[velocity_of[i]];
-    rhs(m, t + 0.5 * h, x, k1);
-    for (int i = 0; i < n; i++) s[i] = velocity_of[i] >= 0 ? x[i] : x[i] + 0.5 * h * k1[i];
-    rhs(m, t + 0.5 * h, s, k2);
-    for (int i = 0; i < n; i++)
-        if (velocity_of[i] < 0) x[i] += h * k2[i];
-    for (int i = 0; i < n; i++)
-        if (velocity_of[i] >= 0) x[i] += 0.5 * h * x[velocity_of[i]];
-    (void)k3;
+#if IS_ROS2
+static void jacobian_of(void *component, double t, const lanes *x, lanes *J, lanes *by_time) {
+    const FmuArguments at = arguments((Component *)component, t, x);
+    jacobian(&at, J, by_time);
+}
+#else
+#define jacobian_of NULL
 #endif
+
+INLINE int step_solver(Component *m, double t, double h, int first) {
+    const Integrator of = {
+        .method = SOLVER,
+        .n = N_STATES,
+        .system = m,
+        .rhs = rhs,
+        .jacobian = jacobian_of,
+        .nominals = NOMINALS,
+        .velocity_of = VELOCITY_OF,
+        .stage = m->k[0],
+        .k1 = m->k[1],
+        .k2 = m->k[2],
+        .k3 = m->k[3],
+        .k4 = m->k[4],
+        .matrix = m->matrix,
+        .by_time = m->matrix + MATRIX,
+        .pivots = m->pivots,
+    };
+    return integrator_step(&of, t, h, first, X);
 }
 
 /* One communication step of all lanes; returns which of those in `of` have failed. */
@@ -139,7 +162,11 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
     unsigned failed = 0;
     for (int64_t i = 0; i < n; i++) {
         const double ti = t + (double)i * dt;
-        step_solver(m, ti, dt, i == 0);
+        const int column = step_solver(m, ti, dt, i == 0);
+        if (column < N_STATES) {
+            fail(m, of & ~failed, SINGULAR, column, ti, &X[column]);
+            return failed | of;
+        }
         mask within = ~(mask){0};
         for (int j = 0; j < N_STATES; j++) within &= (mask)(lanes_size(X[j]) <= bounds[j]);
         const unsigned beyond = lanes_bits(~within) & of & ~failed;
@@ -180,6 +207,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 #endif
         *started = 1.0;
         lanes *const next = m->k[0];
+        solve_at(m, instant, 0);
         evaluate(m, instant, next);
         mask finite = ~(mask){0};
         for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_size(next[i]) <= DBL_MAX);
@@ -196,7 +224,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return (sizeof(Component) + sizeof(lanes) - 1) / sizeof(lanes); }
+EXPORT size_t cosim_lanes_rows(void) { return (SCRATCH + scratch_bytes() + sizeof(lanes) - 1) / sizeof(lanes); }
 
 #if HAS_PROFILES
 const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
@@ -228,6 +256,12 @@ EXPORT void cosim_lanes_prepare(void *memory) {
 #ifdef TANGENTS
     sides = 0;
 #endif
+#if N_QP_DATA
+    memset(m->kept, 0, sizeof m->kept);
+    memset(m->memory, 0, sizeof m->memory);
+    memset((char *)m + SCRATCH, 0, scratch_bytes());
+    fmu_qp_functions.setup((char *)m + SCRATCH);
+#endif
 #if N_FIXED
     const FmuArguments at = arguments(m, 0.0, X);
     prepare(&at, m->fixed);
@@ -254,6 +288,7 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
     memcpy(X, next, N_STATES * sizeof(lanes));
     failed |= not_finite(m, of, X, NULL, N_STATES, STATE_NOT_FINITE, time);
 #endif
+    solve_at(m, time, 1);
     evaluate(m, time, next);
     return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
