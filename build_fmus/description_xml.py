@@ -323,6 +323,7 @@ def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._El
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": text(continuous, "Boolean"),
+        "providesAdjointDerivatives": text(continuous, "Boolean"),
     }
     if continuous:
         etree.SubElement(root, "ModelExchange", **common)

@@ -209,8 +209,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference knowns[], size_t nKnowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
     ENTER(MODE_INITIALIZATION | RUNNING | MODE_TERMINATED);
-    return (fmi2Status)fmu_directional_derivative(self, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nKnowns,
-                                                  sensitivity, nUnknowns);
+    const FmuPartial of = {0, unknowns, nUnknowns, knowns, nKnowns, seed, nKnowns};
+    return (fmi2Status)fmu_partial_derivative(self, __func__, &of, sensitivity, nUnknowns);
 }
 
 /* ------------------------------------------------------------------ model exchange */

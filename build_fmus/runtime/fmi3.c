@@ -354,10 +354,6 @@ NOT_OFFERED(fmi3GetVariableDependencies,
             (fmi3Instance instance, fmi3ValueReference r, size_t e[], fmi3ValueReference i[], size_t ei[],
              fmi3DependencyKind k[], size_t n),
             "not offered (providesPerElementDependencies is false)")
-NOT_OFFERED(fmi3GetAdjointDerivative,
-            (fmi3Instance instance, const fmi3ValueReference u[], size_t nu, const fmi3ValueReference k[], size_t nk,
-             const fmi3Float64 seed[], size_t ns, fmi3Float64 s[], size_t n),
-            "not offered (providesAdjointDerivatives is false)")
 NOT_OFFERED(fmi3GetOutputDerivatives,
     (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[], fmi3Float64 v[], size_t nv),
     "output derivatives are not provided")
@@ -413,8 +409,16 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                         size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     ENTER(MODE_INITIALIZATION | RUNNING | MODE_TERMINATED);
-    return (fmi3Status)fmu_directional_derivative(self, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
-                                                  sensitivity, nSensitivity);
+    const FmuPartial of = {0, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed};
+    return (fmi3Status)fmu_partial_derivative(self, __func__, &of, sensitivity, nSensitivity);
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+    ENTER(MODE_INITIALIZATION | RUNNING | MODE_TERMINATED);
+    const FmuPartial of = {1, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed};
+    return (fmi3Status)fmu_partial_derivative(self, __func__, &of, sensitivity, nSensitivity);
 }
 
 /* ------------------------------------------------------------------ model exchange */

@@ -580,9 +580,9 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     return set_with(self, function, type, refs, n_refs, values, count, read);
 }
 
-/* ------------------------------------------------------------------ directional derivatives */
+/* ------------------------------------------------------------------ partial derivatives */
 
-/* Where fmu_directional_derivative computes the derivative of a variable; NULL for what is no unknown. */
+/* Where the derivative of a variable is computed; NULL for what is no unknown. */
 static const double *sensitivity_of(const FmuInstance *self, const FmuVariable *v) {
     switch (v->role) {
         case FMU_DERIVATIVE: return self->sensitivity + v->slot;
@@ -592,71 +592,122 @@ static const double *sensitivity_of(const FmuInstance *self, const FmuVariable *
     }
 }
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
-    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
-    size_t n_sensitivity) {
-    if (!M->is_continuous)
-        return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no directional derivatives", function);
-    FmuStatus status = fmu_check_arrays(self, function, knowns, n_knowns, seed, n_seed);
-    if (status == FMU_OK) status = fmu_check_arrays(self, function, unknowns, n_unknowns, sensitivity, n_sensitivity);
-    if (status == FMU_OK) status = refresh_start(self);
-    if (status != FMU_OK) return status;
-
+/* Where the direction along a variable is given; NULL for what is no known. */
+static double *seed_of(FmuInstance *self, const FmuVariable *v) {
     const int starting = self->state->mode == MODE_INITIALIZATION;
-    const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
-    double *sx = self->seed, *su = sx + nx, *sp = su + nu;
-    memset(self->seed, 0, (nx + nu + np) * sizeof(double));
-    size_t k = 0;
-    for (size_t i = 0; i < n_knowns; i++) {
-        const FmuVariable *v = lookup(self, function, FMU_FLOAT64, knowns, i);
-        if (!v) return FMU_ERROR;
-        double *to = v->role == FMU_INPUT                                  ? su
-                     : v->role == FMU_PARAMETER                            ? sp
-                     : v->role == FMU_STATE && (v->is_exact || !starting) ? sx
-                                                                           : NULL;
-        if (!to)
-            return fmu_fail(self, FMU_ERROR, "%s: %s is not a known (state, input or parameter)", function, v->name);
-        if (k + (size_t)v->size > n_seed) return fmu_fail(self, FMU_ERROR, "%s: too few seed values", function);
-        for (int j = 0; j < v->size; j++, k++) {
-            if (!isfinite(seed[k]))
-                return fmu_fail(self, FMU_ERROR, "%s: seed for %s is not finite", function, v->name);
-            to[v->slot + j] = seed[k];
-        }
+    switch (v->role) {
+        case FMU_STATE: return v->is_exact || !starting ? self->seed + v->slot : NULL;
+        case FMU_INPUT: return self->seed + M->n_states + v->slot;
+        case FMU_PARAMETER: return self->seed + M->n_states + M->n_inputs + v->slot;
+        default: return NULL;
     }
-    if (k != n_seed) return fmu_fail(self, FMU_ERROR, "%s: %zu seed values for %zu knowns", function, n_seed, k);
+}
 
+static size_t n_seeds(void) { return (size_t)M->n_states + (size_t)M->n_inputs + (size_t)M->n_parameters; }
+
+/* Whether unknowns and knowns are such, with so many numbers, and seeds are finite. */
+static FmuStatus check_partial(
+    FmuInstance *self, const char *function, const FmuPartial *of, size_t n_unknowns, size_t n_knowns) {
+    if (!M->is_continuous)
+        return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no partial derivatives", function);
+    const FmuStatus status = refresh_start(self);
+    if (status != FMU_OK) return status;
+    for (int known = 0; known < 2; known++) {
+        const unsigned *refs = known ? of->knowns : of->unknowns;
+        const size_t n = known ? of->n_knowns : of->n_unknowns, expected = known ? n_knowns : n_unknowns;
+        size_t count = 0;
+        for (size_t i = 0; i < n; i++) {
+            const FmuVariable *v = lookup(self, function, FMU_FLOAT64, refs, i);
+            if (!v) return FMU_ERROR;
+            if (known ? !seed_of(self, v) : !sensitivity_of(self, v))
+                return fmu_fail(self, FMU_ERROR, "%s: %s is not %s", function, v->name,
+                    known ? "a known (state, input or parameter)" : "an unknown");
+            for (int j = 0; known != of->is_adjoint && j < v->size && count + (size_t)j < expected; j++)
+                if (!isfinite(of->seed[count + (size_t)j]))
+                    return fmu_fail(self, FMU_ERROR, "%s: seed for %s is not finite", function, v->name);
+            count += (size_t)v->size;
+        }
+        if (count != expected)
+            return fmu_fail(self, FMU_ERROR, "%s: %zu %s values for %zu %s", function, expected,
+                known != of->is_adjoint ? "seed" : "sensitivity", count, known ? "knowns" : "unknowns");
+    }
+    return FMU_OK;
+}
+
+/* Derivatives along `self->seed`; those of the unknowns must be finite. */
+static FmuStatus differentiate(FmuInstance *self, const char *function, const FmuPartial *of) {
+    const size_t nx = (size_t)M->n_states;
     FmuArguments at = arguments(self, self->state->time, self->x);
-    at.dx = sx;
-    at.du = su;
-    at.dp = sp;
-    if (starting && M->directional_start) {
-        memcpy(self->next, sx, nx * sizeof(double));
+    at.dx = self->seed;
+    at.du = at.dx + nx;
+    at.dp = at.du + M->n_inputs;
+    if (self->state->mode == MODE_INITIALIZATION && M->directional_start) {
+        memcpy(self->next, self->seed, nx * sizeof(double));
         M->directional_start(&at, self->next);
-        memcpy(sx, self->next, nx * sizeof(double));
+        memcpy(self->seed, self->next, nx * sizeof(double));
     }
     if (M->directional) M->directional(&at, self->sensitivity, self->sensitivity + nx);
-
-    k = 0;
-    for (size_t i = 0; i < n_unknowns; i++) {
-        const FmuVariable *v = lookup(self, function, FMU_FLOAT64, unknowns, i);
-        if (!v) return FMU_ERROR;
+    for (size_t i = 0; i < of->n_unknowns; i++) {
+        const FmuVariable *v = &M->variables[of->unknowns[i]];
         const double *from = sensitivity_of(self, v);
-        if (!from) return fmu_fail(self, FMU_ERROR, "%s: %s is not an unknown", function, v->name);
-        k += (size_t)v->size;
-        if (k > n_sensitivity) return fmu_fail(self, FMU_ERROR, "%s: too few sensitivity values", function);
         for (int j = 0; j < v->size; j++)
             if (!isfinite(from[j]))
                 return fmu_fail(self, FMU_ERROR, "%s: the directional derivative of %s is not finite at time %.9g s",
                     function, v->name, self->state->time);
     }
-    if (k != n_sensitivity)
-        return fmu_fail(self, FMU_ERROR, "%s: %zu sensitivity values for %zu unknowns", function, n_sensitivity, k);
-    for (size_t i = 0; i < n_unknowns; i++) {
-        const FmuVariable *v = &M->variables[unknowns[i]];
+    return FMU_OK;
+}
+
+/* Sensitivities of the unknowns along one direction. */
+static FmuStatus directional(FmuInstance *self, const char *function, const FmuPartial *of, double *sensitivity) {
+    const double *seed = of->seed;
+    memset(self->seed, 0, n_seeds() * sizeof(double));
+    for (size_t i = 0; i < of->n_knowns; i++) {
+        const FmuVariable *v = &M->variables[of->knowns[i]];
+        memcpy(seed_of(self, v), seed, (size_t)v->size * sizeof(double));
+        seed += v->size;
+    }
+    const FmuStatus status = differentiate(self, function, of);
+    for (size_t i = 0; status == FMU_OK && i < of->n_unknowns; i++) {
+        const FmuVariable *v = &M->variables[of->unknowns[i]];
         memcpy(sensitivity, sensitivity_of(self, v), (size_t)v->size * sizeof(double));
         sensitivity += v->size;
     }
+    return status;
+}
+
+/* Sensitivities by the knowns of a sum of unknowns. One direction after the other: as many evaluations as there are
+ * numbers of knowns, and no generated code beside that of the directional derivatives. */
+static FmuStatus adjoint(FmuInstance *self, const char *function, const FmuPartial *of, double *sensitivity) {
+    for (size_t i = 0; i < of->n_knowns; i++) {
+        const FmuVariable *known = &M->variables[of->knowns[i]];
+        for (int k = 0; k < known->size; k++) {
+            memset(self->seed, 0, n_seeds() * sizeof(double));
+            seed_of(self, known)[k] = 1.0;
+            const FmuStatus status = differentiate(self, function, of);
+            if (status != FMU_OK) return status;
+            const double *weight = of->seed;
+            double sum = 0.0;
+            for (size_t u = 0; u < of->n_unknowns; u++) {
+                const FmuVariable *v = &M->variables[of->unknowns[u]];
+                for (int j = 0; j < v->size; j++) sum += *weight++ * sensitivity_of(self, v)[j];
+            }
+            *sensitivity++ = sum;
+        }
+    }
     return FMU_OK;
+}
+
+FmuStatus fmu_partial_derivative(FmuInstance *self, const char *function, const FmuPartial *of, double *sensitivity,
+    size_t n_sensitivity) {
+    const size_t n_unknowns = of->is_adjoint ? of->n_seed : n_sensitivity;
+    const size_t n_knowns = of->is_adjoint ? n_sensitivity : of->n_seed;
+    if ((of->n_unknowns && !of->unknowns) || (of->n_knowns && !of->knowns) || (of->n_seed && !of->seed) ||
+        (n_sensitivity && !sensitivity))
+        return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
+    const FmuStatus status = check_partial(self, function, of, n_unknowns, n_knowns);
+    if (status != FMU_OK) return status;
+    return of->is_adjoint ? adjoint(self, function, of, sensitivity) : directional(self, function, of, sensitivity);
 }
 
 /* ------------------------------------------------------------------ stepping */

@@ -61,8 +61,18 @@ FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, cons
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read);
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
-    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
+/* Partial derivatives of unknowns by knowns, times a seed for each number of a known (directional) or of an unknown
+ * (adjoint). */
+typedef struct {
+    int is_adjoint;
+    const unsigned *unknowns;
+    size_t n_unknowns;
+    const unsigned *knowns;
+    size_t n_knowns;
+    const double *seed;
+    size_t n_seed;
+} FmuPartial;
+FmuStatus fmu_partial_derivative(FmuInstance *self, const char *function, const FmuPartial *of, double *sensitivity,
     size_t n_sensitivity);
 
 /* Co-Simulation. */

@@ -136,7 +136,7 @@ FMI3 = [
     Function("SerializedFMUStateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
     Function("SerializeFMUState", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
     Function("DeserializeFMUState", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
-    Function("GetDirectionalDerivative", READ, nothing(4), continuous=True),
+    *(Function(f"Get{kind}Derivative", READ, nothing(4), continuous=True) for kind in ("Directional", "Adjoint")),
     Function("EnterEventMode", CONTINUOUS),
     Function("UpdateDiscreteStates", EVENT, room(*[c.c_bool] * 5, c.c_double)),
     Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (True, *room(c.c_bool, c.c_bool)(a))),
@@ -163,7 +163,6 @@ FMI3 = [
             "EvaluateDiscreteStates",
             "GetNumberOfVariableDependencies",
             "GetVariableDependencies",
-            "GetAdjointDerivative",
             "GetOutputDerivatives",
         )
     ),
@@ -273,8 +272,11 @@ def test_null_arguments(fmu: Library) -> None:
     else:
         calls += [
             ("GetDirectionalDerivative", None, one, ref, one, value, one, value, one),
+            ("GetAdjointDerivative", None, one, ref, one, value, one, value, one),
             ("GetDirectionalDerivative", ref, one, ref, one, None, one, value, one),
+            ("GetAdjointDerivative", ref, one, ref, one, None, one, value, one),
             ("GetDirectionalDerivative", ref, one, ref, one, value, one, None, one),
+            ("GetAdjointDerivative", ref, one, ref, one, value, one, None, one),
             ("DoStep", 0.0, fmu.step, c.c_bool(True), None, None, None, None),
         ]
     exchange: list[tuple[Any, ...]] = [

@@ -170,6 +170,23 @@ def test_several_knowns_at_once(fmu: Library) -> None:
         np.testing.assert_allclose(together, one_by_one, rtol=1e-9, atol=1e-9 * np.abs(one_by_one).max())
 
 
+@applies_to(continuous)
+def test_the_adjoint_is_the_transpose(pair: tuple[Library, Library]) -> None:
+    """FMI 2.0 has none."""
+    fmu = pair[1]
+    v = fmu.variables
+    unknowns = [*reals(fmu, fmu.outputs), *fmu.derivatives]
+    parameters = fmu.names("parameter", "real")[:8]
+    knowns = [*reals(fmu, fmu.inputs), *fmu.states, *parameters]
+    weights = np.sin(np.arange(len(unknowns)) + 1.0)
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        a.run(5)
+        found = a.directional([v[n] for n in unknowns], [v[n] for n in knowns], weights, adjoint=True)
+        exact = [a.column(unknowns, k) @ weights for k in knowns]
+        np.testing.assert_allclose(found, exact, rtol=1e-12)
+
+
 @applies_to(discrete)
 def test_sampled_components_have_none(fmu: Library) -> None:
     with fmu.instance() as a:

@@ -855,12 +855,10 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
 
 /* ------------------------------------------------------------------ what a system does not offer */
 
-FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns,
-    size_t n_unknowns, const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed, double *sensitivity,
+FmuStatus fmu_partial_derivative(FmuInstance *self, const char *function, const FmuPartial *of, double *sensitivity,
     size_t n_sensitivity) {
-    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)n_seed, (void)sensitivity,
-        (void)n_sensitivity;
-    return fmu_fail(self, FMU_ERROR, "%s: a system of FMUs offers no directional derivatives", function);
+    (void)of, (void)sensitivity, (void)n_sensitivity;
+    return fmu_fail(self, FMU_ERROR, "%s: a system of FMUs offers no partial derivatives", function);
 }
 
 static FmuStatus no_model_exchange(FmuInstance *self, const char *function) {
