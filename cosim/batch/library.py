@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -150,8 +151,16 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     return _compiled(files | {name: code}, tuple(sources), f"lanes_{target.name}")
 
 
+_loaded: dict[bytes, Any] = {}  # by the digest of what a library is compiled from
+
+
 def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:
-    """A library of these files, compiled once per machine and content."""
+    """A library of these files, compiled once per machine and content, and looked for once per process."""
+    digest = hashlib.sha256(repr((name, sources)).encode())
+    for path, data in sorted(files.items()):
+        digest.update(f"{path} {len(data)} ".encode() + data)
+    if (known := _loaded.get(digest.digest())) is not None:
+        return known
     try:
         toolchain = find_toolchain(host())
         with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as temporary:
@@ -161,7 +170,8 @@ def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -
                 (folder / path).write_bytes(data)
             include = [folder, _HERE, engine.HEADER.parent, ENVIRONMENT.parent, OF_FMUS]
             library = ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
-        return interface().dlopen(str(library))
+        found = _loaded[digest.digest()] = interface().dlopen(str(library))
+        return found
     except (CompileError, OSError) as error:
         said = str(error).splitlines()
         why = next((line for line in said if "error" in line), said[0])

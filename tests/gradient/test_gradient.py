@@ -264,6 +264,7 @@ def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus)
 def test_a_compiler_that_fails_is_named(built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """It is one for C++."""
     batch_library.cache_clear()
+    monkeypatch.setattr("cosim.batch.library._loaded", {})
     monkeypatch.setattr("cosim.batch.library.ObjectCache.of_user", lambda _: ObjectCache(tmp_path))
     monkeypatch.setattr("build_fmus.compile._CPP_FLAGS", ("-no-such-option",))
     with System(allow_unconnected=True) as system:
