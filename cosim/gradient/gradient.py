@@ -250,7 +250,8 @@ class GradientRun:
             sample, variable, parameter = bad[0]
             raise GradientError(
                 f"the derivative of {recording.names[variable]} by {self.by[parameter]} is not finite at"
-                f" t = {recording.time[sample]:.9g} s: a root, a quotient or a norm has no slope there"
+                f" t = {recording.time[sample]:.9g} s: a root, a quotient or a norm has no slope there, or a quadratic"
+                " program was not solved"
             )
 
 

@@ -1,8 +1,8 @@
 /* Quadratic programs of a component with derivatives (qp.h): values as qp.c finds them, derivatives of a solution from
  * its optimality conditions at the rows that are active there, those with a multiplier:
  *     H dz + A' dy = -dq,   A dz = db,   dy = 0 for all other rows.
- * Where active rows depend on each other the solution has no derivative, which is then NaN. Which rows are active is a
- * side taken (tangents.h). */
+ * Where active rows depend on each other, and where the solver has stopped at its limit of iterations, there is no
+ * derivative: it is NaN. Which rows are active is a side taken (tangents.h). */
 #include "qp_model.h"
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */
@@ -65,7 +65,7 @@ static void differentiate(const Qp *qp, lanes *data, lanes *solution, double *a)
     for (int i = 0; i < m; i++) active += y[i].v != 0.0;
     const int size = n + active;
     const size_t width = (size_t)size + TANGENTS;
-    int solved = active <= n;
+    int solved = solution[n + m].v == QP_SOLVED && active <= n;
     if (solved) {
         memset(a, 0, (size_t)size * width * sizeof *a);
         for (int j = 0; j < n; j++) {
