@@ -9,7 +9,7 @@ order allows.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from build_fmus.base import extras
@@ -96,19 +96,18 @@ def _uses(graph: Graph, n: int, guard: frozenset[Branch]) -> Iterator[tuple[int,
         yield value, guard | {branch}
 
 
-def depths(graph: Graph, needed: Iterable[int], known: Collection[int]) -> dict[int, int]:
-    """Calls of functions on the longest way to each node that is `needed`; what is `known` has none before it."""
-    found: dict[int, int] = {}
-    for n in sorted(needed):
-        before = max((found[a] for a in graph.nodes[n].arguments), default=0) if n not in known else 0
-        found[n] = before + (n not in known and is_call(graph, n))
-    return found
-
-
-def is_call(graph: Graph, n: int) -> bool:
-    """Whether a node calls a function of the mathematical library."""
-    node = graph.nodes[n]
-    return bool(node.arguments) and _cost(node.operation) == _FUNCTION
+def calls(graph: Graph, needed: Iterable[int]) -> tuple[dict[int, int], set[int]]:
+    """For each node the calls of functions on the longest way to it, and the calls that others wait for."""
+    order = sorted(needed)
+    calling = {n for n in order if graph.nodes[n].arguments and _cost(graph.nodes[n].operation) == _FUNCTION}
+    depths: dict[int, int] = {}
+    for n in order:
+        depths[n] = max((depths.get(a, 0) for a in graph.nodes[n].arguments), default=0) + (n in calling)
+    awaited: set[int] = set()
+    for n in reversed(order):
+        if n in calling or n in awaited:
+            awaited.update(graph.nodes[n].arguments)
+    return depths, calling & awaited
 
 
 def _cost(operation: int) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.escape import c_comment
-from build_fmus.equations.branches import Block, Branch, Guard, arranged, depths, guards, homes, is_call
+from build_fmus.equations.branches import Block, Branch, Guard, arranged, calls, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
 from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
@@ -178,7 +178,7 @@ class Statements:
         self._live: set[int] = set()  # all nodes that are needed
         self._guards: dict[int, Guard] = {}
         self._depths: dict[int, int] = {}
-        self._own_lines: set[int] = set()  # nodes under other conditions than what uses them, conditions, calls
+        self._own_lines: set[int] = set()  # nodes under other conditions than what uses them, conditions, awaited calls
         self._storage: dict[int, str] = {}  # work arrays that operations own
         self.work = 0  # numbers of work arrays
 
@@ -216,8 +216,8 @@ class Statements:
             for n in computed:
                 operands = self.graph.nodes[n].arguments
                 self._own_lines.update(a for a in operands if self._guards.get(a, ()) != self._guards.get(n, ()))
-            self._own_lines.update(n for n in computed if is_call(self.graph, n))
-            self._depths = depths(self.graph, self._live, self._known)
+            self._depths, awaited = calls(self.graph, computed)
+            self._own_lines |= awaited
 
     def _count_uses(self, roots: Iterable[int]) -> None:
         roots = list(roots)
@@ -589,6 +589,10 @@ class Statements:
         Calls of functions that do not wait for each other stand close together: a processor carries them out at the
         same time as far as it looks ahead. A number that is read outside of its block is declared before it.
         """
+        depths: dict[str, float] = {}
+        for line in self._lines:
+            line.depth = max([line.depth, *(depths[r] for r in line.reads if r in depths)])
+            depths[line.writes] = line.depth
         self._lines.sort(key=lambda line: line.depth)
         place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
         needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]
