@@ -169,14 +169,16 @@ def over_the_road(motion: RideMotion) -> RideMotion:
     def less(by_position: np.ndarray, by_height: np.ndarray) -> np.ndarray:
         return np.asarray(by_height - (by_position @ moved + by_height @ wheels) @ flat)
 
-    inputs = less(motion.stiffness, np.column_stack([motion.inputs[n] for n in heights]))
+    def named(columns: np.ndarray) -> dict[str, Any]:
+        return dict(zip(heights, columns.T, strict=True))
+
+    inputs = named(less(motion.stiffness, np.column_stack([motion.inputs[n] for n in heights])))
     seen = {
-        name: (position, rate, {**given, **dict(zip(heights, less(position, np.array([given[n] for n in heights])), strict=True))})
+        name: (position, rate, {**given, **named(less(position, np.array([given[n] for n in heights])))})
         for name, (position, rate, given) in motion.seen.items()
         if name.startswith("seat")
     }
-    by_height = dict(zip(heights, inputs.T, strict=True))
-    return replace(motion, inputs={**motion.inputs, **by_height}, seen={**motion.seen, **seen})
+    return replace(motion, inputs={**motion.inputs, **inputs}, seen={**motion.seen, **seen})
 
 
 def linear_values(vehicle: WishboneCar | FullCar) -> dict[str, float]:

@@ -215,7 +215,8 @@ class MagicFormula:
         tilt = (1 if old else p.LKZC) * gamma
         curved = 0 if old else tilt * size
         tilt *= 1 + p.PPZ2 * p.dpi
-        most = [p.LRES * a + tilt * b + curved * c for a, b, c in ((p.QDZ6, p.QDZ8, p.QDZ10), (p.QDZ7, p.QDZ9, p.QDZ11))]
+        by_load = (p.QDZ6, p.QDZ8, p.QDZ10), (p.QDZ7, p.QDZ9, p.QDZ11)
+        most = [p.LRES * upright + tilt * leaning + curved * more for upright, leaning, more in by_load]
         residual_slope = p.QBZ9 * (p.LKY / p.LMUY) + p.QBZ10 * lateral.shape * lateral.slope
         residual = s.load * _by_load(s, p.UNLOADED_RADIUS * p.LMUY, *most) * _cos_atan(residual_slope * ar)
         lever = _by_load(s, 1, p.SSZ1 + p.SSZ3 * gamma, p.SSZ4 * gamma) + p.SSZ2 * p.per_nominal * fy
