@@ -96,6 +96,20 @@ def _uses(graph: Graph, n: int, guard: frozenset[Branch]) -> Iterator[tuple[int,
         yield value, guard | {branch}
 
 
+def calls(graph: Graph, needed: Iterable[int]) -> tuple[dict[int, int], set[int]]:
+    """For each node the calls of functions on the longest way to it, and the calls that others wait for."""
+    order = sorted(needed)
+    calling = {n for n in order if graph.nodes[n].arguments and _cost(graph.nodes[n].operation) == _FUNCTION}
+    depths: dict[int, int] = {}
+    for n in order:
+        depths[n] = max((depths.get(a, 0) for a in graph.nodes[n].arguments), default=0) + (n in calling)
+    awaited: set[int] = set()
+    for n in reversed(order):
+        if n in calling or n in awaited:
+            awaited.update(graph.nodes[n].arguments)
+    return depths, calling & awaited
+
+
 def _cost(operation: int) -> float:
     return 1.0 if operation in _CHEAP else _COSTS.get(operation, _FUNCTION)
 

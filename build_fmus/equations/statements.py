@@ -8,6 +8,7 @@ value of a choice needs stands under its condition (`branches`).
 from __future__ import annotations
 
 import heapq
+import math
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +19,7 @@ import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.escape import c_comment
-from build_fmus.equations.branches import Block, Branch, Guard, arranged, guards, homes
+from build_fmus.equations.branches import Block, Branch, Guard, arranged, calls, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
 from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
@@ -140,6 +141,7 @@ class _Line:
     reads: frozenset[str] = frozenset()
     kind: str = ""
     guard: Guard = ()
+    depth: float = math.inf  # calls of functions on the longest way to it; results stand behind all of these lines
 
 
 class Statements:
@@ -175,7 +177,8 @@ class Statements:
         self._count = 0
         self._live: set[int] = set()  # all nodes that are needed
         self._guards: dict[int, Guard] = {}
-        self._own_lines: set[int] = set()  # nodes that need one because they stand under other conditions, or are one
+        self._depths: dict[int, int] = {}
+        self._own_lines: set[int] = set()  # nodes under other conditions than what uses them, conditions, awaited calls
         self._storage: dict[int, str] = {}  # work arrays that operations own
         self.work = 0  # numbers of work arrays
 
@@ -209,9 +212,12 @@ class Statements:
         for guard in self._guards.values():
             self._own_lines.update(condition for condition, _ in guard)
         if self._guards:
-            for n in self._live.difference(self._known):
+            computed = self._live.difference(self._known)
+            for n in computed:
                 operands = self.graph.nodes[n].arguments
                 self._own_lines.update(a for a in operands if self._guards.get(a, ()) != self._guards.get(n, ()))
+            self._depths, awaited = calls(self.graph, computed)
+            self._own_lines |= awaited
 
     def _count_uses(self, roots: Iterable[int]) -> None:
         roots = list(roots)
@@ -289,7 +295,8 @@ class Statements:
             kind = "condition" if text.logical else "real"
             reads = value.reads.union(*(self._values[c].reads for c, _ in guard))
             lines = [*self._explanation(n), f"{name} = {(text if text.logical else text.real).code};"]
-            self._lines.append(_Line(lines, writes=name, reads=reads, kind=kind, guard=guard))
+            depth = self._depths.get(n, 0)
+            self._lines.append(_Line(lines, writes=name, reads=reads, kind=kind, guard=guard, depth=depth))
             return Value(lambda _: Text(name, ATOM, text.logical), len(name), reads=frozenset((name,)), plain=True)
         storage = self._begin(n, node.size)
         self._loop(f"{storage}[i]", node.size, value, storage)
@@ -579,8 +586,14 @@ class Statements:
     def _in_branches(self) -> list[str]:
         """All lines, those under conditions in blocks.
 
-        A number that is read outside of its block is declared before it.
+        Calls of functions that do not wait for each other stand close together: a processor carries them out at the
+        same time as far as it looks ahead. A number that is read outside of its block is declared before it.
         """
+        depths: dict[str, float] = {}
+        for line in self._lines:
+            line.depth = max([line.depth, *(depths[r] for r in line.reads if r in depths)])
+            depths[line.writes] = line.depth
+        self._lines.sort(key=lambda line: line.depth)
         place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
         needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]
         items = arranged([line.guard for line in self._lines], needs)

@@ -54,3 +54,8 @@ class Corners(list[Corner]):
     def all(self, name: str) -> list[Any]:
         """An attribute of all corners."""
         return [getattr(k, name) for k in self]
+
+    def paired(self, name: str) -> Any:
+        """Sum of an attribute over the corners, left and right first: bit-identical where these are exchanged."""
+        of = self.all(name)
+        return sum(left + right for left, right in zip(of[::2], of[1::2], strict=True))

@@ -132,9 +132,6 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ------------------------------------------------------------------------------------ forces, corner by corner
 
-    body_force = -p.body.mass * g * up
-    body_moment = ca.SX.zeros(3)  # about the CG, road axes
-    applied: Any = 0.0  # torque of all wheels
     for k in corners:
         # Points of the body: where the strut acts, beside the hub, and above the contact patch. The strut acts at CG
         # height, which leaves the weight no lever arm when the body pitches.
@@ -196,7 +193,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         torque = ca.fmax(0, limited) * _eased(k.slip_x) + ca.fmin(0, limited) * _eased(-k.slip_x)
         torque = ca.if_else(controls.drives, k.pedals, torque)
         c.value(f"wheel_torque_{k}", torque, source="of the pedals, or reduced where it makes the wheel slip")
-        applied += torque
+        k.torque = torque
         k.spin_torque = torque - drive * p.wheel.radius + ground.my
 
         # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
@@ -205,11 +202,24 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         at_patch = corner * sideways
         push = strut - of_rigid(ca.dot(at_hub + at_patch, turn[:, 2]))  # along a guide that leans
         k.wheel_force = k.load - push - p.wheel.mass * g
-        body_force += push * up + at_hub + at_patch
-        body_moment += ca.cross(top, push * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
-        body_moment += of_rigid(ca.cross(hub - top, push * up) + ca.cross(patch - hub, k.load * up))
-        body_moment -= torque * turn[:, 1]
-        body_moment += ground.mx * forward + ground.mz * up
+        k.on_body = push * up + at_hub + at_patch
+        k.turning = [
+            ca.cross(top, push * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch),
+            of_rigid(ca.cross(hub - top, push * up) + ca.cross(patch - hub, k.load * up)),
+            -(torque * turn[:, 1]),
+            ground.mx * forward + ground.mz * up,
+        ]
+        k.moment = sum(k.turning)
+    # Sums: corner after corner, or left and right of an axle first, which has the same bits in a mirror. The former are
+    # older than the latter, and keep the bits of the friction ellipse.
+    weight = -p.body.mass * g * up
+    of_pairs = (weight + corners.paired("on_body"), corners.paired("moment"))
+    applied = corners.paired("torque") if tire else sum(corners.all("torque"))  # torque of all wheels
+    if tire:
+        body_force, body_moment = of_pairs
+    else:
+        body_force = sum(corners.all("on_body"), weight)
+        body_moment = sum((part for k in corners for part in k.turning), ca.SX.zeros(3))
     c.value("body_force", body_force, source="all forces on the body, road axes")
     c.value("body_moment", body_moment, source="about the CG, road axes: struts, tires, reaction of the wheel torques")
 
@@ -221,7 +231,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     inertia = ca.vertcat(p.body.roll_inertia, p.body.pitch_inertia, p.body.yaw_inertia + wheels_yaw_inertia)
     c.value("inertia", inertia)
     angular = (turn.T @ body_moment - ca.cross(omega_body, inertia * omega_body)) / inertia  # Euler, principal axes
-    exact = _with_wheels(p, corners, turn, omega_body, inertia, total_mass, body_force, body_moment)
+    exact = _with_wheels(p, corners, turn, omega_body, inertia, total_mass, *of_pairs)
     angular, acceleration = (
         ca.if_else(rigid > 0.5, new, old) for new, old in zip(exact, (angular, acceleration), strict=True)
     )
@@ -303,7 +313,7 @@ def _with_wheels(
     product = -apart * ahead * drop
     tensor = ca.vertcat(ca.horzcat(roll, 0, product), ca.horzcat(0, pitch, 0), ca.horzcat(product, 0, yaw))
     across = ca.vertcat(force[0], force[1], 0)
-    spins = ca.vertcat(0, p.wheel.spin_inertia * sum(corners.all("spin")), 0)
+    spins = ca.vertcat(0, p.wheel.spin_inertia * corners.paired("spin"), 0)
     turning = turn.T @ moment - ca.cross(center, turn.T @ across) - ca.cross(rates, tensor @ rates + spins)
     least = roll * yaw - product**2
     angular = ca.vertcat(

@@ -19,7 +19,7 @@ derivative at rest.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -153,6 +153,34 @@ def _outputs_at_rest(car: Model, values: Mapping[str, float], outputs: Sequence[
     return {n: float(places[n]) for n in outputs}
 
 
+def over_the_road(motion: RideMotion) -> RideMotion:
+    """The same car where its weight leans out of the plane of the road below, not out of the vertical.
+
+    On a level road this is one thing. On others, deflections and velocities alone determine the motion, as controllers
+    need that know nothing else: moving car and road together as one plane, d = (height, roll, pitch), changes nothing.
+    `motion` has the deflections of the suspensions among its outputs.
+    """
+    rows = np.vstack([motion.seen[f"suspension.{k}.deflection"][0] for k in CORNERS])
+    wheels = -np.linalg.solve(rows[:, 3:], rows[:, :3])  # heights of wheels and road per d, (4, 3)
+    moved = np.vstack([np.eye(3), wheels])
+    flat = np.linalg.solve(wheels.T @ wheels, wheels.T)  # d of the plane nearest to four heights
+    heights = [f"road.{k}.height" for k in CORNERS]
+
+    def less(by_position: np.ndarray, by_height: np.ndarray) -> np.ndarray:
+        return np.asarray(by_height - (by_position @ moved + by_height @ wheels) @ flat)
+
+    def named(columns: np.ndarray) -> dict[str, Any]:
+        return dict(zip(heights, columns.T, strict=True))
+
+    inputs = named(less(motion.stiffness, np.column_stack([motion.inputs[n] for n in heights])))
+    seen = {
+        name: (position, rate, {**given, **named(less(position, np.array([given[n] for n in heights])))})
+        for name, (position, rate, given) in motion.seen.items()
+        if name.startswith("seat")
+    }
+    return replace(motion, inputs={**motion.inputs, **inputs}, seen={**motion.seen, **seen})
+
+
 def linear_values(vehicle: WishboneCar | FullCar) -> dict[str, float]:
     """Parameters with which the car of a file has a linear model at rest.
 
@@ -182,11 +210,16 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 
 @component("RideCar{v}", "linear 7-DOF ride car of that car near rest, by its own derivatives", of="hmmwv_public")
 def linear_ride_car(
-    vehicle: WishboneCar | FullCar, name: str = "RideCarHmmwvPublic", parameters: Mapping[str, float] | None = None
+    vehicle: WishboneCar | FullCar,
+    name: str = "RideCarHmmwvPublic",
+    parameters: Mapping[str, float] | None = None,
+    *,
+    plane: bool = False,
 ) -> Component:
     """Ride car with seven degrees of freedom, linearized near rest.
 
-    Its matrices are those of `wishbone_car` or `full_car` near rest, with other values of `parameters` by name.
+    Its matrices are those of `wishbone_car` or `full_car` near rest, with other values of `parameters` by name; with
+    `plane` those `over_the_road`.
     Inputs, states and outputs are those of `fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
     shown = (
@@ -197,6 +230,7 @@ def linear_ride_car(
     )
     car = full_car(vehicle, name) if isinstance(vehicle, FullCar) else wishbone_car(vehicle, name)
     motion = ride_motion(car.model(), {**(parameters or {}), **linear_values(vehicle)}, shown)
+    motion = over_the_road(motion) if plane else motion
     c = Component(
         name,
         kind="continuous",

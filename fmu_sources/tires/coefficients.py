@@ -253,9 +253,20 @@ ONLY = {
 
 POSITIVE = (
     *("FNOMIN", "UNLOADED_RADIUS", "LONGVL", "INFLPRES", "NOMPRES", "LONGITUDINAL_STIFFNESS", "LATERAL_STIFFNESS"),
-    *("LFZO", "LMUX", "LMUY", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"),
+    *("LFZO", "LMUX", "LMUY", "LCX", "LCY", "LKX", "LKY", "LIP", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2", "PKY4"),
 )
 """Coefficients that must be above 0."""
+
+TYPICAL = {
+    "UNLOADED_RADIUS": (0.05, 5.0),
+    "FNOMIN": (10.0, 1e6),
+    "LONGVL": (0.1, 200.0),
+    **dict.fromkeys(("INFLPRES", "NOMPRES"), (1e4, 5e6)),
+    **dict.fromkeys(("PDX1", "PDY1"), (0.0, 10.0)),
+}
+"""Least and largest size of what is not 0; beyond it a file has other units."""
+LARGEST = 1e6
+"""Size that no coefficient without a unit reaches."""
 
 EXPONENTS = ("PKX3", "PTX3", "QSY7", "QSY8")
 """Coefficients in exponents, whose size is at most `LARGEST_EXPONENT`."""

@@ -86,7 +86,9 @@ class MagicFormula:
         self._old, self._side = tire.version == 5, tire.side
         self._by_carcass = tuple(not tire.values[f"PT{axis}1"] for axis in "XY")
         constants = {name: value for name, (value, _, _) in _CONSTANTS.items()}
-        self._p = SimpleNamespace(**{**constants, **tire.values, **(symbols or {})})
+        self._p = p = SimpleNamespace(**{**constants, **tire.values, **(symbols or {})})
+        p.nominal, p.dpi = p.LFZO * p.FNOMIN, p.LIP * p.INFLPRES / p.NOMPRES - 1
+        p.per_nominal = 1 / p.LFZO / p.FNOMIN
 
     def forces(self, load: Any, slip: Any, slip_angle: Any, inclination: Any, speed: Any, side: int = 1) -> Forces:
         """Forces and moments.
@@ -100,20 +102,17 @@ class MagicFormula:
             side: of the car on which the tire is, 1 left, -1 right; where it was not measured it is mirrored.
         """
         p, side = self._p, side * self._side
-        nominal = p.LFZO * p.FNOMIN
-        known = ca.fmax(ca.fmax(load, p.FZMIN), LEAST_LOAD * nominal)
+        known = ca.fmax(ca.fmax(load, p.FZMIN), LEAST_LOAD * p.nominal)
         known = ca.fmin(known, p.FZMAX)
-        s = SimpleNamespace(load=known, nominal=nominal, ratio=known * (1 / nominal))
+        s = SimpleNamespace(load=known, ratio=known * p.per_nominal)
         s.dfz = s.ratio - 1
-        s.dpi = p.LIP * p.INFLPRES / p.NOMPRES - 1
         s.kappa = _within(slip, p.KPUMIN, p.KPUMAX)
         s.tan = side * _within(slip_angle, ca.tan(p.ALPMIN), ca.tan(p.ALPMAX))
         s.alpha = ca.atan(s.tan) if self._old else s.tan
-        s.cos = _cos_atan(s.tan)
         angle = _within(inclination, p.CAMMIN, p.CAMMAX)
         s.gamma = side * (angle if self._old else ca.sin(angle))
         pace = speed / p.slow
-        s.rolling = ca.if_else(ca.fabs(pace) < 20, ca.tanh(pace), ca.sign(pace))  # equal beyond, without a function
+        s.rolling = ca.if_else(ca.fabs(pace) < 20, 1 - 2 / (ca.exp(2 * pace) + 1), ca.sign(pace))  # tanh
         self._longitudinal(s)
         lateral = self._lateral(s, s.gamma)
         fy = lateral.weight * lateral.pure + lateral.induced
@@ -137,23 +136,24 @@ class MagicFormula:
         rubber does. It fades out with the speed, so that a rolling tire has none of it.
         """
         p = self._p
-        pace = ca.fabs(speed / p.parking_speed)
-        fade = ca.if_else(pace < 1, (1 + ca.cos(ca.pi * pace)) / 2, 0)
-        rate = p.parking_damping * load / (p.LFZO * p.FNOMIN) * fade
+        pace = ca.fabs(speed)
+        fade = ca.if_else(pace < p.parking_speed, (1 + ca.cos(ca.pi * pace / p.parking_speed)) / 2, 0)
+        rate = p.parking_damping * p.per_nominal * load * fade
         return replace(forces, fx=forces.fx - rate * sliding_x, fy=forces.fy - rate * sliding_y)
 
     def _longitudinal(self, s: Any) -> None:
         """Fx at combined slip [N], with its slip stiffness: (4.E9) to (4.E18), (4.E50) to (4.E57)."""
         p, gamma = self._p, s.gamma * (self._p.LGAX if self._old else 1)
-        shift = (p.PHX1 + p.PHX2 * s.dfz) * p.LHX
-        lift = s.load * (p.PVX1 + p.PVX2 * s.dfz) * p.LVX * p.LMUX
-        friction = (p.PDX1 + p.PDX2 * s.dfz) * (1 + p.PPX3 * s.dpi + p.PPX4 * s.dpi**2) * (1 - p.PDX3 * gamma**2)
-        peak, shape, x = friction * p.LMUX * s.load, p.PCX1 * p.LCX, s.kappa + shift
-        curvature = (p.PEX1 + p.PEX2 * s.dfz + p.PEX3 * s.dfz**2) * (1 - p.PEX4 * ca.sign(x)) * p.LEX
-        s.stiffness = s.load * (p.PKX1 + p.PKX2 * s.dfz) * ca.exp(p.PKX3 * s.dfz) * p.LKX
-        s.stiffness *= 1 + p.PPX1 * s.dpi + p.PPX2 * s.dpi**2
-        pure = peak * ca.sin(_phase(s.stiffness / (shape * peak), shape, curvature, x)) + lift
-        slope = (p.RBX1 + p.RBX3 * s.gamma**2) * _cos_atan(p.RBX2 * s.kappa) * p.LXAL
+        lift = s.load * _by_load(s, p.LVX * p.LMUX, p.PVX1, p.PVX2)
+        friction = _by_load(s, p.LMUX * (1 + p.PPX3 * p.dpi + p.PPX4 * p.dpi**2), p.PDX1, p.PDX2)
+        friction *= 1 - p.PDX3 * gamma**2
+        shape, x = p.PCX1 * p.LCX, s.kappa + _by_load(s, p.LHX, p.PHX1, p.PHX2)
+        curvature = _by_load(s, p.LEX, p.PEX1, p.PEX2, p.PEX3) * (1 - p.PEX4 * ca.sign(x))
+        stiffness = _by_load(s, p.LKX * (1 + p.PPX1 * p.dpi + p.PPX2 * p.dpi**2), p.PKX1, p.PKX2)
+        stiffness *= ca.exp(p.PKX3 * s.dfz)  # per load
+        s.stiffness = s.load * stiffness
+        pure = friction * s.load * ca.sin(_phase(stiffness / (shape * friction), shape, curvature, x)) + lift
+        slope = (p.RBX1 * p.LXAL + p.RBX3 * p.LXAL * s.gamma**2) * _cos_atan(p.RBX2 * s.kappa)
         s.fx = _weight(slope, p.RCX1, p.REX1 + p.REX2 * s.dfz, s.alpha, p.RHX1) * pure
 
     def _lateral(self, s: Any, gamma: Any) -> Any:
@@ -163,31 +163,34 @@ class MagicFormula:
         """
         p, of = self._p, SimpleNamespace()
         leaning = gamma * p.LGAY if self._old else gamma
-        of.friction = (p.PDY1 + p.PDY2 * s.dfz) * (1 + p.PPY3 * s.dpi + p.PPY4 * s.dpi**2) * p.LMUY
+        of.friction = _by_load(s, p.LMUY * (1 + p.PPY3 * p.dpi + p.PPY4 * p.dpi**2), p.PDY1, p.PDY2)
         of.friction *= 1 - p.PDY3 * leaning**2
         peak, shape = of.friction * s.load, p.PCY1 * p.LCY
-        top = (p.PKY2 + p.PKY5 * gamma**2) * (1 + p.PPY2 * s.dpi)
-        of.stiffness = p.PKY1 * s.nominal * (1 + p.PPY1 * s.dpi) * (1 - p.PKY3 * ca.fabs(leaning)) * p.LKY
-        of.stiffness *= ca.sin(p.PKY4 * ca.atan(s.ratio / top))
-        softness = 1 / of.stiffness  # quotients are dear
-        camber_lift = s.load * (p.PVY3 + p.PVY4 * s.dfz) * leaning * p.LMUY * (1 if self._old else p.LKYC)
-        of.lift = s.load * (p.PVY1 + p.PVY2 * s.dfz) * p.LVY * p.LMUY + camber_lift
+        # Load by that of the largest stiffness; sin(2 atan(x)) has no need of functions.
+        on_top = s.ratio * (1 / p.PKY2 / (1 + p.PPY2 * p.dpi)) / (1 + p.PKY5 / p.PKY2 * gamma**2)
+        bent = 2 * on_top / (1 + on_top**2) if self._old else ca.sin(p.PKY4 * ca.atan(on_top))
+        bent *= 1 - p.PKY3 * ca.fabs(leaning)
+        largest = p.PKY1 * p.nominal * (1 + p.PPY1 * p.dpi) * p.LKY
+        of.stiffness, of.softness = largest * bent, 1 / largest / bent
+        upright, tilt = p.LVY * p.LMUY, p.LMUY * (1 if self._old else p.LKYC)
+        by_tilt = [tilt * c * leaning for c in (p.PVY3, p.PVY4)]
+        of.lift = s.load * _by_load(s, 1, upright * p.PVY1 + by_tilt[0], upright * p.PVY2 + by_tilt[1])
         if self._old:
             camber_shift = p.PHY3 * leaning
         else:
-            camber = s.load * (p.PKY6 + p.PKY7 * s.dfz) * (1 + p.PPY5 * s.dpi) * p.LKYC
-            camber_shift = (camber * gamma - camber_lift) * softness
-        of.shift = (p.PHY1 + p.PHY2 * s.dfz) * p.LHY + camber_shift
+            tilt = (1 + p.PPY5 * p.dpi) * p.LKYC
+            camber = _by_load(s, 1, tilt * p.PKY6 * gamma - by_tilt[0], tilt * p.PKY7 * gamma - by_tilt[1])
+            camber_shift = s.load * camber * of.softness
+        of.shift = _by_load(s, p.LHY, p.PHY1, p.PHY2) + camber_shift
         x = s.alpha + of.shift
-        curvature = (p.PEY1 + p.PEY2 * s.dfz) * p.LEY
+        curvature = _by_load(s, p.LEY, p.PEY1, p.PEY2)
         curvature *= 1 + p.PEY5 * gamma**2 - (p.PEY3 + p.PEY4 * leaning) * ca.sign(x)
-        of.softness, of.slope, of.shape = softness, of.stiffness / (shape * peak), shape
+        of.slope, of.shape = of.stiffness / (shape * peak), shape
         of.pure = peak * ca.sin(_phase(of.slope, shape, curvature, x)) + of.lift
-        slope = (p.RBY1 + p.RBY4 * gamma**2) * _cos_atan(p.RBY2 * (s.alpha - p.RBY3)) * p.LYKA
+        slope = (p.RBY1 * p.LYKA + p.RBY4 * p.LYKA * gamma**2) * _cos_atan(p.RBY2 * (s.alpha - p.RBY3))
         of.weight = _weight(slope, p.RCY1, p.REY1 + p.REY2 * s.dfz, s.kappa, p.RHY1 + p.RHY2 * s.dfz)
-        most = peak * (p.RVY1 + p.RVY2 * s.dfz + p.RVY3 * gamma) * _cos_atan(p.RVY4 * s.alpha)
-        induced = most * ca.sin(p.RVY5 * ca.atan(p.RVY6 * s.kappa)) * p.LVYKA
-        of.induced = _unless_zero((p.RVY5, p.RVY6), induced)
+        most = peak * _by_load(s, p.LVYKA, p.RVY1 + p.RVY3 * gamma, p.RVY2) * _cos_atan(p.RVY4 * s.alpha)
+        of.induced = _unless_zero((p.RVY5, p.RVY6), most * ca.sin(p.RVY5 * ca.atan(p.RVY6 * s.kappa)))
         return of
 
     def _aligning(self, s: Any, lateral: Any, fy: Any) -> Any:
@@ -197,36 +200,38 @@ class MagicFormula:
         size = ca.fabs(gamma)
         # Slip angles that stand for the whole slip.
         by_slip = (s.stiffness * lateral.softness * s.kappa) ** 2
-        at = s.alpha + p.QHZ1 + p.QHZ2 * s.dfz + (p.QHZ3 + p.QHZ4 * s.dfz) * gamma
+        at = s.alpha + _by_load(s, 1, p.QHZ1 + p.QHZ3 * gamma, p.QHZ2 + p.QHZ4 * gamma)
         ar = s.alpha + lateral.shift + lateral.lift * lateral.softness
         at, ar = (ca.sign(x) * ca.sqrt(x**2 + by_slip + _TINY) for x in (at, ar))
         # Pneumatic trail.
-        slope = (p.QBZ1 + p.QBZ2 * s.dfz + p.QBZ3 * s.dfz**2) * p.LKY / p.LMUY
+        slope = _by_load(s, p.LKY / p.LMUY, p.QBZ1, p.QBZ2, p.QBZ3)
         slope *= 1 + p.QBZ4 * gamma + p.QBZ5 * size + p.QBZ6 * gamma**2  # files of 6.1 have QBZ4, the book QBZ6
-        peak = s.ratio * p.UNLOADED_RADIUS * (p.QDZ1 + p.QDZ2 * s.dfz) * (1 - p.PPZ1 * s.dpi) * p.LTR
-        peak *= (1 + p.QDZ3 * (gamma if old else size) + p.QDZ4 * gamma**2) * s.rolling
-        curvature = p.QEZ1 + p.QEZ2 * s.dfz + p.QEZ3 * s.dfz**2
-        curvature *= 1 + (p.QEZ4 + p.QEZ5 * gamma) * 2 / ca.pi * ca.atan(slope * p.QCZ1 * at)
-        trail = peak * ca.cos(_phase(slope, p.QCZ1, curvature, at)) * s.cos
+        peak = s.ratio * _by_load(s, p.UNLOADED_RADIUS * (1 - p.PPZ1 * p.dpi) * p.LTR, p.QDZ1, p.QDZ2)
+        peak *= 1 + p.QDZ3 * (gamma if old else size) + p.QDZ4 * gamma**2
+        curvature = _by_load(s, 1, p.QEZ1, p.QEZ2, p.QEZ3)
+        curvature *= 1 + 2 / ca.pi * (p.QEZ4 + p.QEZ5 * gamma) * ca.atan(p.QCZ1 * (slope * at))
+        trail = peak * ca.cos(_phase(slope, p.QCZ1, curvature, at))
         # What remains at no side force.
-        camber = (p.QDZ8 + p.QDZ9 * s.dfz) * (1 + p.PPZ2 * s.dpi) * gamma
-        if not old:
-            camber = (camber + (p.QDZ10 + p.QDZ11 * s.dfz) * gamma * size) * p.LKZC
-        most = s.load * p.UNLOADED_RADIUS * ((p.QDZ6 + p.QDZ7 * s.dfz) * p.LRES + camber) * p.LMUY * s.rolling
-        residual_slope = p.QBZ9 * p.LKY / p.LMUY + p.QBZ10 * lateral.slope * lateral.shape
-        residual = most * _cos_atan(residual_slope * ar) * s.cos
-        lever = p.SSZ1 + p.SSZ2 * (fy * (1 / s.nominal)) + (p.SSZ3 + p.SSZ4 * s.dfz) * gamma
+        tilt = (1 if old else p.LKZC) * gamma
+        curved = 0 if old else tilt * size
+        tilt *= 1 + p.PPZ2 * p.dpi
+        by_load = (p.QDZ6, p.QDZ8, p.QDZ10), (p.QDZ7, p.QDZ9, p.QDZ11)
+        most = [p.LRES * upright + tilt * leaning + curved * more for upright, leaning, more in by_load]
+        residual_slope = p.QBZ9 * (p.LKY / p.LMUY) + p.QBZ10 * lateral.shape * lateral.slope
+        residual = s.load * _by_load(s, p.UNLOADED_RADIUS * p.LMUY, *most) * _cos_atan(residual_slope * ar)
+        lever = _by_load(s, 1, p.SSZ1 + p.SSZ3 * gamma, p.SSZ4 * gamma) + p.SSZ2 * p.per_nominal * fy
         if old:
             on_trail = fy - lateral.induced
         else:
             upright = self._lateral(s, 0)  # the book takes the side force of an upright wheel
             on_trail = upright.weight * upright.pure
-        return residual - trail * on_trail + p.UNLOADED_RADIUS * lever * p.LS * s.fx
+        steered = (residual - trail * on_trail) * s.rolling * _cos_atan(s.tan)
+        return steered + p.UNLOADED_RADIUS * p.LS * lever * s.fx
 
     def _overturning(self, s: Any, fy: Any) -> Any:
         """Mx [N.m]: (4.E69)."""
-        p, side = self._p, fy * (1 / s.nominal)
-        shift, whole = p.QSX1 * p.LVMX, p.QSX3 * side - p.QSX2 * s.gamma * (1 + p.PPMX1 * s.dpi)
+        p, side = self._p, fy * self._p.per_nominal
+        shift, whole = p.QSX1 * p.LVMX, p.QSX3 * p.per_nominal * fy - p.QSX2 * (1 + p.PPMX1 * p.dpi) * s.gamma
         if self._old:
             return p.UNLOADED_RADIUS * s.load * (shift + p.LMX * whole)
         by_load = p.QSX4 * ca.cos(p.QSX5 * ca.atan(p.QSX6 * s.ratio) ** 2)
@@ -234,29 +239,36 @@ class MagicFormula:
         whole += _unless_zero((p.QSX4, p.QSX7, p.QSX8), by_both)
         by_load = p.QSX10 * ca.atan(p.QSX11 * s.ratio)
         whole += _unless_zero((p.QSX10, p.QSX11), by_load * s.gamma)
-        return p.UNLOADED_RADIUS * s.load * p.LMX * (shift + whole)
+        return p.UNLOADED_RADIUS * p.LMX * s.load * (shift + whole)
 
     def _rolling_resistance(self, s: Any, speed: Any) -> Any:
         """My [N.m], against the rolling: (4.E70)."""
-        p, pace, load = self._p, ca.fabs(speed / self._p.LONGVL), s.ratio
-        whole = p.QSY1 + p.QSY2 * s.fx * (1 / s.nominal) + p.QSY3 * pace + p.QSY4 * pace**4
-        whole += (p.QSY5 + p.QSY6 * load) * s.gamma**2
-        by_load = load**p.QSY7 * (1 + s.dpi) ** p.QSY8
-        return -s.load * p.UNLOADED_RADIUS * p.LMY * whole * s.rolling * by_load
+        p = self._p
+        whole = p.QSY1 + p.QSY2 * p.per_nominal * s.fx
+        whole += p.QSY3 / p.LONGVL * ca.fabs(speed) + p.QSY4 / p.LONGVL**4 * speed**4
+        whole += p.QSY5 * s.gamma**2 + s.ratio * (p.QSY6 * s.gamma**2)
+        scale = p.UNLOADED_RADIUS * p.LMY * (1 + p.dpi) ** p.QSY8
+        return -scale * s.load * whole * s.rolling * s.ratio**p.QSY7
 
     def _relaxation(self, s: Any, lateral: Any) -> tuple[Any, Any]:
         """Relaxation lengths [m]: by PTX and PTY (5.2), or slip stiffness by stiffness of the carcass (6.1)."""
         p = self._p
         if not self._by_carcass[0]:
-            x = s.ratio * (p.PTX1 + p.PTX2 * s.dfz) * ca.exp(p.PTX3 * s.dfz) * p.UNLOADED_RADIUS
+            x = s.ratio * _by_load(s, p.UNLOADED_RADIUS * p.LSGKP, p.PTX1, p.PTX2) * ca.exp(p.PTX3 * s.dfz)
         else:
-            x = s.stiffness / p.LONGITUDINAL_STIFFNESS
+            x = s.stiffness * (p.LSGKP / p.LONGITUDINAL_STIFFNESS)
         if not self._by_carcass[1]:
-            y = p.PTY1 * ca.sin(2 * ca.atan(s.ratio / p.PTY2)) * p.UNLOADED_RADIUS * p.LFZO
+            on_top = s.ratio / p.PTY2  # sin(2 atan(on_top)) follows
+            y = p.PTY1 * p.UNLOADED_RADIUS * p.LFZO * p.LSGAL * (2 * on_top / (1 + on_top**2))
             y *= 1 - p.PKY3 * ca.fabs(s.gamma)
         else:
-            y = ca.fabs(lateral.stiffness) / p.LATERAL_STIFFNESS
-        return ca.fmax(p.least_relaxation, x * p.LSGKP), ca.fmax(p.least_relaxation, y * p.LSGAL)
+            y = ca.fabs(lateral.stiffness) * (p.LSGAL / p.LATERAL_STIFFNESS)
+        return ca.fmax(p.least_relaxation, x), ca.fmax(p.least_relaxation, y)
+
+
+def _by_load(s: Any, scale: Any, at_nominal: Any, with_load: Any = 0, with_square: Any = 0) -> Any:
+    """A scaled polynomial of the load; what parameters alone give is computed when they change."""
+    return scale * at_nominal + s.dfz * (scale * with_load + s.dfz * (scale * with_square))
 
 
 def _within(value: Any, least: Any, most: Any) -> Any:
@@ -272,7 +284,7 @@ def _phase(slope: Any, shape: Any, curvature: Any, x: Any) -> Any:
 def _weight(slope: Any, shape: Any, curvature: Any, x: Any, shift: Any) -> Any:
     """What a slip leaves of the force across it, never negative."""
     of_slip, without = (ca.cos(_phase(slope, shape, curvature, v)) for v in (x + shift, shift))
-    return ca.fmax(0, of_slip / ca.if_else(shift == 0, 1, without))
+    return ca.fmax(0, ca.if_else(shift == 0, of_slip, of_slip / without))
 
 
 def _unless_zero(coefficients: tuple[Any, ...], value: Any) -> Any:

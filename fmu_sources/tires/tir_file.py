@@ -1,7 +1,7 @@
 """Read a tire property file (`.tir`); every mistake in it becomes one sentence with the file, the line and the remedy.
 
-Magic Formula 5.2 (`FITTYP` 5, 51 or 52, and `PROPERTY_FILE_FORMAT = 'PAC2002'` or `'MF_05'`) and 6.1 (`FITTYP` 6, 60 or
-61; 62 with a warning) are read. SI units are needed, as vendors write them. What has no influence is warned of.
+Magic Formula 5.2 (`FITTYP` 5, 6, 21, 51 or 52, or `PROPERTY_FILE_FORMAT = 'PAC2002'` or `'MF_05'`) and 6.1 (`FITTYP`
+60 or 61; 62 with a warning) are read. SI units are needed, as vendors write them. What has no influence is warned of.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from fmu_sources.tires.coefficients import (
     COEFFICIENTS,
     EXPONENTS,
     FORCE_SECTIONS,
+    LARGEST,
     LARGEST_EXPONENT,
     LEFT_OUT,
     ONLY,
     OTHER_NAMES,
     POSITIVE,
+    TYPICAL,
 )
 
 _UNITS = {"LENGTH": ("meter", "m"), "FORCE": ("newton", "n"), "ANGLE": ("radians", "radian", "rad"),
           "MASS": ("kg",), "TIME": ("second", "s", "sec"), "PRESSURE": ("pascal", "pa")}  # fmt: skip
-_FIT_TYPES = {5: 5, 51: 5, 52: 5, 6: 6, 60: 6, 61: 6, 62: 6}
+_FIT_TYPES = {**dict.fromkeys((5, 6, 21, 51, 52), 5), **dict.fromkeys((60, 61, 62), 6)}  # 6 is older than 60
 _LARGEST_ANGLE = 1.5  # rad
 _RANGES = (("KPUMIN", "KPUMAX"), ("ALPMIN", "ALPMAX"), ("CAMMIN", "CAMMAX"))
 _FORMATS = {"PAC2002": 5, "MF_05": 5, "MF_52": 5, "MF05": 5, "MF52": 5, "MF_61": 6, "MF61": 6}
@@ -98,8 +100,16 @@ def read_tire(path: Path) -> Tire:
     if pressure:
         found = {"INFLPRES": pressure, "NOMPRES": pressure, **found}
     values = {n: found.get(n, c.default or 0.0) for n, c in COEFFICIENTS.items()}
+    _check_sizes(path, found)
     _limit(values)
     _check(path, values)
+    _warn_of_signs(path, found, values)
+    line, mode = entries.get(("MODEL", "USE_MODE"), (0, "4"))
+    if not re.fullmatch(r"\d*4(\.0*)?", _text(mode)):
+        _warn(
+            f"{path}:{line}: USE_MODE = {mode} has no influence: all forces and moments are computed, at combined slip"
+            " and with relaxation lengths, without turn slip"
+        )
     line, side = entries.get(("MODEL", "TYRESIDE"), (0, "LEFT"))
     sides = {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}
     if _text(side).upper() not in sides:
@@ -112,13 +122,15 @@ def _entries(path: Path) -> dict[tuple[str, str], tuple[int, str]]:
     try:
         if path.stat().st_size > _MOST:
             raise TireError(f"{path}: more than {_MOST // 1000} kB; this is no tire property file")
-        text = path.read_bytes().decode("utf-8", "replace")  # comments may be in any encoding
+        raw = path.read_bytes()
     except OSError as error:
         raise TireError(f"{path}: cannot be read: {error.strerror}") from None
+    wide = raw.startswith((b"\xff\xfe", b"\xfe\xff"))
+    text = raw.decode("utf-16" if wide else "utf-8-sig", "replace")  # comments may be in any encoding
     entries: dict[tuple[str, str], tuple[int, str]] = {}
     section = ""
-    for number, raw in enumerate(text.splitlines(), 1):
-        line = raw.split("$")[0].split("!")[0].strip()
+    for number, written in enumerate(text.splitlines(), 1):
+        line = written.split("$")[0].split("!")[0].strip()
         if line.startswith("["):
             section = line.strip("[]").strip().upper()
         elif entry := _ENTRY.fullmatch(line):
@@ -128,6 +140,8 @@ def _entries(path: Path) -> dict[tuple[str, str], tuple[int, str]]:
                     f"{path}:{number}: {key[1]} is given a second time, after line {entries[key][0]}; remove one"
                 )
             entries[key] = number, entry[2].strip()
+        elif line and section in FORCE_SECTIONS:
+            raise TireError(f"{path}:{number}: {line[:40]}: write it as NAME = VALUE")
     entries = {key: entry for key, entry in entries.items() if entry[1]}  # vendors leave open what is not known
     if not entries:
         raise TireError(f"{path}: no line has the form NAME = VALUE; this is no tire property file")
@@ -137,11 +151,11 @@ def _entries(path: Path) -> dict[tuple[str, str], tuple[int, str]]:
 def _version(path: Path, entries: Mapping[tuple[str, str], tuple[int, str]]) -> int:
     """Version of the Magic Formula."""
     if fit := entries.get(("MODEL", "FITTYP")):
-        value = _number(path, fit[0], "FITTYP", fit[1])
-        if value in _FIT_TYPES:
+        types = {str(n): n for n in _FIT_TYPES}
+        if value := types.get(re.sub(r"\.0*$", "", _text(fit[1]))):
             if value == 62:
                 _warn(f"{path}:{fit[0]}: FITTYP = 62: read as 6.1, 6.2 has another radius and overturning moment")
-            return _FIT_TYPES[int(value)]
+            return _FIT_TYPES[value]
         what = f"{path}:{fit[0]}: FITTYP = {fit[1]}"
     elif given := entries.get(("MODEL", "PROPERTY_FILE_FORMAT")):
         if (format_ := _text(given[1]).upper()) in _FORMATS:
@@ -149,7 +163,7 @@ def _version(path: Path, entries: Mapping[tuple[str, str], tuple[int, str]]) -> 
         what = f"{path}:{given[0]}: PROPERTY_FILE_FORMAT = {given[1]}"
     else:
         what = f"{path}: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]"
-    raise TireError(f"{what}: Magic Formula 5.2 (FITTYP 5, 51 or 52, PAC2002) and 6.1 (FITTYP 6, 60 to 62) are read")
+    raise TireError(f"{what}: Magic Formula 5.2 (FITTYP 5, 6, 21, 51, 52, PAC2002) and 6.1 (60 to 62) are read")
 
 
 def _text(given: str) -> str:
@@ -161,7 +175,7 @@ def _number(path: Path, line: int, name: str, given: str) -> float:
         value = float(_text(given))
     except ValueError:
         value = math.nan
-    if not math.isfinite(value) or abs(value) > 1e12:
+    if not math.isfinite(value):
         raise TireError(f"{path}:{line}: {name} = {given}: must be a finite number")
     return value
 
@@ -177,6 +191,34 @@ def _limit(values: dict[str, float]) -> None:
         values[most] = values[most] or -values[least]
     values["ALPMIN"] = max(values["ALPMIN"], -_LARGEST_ANGLE)
     values["ALPMAX"] = min(values["ALPMAX"], _LARGEST_ANGLE)
+
+
+def _check_sizes(path: Path, found: Mapping[str, float]) -> None:
+    """Refuse numbers that no tire has in SI units."""
+    for name, value in found.items():
+        known = COEFFICIENTS[name]
+        low, high = TYPICAL.get(name, (0.0, LARGEST if known.unit == "1" else 1e12))
+        if value and not low <= abs(value) <= high:
+            unit = "" if known.unit == "1" else f" {known.unit}"
+            raise TireError(
+                f"{path}: {name} = {value:g}{unit}: its size must be {low:g} to {high:g}; SI units are needed"
+            )
+
+
+def _warn_of_signs(path: Path, found: Mapping[str, float], v: Mapping[str, float]) -> None:
+    """Stiffness and friction that change their sign at a load for which the file was made."""
+    nominal = v["LFZO"] * v["FNOMIN"]
+    for load in (v[n] for n in ("FZMIN", "FZMAX") if n in found):
+        dfz = load / nominal - 1
+        signs = {
+            "PKX1 + PKX2 dfz": v["PKX1"] + v["PKX2"] * dfz,
+            "PDX1 + PDX2 dfz": v["PDX1"] + v["PDX2"] * dfz,
+            "(PDY1 + PDY2 dfz) / PDY1": 1 + v["PDY2"] * dfz / v["PDY1"],
+            "sin(PKY4 atan(load / (PKY2 FNOMIN)))": math.sin(v["PKY4"] * math.atan(load / nominal / v["PKY2"])),
+        }
+        for name, value in signs.items():
+            if value <= 0 < load:
+                _warn(f"{path}: {name} = {value:g} at the load {load:g} N: forces there have the wrong sign")
 
 
 def _check(path: Path, values: Mapping[str, float]) -> None:

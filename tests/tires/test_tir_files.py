@@ -36,7 +36,7 @@ def test_as_vendors_write_them(tmp_path):
     assert tire.side == -1
 
 
-@pytest.mark.parametrize(("fit", "version"), [("5", 5), ("51", 5), ("6", 6), ("61", 6)])
+@pytest.mark.parametrize(("fit", "version"), [("5", 5), ("6", 5), ("21", 5), ("51.0", 5), ("60", 6), ("61", 6)])
 def test_versions(tmp_path, fit, version):
     text = SEDAN.replace("FITTYP   = 52", f"FITTYP = {fit}")
     if version == 6:
@@ -44,6 +44,12 @@ def test_versions(tmp_path, fit, version):
             line for line in text.splitlines() if line.split(" ")[0] not in ("PHY3", "QBZ4", "LGAX", "LGAY", "LGAZ")
         )
     assert read_tire(file(tmp_path, text)).version == version
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be"])
+def test_encodings(tmp_path, encoding):
+    text = "\ufeff" + SEDAN if encoding == "utf-16-be" else SEDAN
+    assert read_tire(file(tmp_path, text.encode(encoding))) == read_tire(file(tmp_path, SEDAN))
 
 
 def test_pressure_that_is_not_given_has_no_influence(tmp_path):
@@ -60,7 +66,13 @@ def test_pressure_that_is_not_given_has_no_influence(tmp_path):
     (("PDX1 = 1.12", "PDX1 = -1"), "own.tir: PDX1 = -1: must be above 0"),
     (("PKY1 = -19.0", "PKY1 = 19"), "own.tir: PKY1 = 19, PDY1 = 1: PKY1 must be below 0"),
     (("'meter'", "'mm'"), "own.tir:7: LENGTH = 'mm': only SI units are read; export the file with meter"),
-    (("FITTYP   = 52", "FITTYP = 21"), "own.tir:13: FITTYP = 21: Magic Formula 5.2"),
+    (("FITTYP   = 52", "FITTYP = 63"), "own.tir:13: FITTYP = 63: Magic Formula 5.2"),
+    (("FITTYP   = 52", "FITTYP = 'PAC2002'"), "own.tir:13: FITTYP = 'PAC2002': Magic Formula 5.2"),
+    (("PDX1 = 1.12", "PDX1 = 1e11"), "own.tir: PDX1 = 1e+11: its size must be 0 to 10; SI units are needed"),
+    (("PEX1 = ", "PEX1 = 1e300 $ "), "own.tir: PEX1 = 1e+300: its size must be 0 to 1e+06; SI units are needed"),
+    (("UNLOADED_RADIUS = 0.3", "UNLOADED_RADIUS = 300.3"), "m: its size must be 0.05 to 5; SI units are needed"),
+    (("PDX2 =", "PDX2"), "write it as NAME = VALUE"),
+    (("LKY = 1", "LKY = 0"), "own.tir: LKY = 0: must be above 0"),
     (("FITTYP   = 52", "PROPERTY_FILE_FORMAT = 'FIALA'"), "own.tir:13: PROPERTY_FILE_FORMAT = 'FIALA': Magic"),
     (("FITTYP   = 52", ""), "own.tir: neither FITTYP nor PROPERTY_FILE_FORMAT in [MODEL]: Magic"),
     (("PKX3 = 0.2", "PKX3 = 200"), "own.tir: PKX3 = 200: an exponent of at most 20 is needed"),
@@ -79,6 +91,8 @@ def test_mistakes_have_a_sentence(tmp_path, change, sentence):
     (("PDX2", "PDXX2"), "own.tir:44: PDXX2 has no influence: no coefficient of [LONGITUDINAL_COEFFICIENTS] is"),
     (("FITTYP   = 52", "FITTYP = 61"), "PHY3 belongs to Magic Formula 5.2 and has no influence; see FITTYP"),
     (("FITTYP   = 52", "FITTYP = 62"), "own.tir:13: FITTYP = 62: read as 6.1"),
+    (("FITTYP   = 52", "FITTYP = 52\nUSE_MODE = -12"), "own.tir:14: USE_MODE = -12 has no influence: all forces"),
+    (("PDX2 = ", "PDX2 = -3 $ "), "own.tir: PDX1 + PDX2 dfz = -4.88 at the load 12000 N: forces there have the wrong"),
     (("PCX1 = 1.65", "PCX1 = 1.65\nPKY5 = 1"), "own.tir:43: PKY5 has no influence: no coefficient of [LONGITUDINAL"),
 ])  # fmt: skip
 def test_what_has_no_influence_is_warned_of(tmp_path, change, sentence):

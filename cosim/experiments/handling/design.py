@@ -15,16 +15,17 @@ from fmu_sources.controllers.mpc.hmmwv import mpc_hmmwv
 from fmu_sources.plants import full_car, linear_ride_car
 from fmu_sources.vehicles import load_full_car
 
+RIGID = "wheel.rigid_body"
+"""Parameter of cars of kind `full_car`: 1 in all runs of the study."""
 DESIGNED = {"hmmwv": "hmmwv", "modified": "hmmwv_modified"}
 """Cars that can be linearized -> vehicle files with their equations; the numbers are those of the FMU."""
 
 
 @cache
 def near_rest(car: str, file: Path) -> Component:
-    """The linear ride car of one of `DESIGNED`, with the parameters of its FMU, where `wheel.rigid_body` is 0.
+    """The linear ride car of one of `DESIGNED`, with the parameters of its FMU and `RIGID`, as the car is driven.
 
-    With 1, as the car is driven, roll and pitch accelerations depend on absolute heights, which the states of paper 001
-    do not have.
+    Then its weight leans out of the vertical; the states of paper 001 know the road below alone (`over_the_road`).
 
     Raises:
         CaseError: the FMU is of a car with other equations, such as tires by file.
@@ -36,8 +37,8 @@ def near_rest(car: str, file: Path) -> Component:
             f"{file.stem} has no parameter {missing[0]}, so no control law is designed on it: give"
             f" {surface.given(design='paper')}"
         )
-    values = {n: float(given[n].start) for n in names}  # type: ignore[arg-type]
-    return linear_ride_car(vehicle, f"RideCar{car.capitalize()}", values)
+    values = {**{n: float(given[n].start) for n in names}, RIGID: 1.0}  # type: ignore[arg-type]
+    return linear_ride_car(vehicle, f"RideCar{car.capitalize()}", values, plane=True)
 
 
 @cache

@@ -22,7 +22,7 @@ from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import Array, peak, rms
 from cosim.experiments.gpc import runs as gpc
-from cosim.experiments.handling.design import DESIGNED, designed_mpc, lqr_parameters
+from cosim.experiments.handling.design import DESIGNED, RIGID, designed_mpc, lqr_parameters
 from cosim.experiments.handling.metrics import (
     delay,
     follows_until,
@@ -73,7 +73,6 @@ FMUS = (
 )
 START = 1.0  # s, where open-loop manoeuvres begin
 KEEP, PEDALS, WHEEL = 0, 1, 2  # driver.mode of the cars
-RIGID = "wheel.rigid_body"
 
 
 @dataclass(frozen=True)
