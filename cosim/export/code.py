@@ -13,7 +13,7 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import TEXTS, Variable
+from cosim.core.description import RECORDABLE, TEXTS, Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR
 from cosim.engine.loops import RepeatedStep
@@ -26,7 +26,7 @@ from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.event_steps import steps_with_events
 from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, slots
-from cosim.system.components import Group, SystemComponent
+from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule, only_numbers
 from cosim.system.wiring import Wiring
 
@@ -81,7 +81,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
-    return only_numbers(schedule, what, "use other components") if page else schedule
+    return only_numbers(schedule, what, "use other components", parameters=True) if page else schedule
 
 
 @dataclass(frozen=True)
@@ -208,6 +208,7 @@ class SystemCode:
                 {"name": "time", "type": "FMU_FLOAT64", "role": "FMU_TIME", "slot": -1},
                 *map(self._variable, self.variables),
             ],
+            passed=[*map(self._passed, self.schedule.parameters)],
             a=a,
             d=d,
             n_values=self.plan.size,
@@ -284,6 +285,29 @@ class SystemCode:
             "tunable": e.tunable,
             "min": c_number(low),
             "max": c_number(high),
+        }
+
+    def _passed(self, c: Connection) -> dict[str, Any]:
+        """A parameter that another component calculates."""
+        if c.input.type not in RECORDABLE:
+            raise WiringError(
+                f"{c.source_name} -> {c.target_name} is a {c.input.fmi_type}, which the FMU of a system does not pass"
+                " on to parameters: set the parameter instead, and take this connection out"
+            )
+        ends = [
+            [
+                self.schedule.components.index(m),
+                _kind(self.parts[m].version, v.fmi_type),
+                v.reference,
+                v.size,
+                v.index,
+            ]
+            for m, v in ((c.source, c.output), (c.target, c.input))
+        ]
+        low, high = Exported(c.target, c.input, "parameter", None).limits
+        numbers = {"scale": c.scale, "offset": c.offset, "min": low, "max": high}
+        return {"name": c.target_name, "source": ends[0], "target": ends[1]} | {
+            k: c_number(x) for k, x in numbers.items()
         }
 
     def _owners(self) -> list[str]:

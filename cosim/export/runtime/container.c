@@ -56,6 +56,7 @@ struct FmuInstance {
     FmuBase base;
     State *state;
     double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
+    double *passed;                /* parameters that were passed on */
     Engine engine;
     EngineComponent *bound;
     Component *components;
@@ -146,6 +147,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n_derivatives() * sizeof(EngineDerivative)),
         aligned(n * sizeof(LastStep)),
         aligned(texts_room()),
+        aligned(P->n_passed * sizeof(double)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -185,6 +187,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .back = repeat, .context = self};
     self->repeated = part[20];
     self->texts = part[21];
+    self->passed = part[22];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -589,10 +592,42 @@ static FmuStatus not_solved(FmuInstance *self) {
         P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
 }
 
+/* Set parameters to those that other components calculate, until none changes: one may follow from another. */
+static FmuStatus pass_parameters(FmuInstance *self) {
+    double values[COMPONENT_LARGEST];
+    for (uint32_t round = 0; round <= P->n_passed; round++) {
+        bool changed = false;
+        for (uint32_t k = 0; k < P->n_passed; k++) {
+            const PlanPassed *p = &P->passed[k];
+            Component *from = &self->components[p->from.component], *to = &self->components[p->to.component];
+            uint32_t status = component_get(from, p->from.kind, p->from.reference, values, p->from.n);
+            if (status > fmi3Warning)
+                return component_failed(self, p->from.component, "getting a calculated parameter", status);
+            const double x = p->scale * values[p->from.index] + p->offset;
+            if (round && x == self->passed[k]) continue;
+            if (!(isfinite(x) && x >= p->min && x <= p->max)) {
+                self->state->mode = MODE_ERROR;
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is not a value that it may have", p->name, x);
+            }
+            changed = true;
+            self->passed[k] = x;
+            status = p->to.n > 1 ? component_get(to, p->to.kind, p->to.reference, values, p->to.n) : fmi3OK;
+            values[p->to.index] = x;
+            if (status <= fmi3Warning) status = component_set(to, p->to.kind, p->to.reference, values, p->to.n);
+            if (status > fmi3Warning) return component_failed(self, p->to.component, "setting a parameter", status);
+        }
+        if (!changed) return FMU_OK;
+    }
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR, "calculated parameters do not settle: some follow from each other");
+}
+
 /* Pass outputs to inputs until nothing changes any more. */
 static FmuStatus settle(FmuInstance *self) {
     State *s = self->state;
     if (s->settled) return FMU_OK;
+    const FmuStatus passed = pass_parameters(self);
+    if (passed != FMU_OK) return passed;
     const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
     if (result == ENGINE_CALL_FAILED) return call_failed(self, self->engine.component);
     if (result == ENGINE_NO_SOLUTION) return not_solved(self);

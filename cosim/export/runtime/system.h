@@ -82,6 +82,17 @@ typedef struct {
     double scale, shift;             /* outputs: shown as scale * value + shift */
 } PlanVariable;
 
+/* A parameter that another component calculates: in initialization `to` becomes scale * `from` + offset. */
+typedef struct {
+    const char *name;
+    struct {
+        int32_t component;
+        Kind kind;
+        uint32_t reference, n, index;   /* one of n elements */
+    } from, to;
+    double scale, offset, min, max;
+} PlanPassed;
+
 /* Calls with `exact`: bytes of memory that one needs; binding it, at first as if it were another one; bytes of the
  * value that was too long and those that it may have, 0 if none was. */
 typedef struct {
@@ -104,6 +115,8 @@ typedef struct {
     const char *const *owners;       /* of each value: "component.variable" */
     const PlanVariable *variables;
     int32_t n_variables;
+    const PlanPassed *passed;
+    uint32_t n_passed;
     bool can_save;
     void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
