@@ -456,7 +456,7 @@ class FmuComponent:
         self._exact.clear()
         self._sizes = sizes or {}
         if self._intermediate is not None:
-            self._intermediate.bind(inputs, self._sizes)
+            self._kept += self._intermediate.bind(inputs, self._sizes)
         del self._keep[self._kept_from_start :]  # buffers of the run before
         if self._events is not None:
             self._bound_step = self._do_step()
