@@ -7,13 +7,14 @@ them, they get their value at the time that it gives. All others keep what they 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cosim.core.component import Action
-from cosim.core.description import Variable
+from cosim.core.description import Description, Variable
 from cosim.core.errors import CallFailed, FmuWarning
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
@@ -21,6 +22,40 @@ from cosim.fmu.calls import Intermediate
 from cosim.fmu.isolation import IsolatedLibrary
 from cosim.fmu.model_exchange import Instance
 from cosim.fmu.transfers import by_reference, slots
+
+
+def followed(about: Description) -> list[Variable]:
+    """Inputs that may be set inside the steps of an FMU."""
+    return [v for v in about.inputs.values() if v.follows]
+
+
+@dataclass(frozen=True)
+class Following:
+    """One call that sets all inputs that follow: `references`, and `n` elements.
+
+    `driven`: numbers of inputs that are connected, each with its element; `free`: elements of the others.
+    """
+
+    references: list[int]
+    n: int
+    driven: list[tuple[int, int]]
+    free: dict[Variable, int]
+
+
+def following(inputs: Sequence[Variable], places: Mapping[int, Variable], extrapolated: Container[int]) -> Following:
+    """What follows of `inputs`, those with `intermediateUpdate`: arrays of which an element is extrapolated.
+
+    `places`: the inputs that are connected, by their numbers.
+    """
+    numbers = {v: i for i, v in places.items()}
+    found, at = Following([], 0, [], {}), 0
+    for reference, array in by_reference(inputs).items():
+        if any(numbers.get(v) in extrapolated for v in array):
+            found.references.append(reference)
+            found.driven.extend((numbers[v], at + v.index) for v in array if v in numbers)
+            found.free.update({v: at + v.index for v in array if v not in numbers})
+            at += array[0].size
+    return replace(found, n=at)
 
 
 class IntermediateUpdates:
@@ -101,20 +136,13 @@ class IntermediateUpdates:
             for i, slot in where.items():
                 if adaptive.published <= slot < adaptive.published + adaptive.n:
                     lines[i] = {"input": i, "now": slot - adaptive.published, "period": 1.0}
-        following = {v.reference for i, v in self._places.items() if v.follows and i in lines}
-        numbers = {v: i for i, v in self._places.items()}
-        chosen = [v for v in self._inputs if v.reference in following]
-        n, at, self._free = 0, 0, {}
-        for k, array in enumerate(by_reference(chosen).values()):
-            self._references[k] = array[0].reference
-            for v in array:
-                if (i := numbers.get(v)) is None:
-                    self._free[v] = at + v.index
-                else:
-                    self._lines[n] = lines.get(i, {"input": i, "now": where[i]})
-                    self._element[n], n = at + v.index, n + 1
-            at += array[0].size
-        steps.n_lines, steps.update.n, steps.update.n_references = n, at, len(following)
+        found = following(self._inputs, self._places, lines)
+        for k, reference in enumerate(found.references):
+            self._references[k] = reference
+        for n, (i, element) in enumerate(found.driven):
+            self._lines[n], self._element[n] = lines.get(i, {"input": i, "now": where[i]}), element
+        self._free = found.free
+        steps.n_lines, steps.update.n, steps.update.n_references = len(found.driven), found.n, len(found.references)
         self._line[:] = 0.0
         self._keep()
 

@@ -105,6 +105,58 @@ def test_other_inputs_have_the_value_of_the_middle(fmu: Path) -> None:
             assert value(system, "free") == pytest.approx(3.0 * 0.45)
 
 
+SHOWN = ("c.x", "c.y", "c.xs[1]", "c.xs[2]", "c.xs[3]", "c.energy", "c.asked", "b.x")
+
+
+def of_fmus(fmu: Path, kind: str = "follows") -> System:
+    """3 t of `a` follows in `b`, and the parabola of `b` in `c`, whose array has elements that are held and free."""
+    system = System(allow_unconnected=True)
+    system.add("a", fmu, step="0.05 s", start={"u": 3.0})
+    system.add("b", fmu, step="0.1 s")
+    system.add("c", fmu, step="0.1 s", parameters={"kind": following.KINDS.index(kind)}, start={"w[3]": 5.0})
+    system.connect("a.x", "b.u", extrapolate=True)
+    system.connect("b.x", "c.u", extrapolate=True, linear=(2.0, 1.0))
+    system.connect("b.x", "c.w[1]", extrapolate=True)
+    system.connect("a.x", "c.w[2]")
+    return system
+
+
+@pytest.mark.parametrize("divided", [False, True])
+def test_inputs_follow_in_exported_systems_with_the_same_bits(fmu: Path, tmp_path: Path, divided: bool) -> None:
+    """Also where the steps of the FMUs may end early; and after a state is restored."""
+    if divided:
+        early = b' mightReturnEarlyFromDoStep="true" providesIntermediateUpdate="true"'
+        fmu = making.redescribed(fmu, tmp_path / "Early.fmu", (b' providesIntermediateUpdate="true"', early))
+    with of_fmus(fmu) as system:
+        path = system.export_fmu(tmp_path / "Followers.fmu", outputs=[*SHOWN])
+        expected = system.run(1.0, record=[*SHOWN])
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step="0.1 s")
+        with system.initialize(record=[f"s.{n}" for n in SHOWN]) as simulation:
+            simulation.advance(0.5)
+            state = simulation.save()
+            simulation.advance(0.8)
+            simulation.restore(state)
+            simulation.advance(1.0)
+            found = simulation.recording
+    assert expected["c.asked"][-1] == 100
+    assert expected["c.xs[3]"][-1] == pytest.approx(5.0)
+    assert expected["b.x"][-1] == pytest.approx(1.5 - 0.015, abs=1e-12), "the first step does not know the slope"
+    for n in SHOWN:
+        assert np.array_equal(found[f"s.{n}"], expected[n][::2]), n
+
+
+def test_an_exported_system_names_the_component_that_asks_wrongly(fmu: Path, tmp_path: Path, refused) -> None:
+    def run_exported(kind: str) -> None:
+        with of_fmus(fmu, kind) as system:
+            path = system.export_fmu(tmp_path / f"{kind}.fmu")
+        with System(allow_unconnected=True) as system:
+            system.add("s", path, step="0.1 s")
+            system.run(0.2, record=[])
+
+    refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("late", "unsettable")))
+
+
 def test_units_are_converted_on_the_line(fmu: Path) -> None:
     with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
@@ -115,7 +167,7 @@ def test_units_are_converted_on_the_line(fmu: Path) -> None:
 
 
 def of_arrays(fmu: Path, **options: Any) -> Recording:
-    """`w[1]` follows t^2, `w[2]` holds 3 t, and nothing drives `w[3]`, which becomes 8 at 0.5 s; `u` follows t^2 too."""
+    """`w[1]` and `u` follow t^2, `w[2]` holds 3 t, and nothing drives `w[3]`, which becomes 8 at 0.5 s."""
     with System(allow_unconnected=True) as system:
         system.add("square", Parabola(), step="0.1 s")
         system.add("ramp", Ramp(), step="0.1 s")
@@ -164,7 +216,7 @@ def test_whole_arrays_follow_in_repeated_and_saved_runs(fmu: Path) -> None:
 
 
 def in_tolerance(path: Path, **options: bool) -> Recording:
-    """The same systems with a tolerance: `u` and `w[2]` of a ramp, `w[1]` of a discrete component, `w[3]` of nothing."""
+    """With a tolerance: `u` and `w[2]` follow a ramp, `w[1]` is of a discrete component, and nothing drives `w[3]`."""
     with System(allow_unconnected=True) as system:
         system.add("ramp", Ramp(), step="0.05 s")
         system.add("held", Steps(), step="0.25 s")

@@ -291,6 +291,8 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
+        m->follows = p->follows;
+        if (p->follows && !P->updates->make(m)) return fmu_fail(self, FMU_ERROR, "component '%s': no memory", p->name);
         if (!component_instantiate(m, p->name, p->token, own))
             return fmu_fail(self, FMU_ERROR, "component '%s' cannot be instantiated", p->name);
         const FmuStatus status = set_starts(self, i);
@@ -413,7 +415,7 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 /* ------------------------------------------------------------------ initialization */
 
 /* Calls and buffers of a component for the engine, as far as they do not change. */
-static void bind(FmuInstance *self) {
+static FmuStatus bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
     char *buffers = (char *)(u + P->n_u), *texts_at = self->texts;
@@ -453,6 +455,11 @@ static void bind(FmuInstance *self) {
         else e->step3 = (EngineStep3)m->f3->DoStep;
         const bool waits = m->exchange && m->exchange->bind;
         if (waits) m->exchange->bind(m, self->state->mode == MODE_STEP);
+        if (p->follows) {
+            const uint32_t status = P->updates->bind(m, e, self->values);
+            if (status > fmi3Warning) return component_failed(self, i, "getting inputs", status);
+            if (!m->exchange) e->step3 = m->step, e->stepped = m->updates;
+        }
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
             if (set) e->sets = t;
@@ -486,6 +493,7 @@ static void bind(FmuInstance *self) {
             if (m->version == 2) d->call2 = (EngineDerivative2)m->f2->GetDirectionalDerivative;
             else d->call3 = (EngineDerivative3)m->f3->GetDirectionalDerivative;
         }
+    return FMU_OK;
 }
 
 /* ------------------------------------------------------------------ steps that are repeated */
@@ -562,6 +570,10 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
             why ? why : "", (unsigned)number);
     }
     const PlanComponent *p = &P->components[i];
+    double when;
+    if (p->follows && !call && P->updates->failed(m, &when))
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': inputs that follow inside its step cannot be set at %.9g s",
+            p->name, when);
     const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
     const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
     if (t && t->exact) {
@@ -658,7 +670,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
         const uint32_t status = component_enter(&self->components[i], p->has_tolerance, p->tolerance, begin, met, stop);
         if (status > fmi3Warning) return component_failed(self, i, "EnterInitializationMode", status);
     }
-    bind(self);
+    const FmuStatus bound = bind(self);
+    if (bound != FMU_OK) return bound;
     for (int32_t i = 0; i < P->n_components; i++) /* elements that nobody drives */
         for (int32_t k = 0; k < P->components[i].n_sets; k++)
             if (P->components[i].sets[k].keeps) {
@@ -1039,9 +1052,9 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
-    bind(self);
+    status = bind(self);
     repeat_steps(self);
-    return FMU_OK;
+    return status;
 }
 
 FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snapshot) {

@@ -64,6 +64,7 @@ typedef struct {
     double tolerance;
     bool events;                     /* it reports events or returns early */
     const void *setup;               /* EventSetup, or IntegratorSetup of one that is integrated; or NULL */
+    const UpdateSetup *follows;      /* NULL: no input follows inside its steps */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
@@ -123,6 +124,7 @@ typedef struct {
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
     const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
+    const Updates *updates;            /* NULL: no component's inputs follow inside its steps */
     const Texts *texts;                /* NULL: no call has `exact` */
 } Plan;
 
