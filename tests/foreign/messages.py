@@ -15,7 +15,8 @@ def description(version: int, mime_type: str, max_size: int | None, event_mode: 
     save = {2: "canGetAndSetFMUstate", 3: "canGetAndSetFMUState"}[version]
     serialize = {2: "canSerializeFMUstate", 3: "canSerializeFMUState"}[version]
     events = ' hasEventMode="true"' if event_mode else ""
-    able = f'modelIdentifier="messages" canHandleVariableCommunicationStepSize="true" {save}="true" {serialize}="true"{events}'
+    able = 'modelIdentifier="messages" canHandleVariableCommunicationStepSize="true"'
+    able += f' {save}="true" {serialize}="true"{events}'
     if version == 2:
         variables = [
             *(
