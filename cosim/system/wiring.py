@@ -418,7 +418,7 @@ class Wiring:
                 conversion(output.unit, input_.unit, output.relative and input_.relative)
                 if linear is None
                 else (
-                    number(f"{names}: {what}", x, error=WiringError)
+                    float(number(f"{names}: {what}", x, error=WiringError))
                     for what, x in zip(("factor", "offset"), linear, strict=True)
                 )
             )
