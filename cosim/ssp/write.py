@@ -391,7 +391,7 @@ class _Exporter:
         return tuple(max(indices(n)[k] for n in all_names) for k in range(len(indices(v.name))))
 
     def _enumeration(self, v: Variable) -> str:
-        name, items = items_of(self._owner(v).component.fmu, v)  # type: ignore[attr-defined]
+        name, items = items_of(self._owner(v).implementation.fmu, v)  # type: ignore[attr-defined]
         unique = next(
             n
             for n in (name, *(f"{name}_{k}" for k in range(2, len(self.enumerations) + 3)))

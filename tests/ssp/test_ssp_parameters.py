@@ -8,7 +8,7 @@ from typing import Any
 
 import packages as p
 import pytest
-from foreign import calculating, messages
+from foreign import calculating, making, messages
 from lxml import etree
 from same import assert_same
 
@@ -120,3 +120,22 @@ def test_bytes_and_parameters_that_do_not_fit(
     path = foreign(fmus[3], tmp_path / "F.ssp", **wrong)
     with raises(SspError):
         System.from_ssp(path)
+
+
+def test_enumerations_are_written_by_their_items(fmus: dict[int, Path], tmp_path: Path) -> None:
+    gear = b'<TypeDefinitions><SimpleType name="Gear"><Enumeration><Item name="low" value="3"/>'
+    gear += b'<Item name="high" value="5"/></Enumeration></SimpleType></TypeDefinitions><ModelVariables>'
+    fmu = making.redescribed(
+        fmus[2],
+        tmp_path / "Geared.fmu",
+        (b"<ModelVariables>", gear),
+        (b'<Integer start="3" />', b'<Enumeration declaredType="Gear" start="3"/>'),
+    )
+    with System() as system:
+        system.add("b", fmu, step="1 ms", parameters={"n": 5})
+        path = system.export_ssp(tmp_path / "Geared.ssp")
+        with System.from_ssp(path) as again:
+            assert again["b"].values == {"n": 5}
+            assert_same(again.run(0.002), system.run(0.002))
+    with zipfile.ZipFile(path) as archive:
+        assert b'<ssv:Enumeration value="high"/>' in archive.read("resources/b.ssv")
