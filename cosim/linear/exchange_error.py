@@ -97,6 +97,11 @@ class ExchangeError:
         if not self.steps:
             return "No continuous components are coupled, so the exchange makes no error."
         worst = self.signals[0]
+        if not worst.exchange:
+            return (
+                "No variable changes with the communication steps: the exchange makes no error, or FMUs have internal"
+                " steps that are longer."
+            )
         text = f"The exchange makes an error of {worst.relative:.2g} of the largest value of {worst.name}"
         most = next(iter(worst.contributions), None)
         if most is not None and worst.contributions[most] > 0.5 * worst.exchange:
