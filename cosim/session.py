@@ -25,6 +25,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import safe_files, surface
+from cosim.core.description import RECORDABLE
 from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
@@ -38,7 +39,7 @@ from cosim.linear.stability import Stability, coupled_spectral_radius, warn_if_u
 from cosim.recording.formats import format_of
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool, spool_of
-from cosim.system.schedule import Schedule, only_numbers
+from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
 if TYPE_CHECKING:
@@ -427,13 +428,13 @@ class System(Wiring):
         """
         from cosim.ssp.write import export_ssp, files_of, open_inputs
 
-        schedule = only_numbers(self.schedule(), "an SSP", "take this connection out")
+        schedule = self.schedule()
         opened = open_inputs(schedule, [inputs] if isinstance(inputs, str) else inputs)
         files_of(schedule, version)  # before anything runs
         self.end_simulation()
-        watch = self.select([c.target_name for c in schedule.connections])
-        with self._begin(schedule, record=[], watch=watch) as started:
-            initial = {c.target_name: started[c.target_name] for c in schedule.connections}
+        numbers = [c.target_name for c in schedule.connections if c.input.type in RECORDABLE]
+        with self._begin(schedule, record=[], watch=self.select(numbers)) as started:
+            initial = {name: started[name] for name in numbers}
         return export_ssp(
             self.components.values(),
             schedule,

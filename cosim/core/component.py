@@ -63,7 +63,8 @@ class FmiCalls:
     stepped: int = 0  # what `do_step` gets instead of the instance: its integrator
     foreign: bool = False  # the floating-point environment is put back after its calls
     changed: Callable[[int], None] = lambda bits: None  # says what it has changed there
-    follow: Callable[[Any, Any], None] | None = None  # gets its `EngineComponent*` and the values: inputs follow them
+    follow: Callable[[Any, Any, Any], None] | None = None
+    """Gets its `EngineComponent*`, the values and the `EngineAdaptive*`: inputs follow them."""
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,7 @@ static int refresh(Engine *e, EngineAdaptive *a, bool after) {
 static int try_step(Engine *e, EngineAdaptive *a, double t) {
     double *published = e->values + a->published;
     const double h = duration(e, a->steps->tried);
+    a->since = t;
     const int32_t done = e->n_stepped - e->n_due_discrete;
     for (uint32_t k = 0; k < a->n; k++) published[k] = a->begin[k] + a->slope[k] * (0.5 * h);
     for (int32_t i = e->n_discrete + (done > 0 ? done : 0); i < e->n_components; i++) {

@@ -42,6 +42,7 @@ typedef struct {
     int32_t n_fmus;
     bool others;                 /* `back` saves and restores other states, as components -2 and -3 */
     double *begin, *slope, *size; /* of n: value at the begin of the step, its slope, the largest magnitude so far */
+    double since;                /* begin of the step [s] */
     EngineSteps *steps;
     uint32_t worst;              /* the output with the largest error in the last trial */
     double error;                /* relative to the tolerance */

@@ -254,7 +254,7 @@ class BoundEngine:
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
             if ports.fmi.follow is not None:
-                ports.fmi.follow(m, self._pointer("double*", self._setup.values))
+                ports.fmi.follow(m, self._pointer("double*", self._setup.values), self._adaptive)
 
     def _loop(self, plan: LoopPlan, work: Array) -> dict[str, Any]:
         return {

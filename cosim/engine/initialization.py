@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
 from cosim.fmu.clock_network import ClockNetwork, Tick, Wire
 from cosim.fmu.event_mode import EventMode
-from cosim.system.components import SystemComponent
+from cosim.system.components import Connection, SystemComponent
 from cosim.system.renewal import renewed
 
 
@@ -48,8 +49,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             wide = {"sizes": port.sizes} if port.sizes else {}
             exchange.ports[m] = m.implementation.bind(port.inputs, port.outputs, port.u, port.y, **wide)
             exchange.forget()
-    for (m, variable), slot in exchange.layout.constants.items():
-        exchange.values[slot] = float(m.implementation.get([variable])[0])
+    _read_constants(exchange)
     possible = undeclared(exchange.schedule)
     measured = measure(exchange.schedule, [m for m in possible if m in restored])
     for m in restored:
@@ -60,11 +60,10 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         else:
             m.implementation.restore(saved)
         exchange.ports[m].get_outputs()
-    for (m, variable), slot in exchange.layout.constants.items():
-        if m in restored:
-            exchange.values[slot] = float(m.implementation.get([variable])[0])
-    exchange.engine.publish()
     fresh = [m for m in components if m not in restored]
+    _pass_parameters([c for c in exchange.schedule.parameters if c.target in fresh])
+    _read_constants(exchange)
+    exchange.engine.publish()
     if possible:
         _settle(exchange, [m for m in fresh if m not in possible])
         measured |= measure(exchange.schedule, [m for m in possible if m in fresh])
@@ -104,6 +103,39 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             exchange.repeated,
         )
         exchange.forget()
+
+
+def _read_constants(exchange: Exchange) -> None:
+    """Parameters and inputs that nobody drives, as far as they are recorded or watched."""
+    for (m, variable), slot in exchange.layout.constants.items():
+        exchange.values[slot] = float(m.implementation.get([variable])[0])
+
+
+def _pass_parameters(connections: Sequence[Connection]) -> None:
+    """Set parameters to those that other components calculate, until none changes: one may follow from another.
+
+    Raises WiringError for values that a parameter cannot have, and for parameters that follow from each other.
+    """
+    known: dict[str, Any] = {}
+    for _ in range(len(connections) + 1):
+        before = dict(known)
+        for c in connections:
+            (value,) = c.source.implementation.get([c.output])
+            if known.get(c.target_name) == (value,):
+                continue
+            known[c.target_name] = (value,)
+            given = value if (c.scale, c.offset) == (1.0, 0.0) else c.scale * value + c.offset
+            try:
+                (given,) = c.target.expand(c.input.name, given).values()
+            except WiringError as error:
+                raise WiringError(f"{c.source_name} -> {c.target_name}: {error}") from None
+            c.target.implementation.set({c.input: given})
+        if known == before:
+            return
+    named = ", ".join(c.target_name for c in connections)
+    raise WiringError(
+        f"calculated parameters do not settle: some of {named} follow from each other; take one connection out"
+    )
 
 
 def _events(component: SystemComponent) -> EventMode | None:

@@ -27,8 +27,8 @@ typedef struct {
     void *instance;
     EngineValues3 set;         /* fmi3SetFloat64 */
     const uint32_t *references;
-    uint32_t n;                /* inputs that follow */
-    bool stepping;
+    uint32_t n_references, n;  /* inputs that follow, and all their elements */
+    bool stepping, begins;     /* begins: they are set at the begin of the step too */
     double *line;              /* begin and end of the step [s]; of n: values at its begin, slopes, values set last */
     IntermediateReport report;
 } IntermediateUpdate;
@@ -37,8 +37,14 @@ typedef struct {
     IntermediateUpdate update;
     EngineStep3 step;          /* of the FMU */
     const double *values, *scale, *offset;
-    const EngineExtrapolation *lines; /* of update.n inputs */
+    const double *begin, *slopes, *since; /* in a run with a tolerance: EngineAdaptive.begin, slope and since */
+    const EngineExtrapolation *lines; /* of n_lines elements; `now` is in `begin` if there is one. Period 0: held */
+    const uint32_t *element;   /* of n_lines: which of update.n they are; the others keep what `line` has of them */
+    uint32_t n_lines;
 } IntermediateStep;
+
+/* A step begins, whose lines are known. */
+void intermediate_begin(IntermediateUpdate *u);
 
 /* fmi3IntermediateUpdateCallback; `environment` is the address of an `IntermediateUpdate`. */
 void intermediate_update(void *environment, double t, bool asks, bool allows, bool finished, bool can_return,

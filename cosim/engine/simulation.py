@@ -462,7 +462,7 @@ class Simulation:
 
     @cached_property
     def _driven(self) -> dict[tuple[SystemComponent, Variable], Connection]:
-        return {(c.target, c.input): c for c in self.schedule.connections}
+        return {(c.target, c.input): c for c in (*self.schedule.connections, *self.schedule.parameters)}
 
     @cached_property
     def _wiring(self) -> Wiring:

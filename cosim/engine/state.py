@@ -177,7 +177,8 @@ def wiring_of(schedule: Schedule) -> Wiring:
     return {
         "components": {m.name: [m.kind, str(m.step), str(m.offset)] for m in schedule.components},
         "connections": [
-            [c.source_name, c.target_name, c.delay, c.extrapolate, c.scale, c.offset] for c in schedule.connections
+            [c.source_name, c.target_name, c.delay, c.extrapolate, c.scale, c.offset]
+            for c in (*schedule.connections, *schedule.parameters)
         ],
         "groups": [[g.method, [m.name for m in g.components]] for g in schedule.groups],
     }

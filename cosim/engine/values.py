@@ -227,7 +227,7 @@ def _port(layout: Layout, schedule: Schedule, component: SystemComponent, output
             periods.append(float(c.source.step))
             middle = 0.0 if c.input.follows else float(component.step) / 2
             to_value.append(middle - (float(c.source.step) if early else 0.0))
-    scale, offset = np.array([c.scale for c, _ in wide]), np.array([c.offset for c, _ in wide])
+    scale, offset = (np.array([getattr(c, of) for c, _ in wide], dtype=float) for of in ("scale", "offset"))
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
     index = np.array([_source_slot(layout, c, ahead) + k for c, k in wide], dtype=np.intp)
     begin = int(index[0]) if len(index) else 0

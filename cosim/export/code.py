@@ -13,9 +13,9 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import TEXTS, Variable
+from cosim.core.description import RECORDABLE, TEXTS, Variable
 from cosim.core.errors import CosimError, WiringError
-from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR
+from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR, INTERMEDIATE
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.engine.values import PortLayout
@@ -24,9 +24,10 @@ from cosim.export.variables import Exported
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.event_steps import steps_with_events
+from cosim.fmu.intermediate import followed, following
 from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, slots
-from cosim.system.components import Group, SystemComponent
+from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.schedule import Schedule, make_schedule, only_numbers
 from cosim.system.wiring import Wiring
 
@@ -45,6 +46,7 @@ _OWN = (
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
+_UPDATES = (_RUNTIME / "updates.c", INTERMEDIATE, INTERMEDIATE.with_suffix(".c"))  # where inputs follow inside steps
 _TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  # where they exchange such
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
@@ -81,7 +83,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
-    return only_numbers(schedule, what, "use other components") if page else schedule
+    return only_numbers(schedule, what, "use other components", parameters=True) if page else schedule
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,8 @@ class SystemCode:
             files |= {p.name: p.read_bytes() for p in _EXCHANGE}
         if any(steps_with_events(m.description) for m in self.parts):
             files |= {p.name: p.read_bytes() for p in _EVENTS}
+        if any(followed(m.description) for m in self.parts):
+            files |= {p.name: p.read_bytes() for p in _UPDATES}
         if self._exact:
             files |= {p.name: p.read_bytes() for p in _TEXTS}
         files[f"fmi{self.fmi}.c"] = (generate.RUNTIME_DIR / f"fmi{self.fmi}.c").read_bytes()
@@ -208,6 +212,7 @@ class SystemCode:
                 {"name": "time", "type": "FMU_FLOAT64", "role": "FMU_TIME", "slot": -1},
                 *map(self._variable, self.variables),
             ],
+            passed=[*map(self._passed, self.schedule.parameters)],
             a=a,
             d=d,
             n_values=self.plan.size,
@@ -218,6 +223,7 @@ class SystemCode:
             carried=any(not p.linked for p in self.distinct),
             integrated=any(m["setup"] and not m["events"] for m in components),
             events=any(m["events"] for m in components),
+            updates=any(m["follows"] for m in components),
             texts=self._exact,
         )
 
@@ -251,11 +257,7 @@ class SystemCode:
             "u": u,
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
-            "extrapolations": [
-                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])},"
-                f" {c_number(line[5] + (p.step / 2 if places[line[0]].follows else 0.0))}}}"  # to the middle
-                for line in p.extrapolations
-            ],
+            "extrapolations": [*map(_extrapolation, p.extrapolations)],
             "sets": sets,
             "gets": [
                 _transfer(m, part.version, how, buffers) | {"waits": False}
@@ -264,6 +266,7 @@ class SystemCode:
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
+            "follows": _follows(m, places, p),
             **(_events(m, sets) or _exchange(m)),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
@@ -284,6 +287,29 @@ class SystemCode:
             "tunable": e.tunable,
             "min": c_number(low),
             "max": c_number(high),
+        }
+
+    def _passed(self, c: Connection) -> dict[str, Any]:
+        """A parameter that another component calculates."""
+        if c.input.type not in RECORDABLE:
+            raise WiringError(
+                f"{c.source_name} -> {c.target_name} is a {c.input.fmi_type}, which the FMU of a system does not pass"
+                " on to parameters: set the parameter instead, and take this connection out"
+            )
+        ends = [
+            [
+                self.schedule.components.index(m),
+                _kind(self.parts[m].version, v.fmi_type),
+                v.reference,
+                v.size,
+                v.index,
+            ]
+            for m, v in ((c.source, c.output), (c.target, c.input))
+        ]
+        low, high = Exported(c.target, c.input, "parameter", None).limits
+        numbers = {"scale": c.scale, "offset": c.offset, "min": low, "max": high}
+        return {"name": c.target_name, "source": ends[0], "target": ends[1]} | {
+            k: c_number(x) for k, x in numbers.items()
         }
 
     def _owners(self) -> list[str]:
@@ -327,6 +353,29 @@ def _events(m: SystemComponent, sets: Sequence[Mapping[str, Any]]) -> dict[str, 
     waiting = [s["n_data"] for s in sets if s["waits"]]
     flags, internal = [int(about.event_mode), int(about.variable_step)], c_number(float(about.internal_step or 0))
     return {"setup": [*flags, internal, len(waiting), sum(waiting)], "events": True}
+
+
+def _follows(m: SystemComponent, places: Sequence[Variable], p: ComponentPlan) -> dict[str, Any] | None:
+    """`UpdateSetup` of a component; `places`: the variable of each of its connected inputs."""
+    inputs = followed(m.description)
+    lines = {line[0]: line for line in p.extrapolations}
+    if not inputs:
+        return None
+    found = following(inputs, dict(enumerate(places)), lines)
+    held = {i: (i, int(p.index[i]), 0, 0, 0.0, 0.0) for i, _ in found.driven}
+    return {
+        "required": list(dict.fromkeys(v.reference for v in inputs)),
+        "references": found.references,
+        "n": found.n,
+        "lines": [_extrapolation(lines.get(i, held[i])) for i, _ in found.driven],
+        "element": [element for _, element in found.driven],
+        "free": [f"{{{place}, {v.reference}, {v.size}, {v.index}}}" for v, place in found.free.items()],
+    }
+
+
+def _extrapolation(line: Sequence[float]) -> str:
+    """`EngineExtrapolation`."""
+    return f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}"
 
 
 def _sets(m: SystemComponent, version: int, port: PortLayout, buffers: _Room) -> list[dict[str, Any]]:

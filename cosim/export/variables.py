@@ -63,9 +63,9 @@ def choose(
     FMU has.
     """
     components = SystemComponents((m.name, m) for m in schedule.components)
-    driven = {c.target_name: c for c in schedule.connections}
+    driven = {c.target_name: c for c in (*schedule.connections, *schedule.parameters)}
     found = [
-        *_chosen(components, parameters, "parameter", {}),
+        *_chosen(components, parameters, "parameter", driven),
         *_chosen(components, inputs if inputs is not None else "*", "input", driven),
     ]
     shown = [(m, v) for m, v in components.select(outputs) if v.causality != "parameter"]

@@ -35,7 +35,7 @@ from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.event_steps import EventSteps, steps_with_events
 from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.file import FmuFile, Library
-from cosim.fmu.intermediate import IntermediateUpdates
+from cosim.fmu.intermediate import IntermediateUpdates, followed
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, WorkerCrashed
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.model_exchange import Integration, ModelExchange
@@ -190,7 +190,7 @@ class FmuComponent:
         if divided:
             about = self.description
             how = {"event_mode": about.event_mode, "early_return": about.variable_step}
-        follows = [v for v in self.description.inputs.values() if v.follows]
+        follows = followed(self.description)
         self._intermediate = IntermediateUpdates(follows) if follows else None
         update = self._intermediate.callback if self._intermediate else None
         instance = library.instantiate(texts, log, self._keep, **how, intermediate=update)
@@ -456,7 +456,7 @@ class FmuComponent:
         self._exact.clear()
         self._sizes = sizes or {}
         if self._intermediate is not None:
-            self._intermediate.bind(inputs, self._sizes)
+            self._kept += self._intermediate.bind(inputs, self._sizes)
         del self._keep[self._kept_from_start :]  # buffers of the run before
         if self._events is not None:
             self._bound_step = self._do_step()

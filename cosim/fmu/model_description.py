@@ -573,7 +573,7 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         if "maxSize" in attributes
         else None,
         clocks=_references(element.get("clocks"), what),
-        follows=known.updates and not array and fmi_type == "Float64" and _flag(element, "intermediateUpdate"),
+        follows=known.updates and fmi_type == "Float64" and _flag(element, "intermediateUpdate"),
     )
 
 

@@ -8,12 +8,12 @@ within them inputs keep their values.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, Protocol
 
 from build_fmus.base.checks import number, unknown
-from cosim.core.description import Description
+from cosim.core.description import Description, Variable
 from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
@@ -95,6 +95,8 @@ class Instance(Protocol):
     def _function(self, name: str) -> Callable[..., int]: ...
 
     def _address(self, pointer: Any) -> int: ...
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]: ...
 
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
 

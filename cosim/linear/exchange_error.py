@@ -71,20 +71,37 @@ class SignalError:
 class ExchangeError:
     """Errors of the recorded variables of a run, the relatively largest first, flags last; print it.
 
-    `steps`: communication steps of the coupled continuous components [s], by name.
+    `steps`: communication steps of the coupled continuous components [s], by name; `fixed`: names of those whose steps
+    cannot be divided, so that the error that they make is not known.
     """
 
     signals: tuple[SignalError, ...]
     steps: Mapping[str, Fraction]
+    fixed: tuple[str, ...] = ()
 
     def advice(self, tolerance: float = 1e-3) -> str:
         """Which step brings the error of the exchange to `tolerance`, relative to the largest magnitude of a variable.
 
-        A sentence: the largest error, what makes it, and the step that would do.
+        The largest error, what makes it, and the step that would do; and what is not known.
         """
+        if not self.fixed:
+            return self._advice(tolerance)
+        names = ", ".join(map(repr, self.fixed))
+        return (
+            f"{self._advice(tolerance)} The error made by the steps of {names} is not contained: the internal steps of"
+            f" {'its FMU' if len(self.fixed) == 1 else 'their FMUs'} (fixedInternalStepSize) do not allow a quarter of"
+            " the communication step."
+        )
+
+    def _advice(self, tolerance: float) -> str:
         if not self.steps:
             return "No continuous components are coupled, so the exchange makes no error."
         worst = self.signals[0]
+        if not worst.exchange:
+            return (
+                "No variable changes with the communication steps: the exchange makes no error, or FMUs have internal"
+                " steps that are longer."
+            )
         text = f"The exchange makes an error of {worst.relative:.2g} of the largest value of {worst.name}"
         most = next(iter(worst.contributions), None)
         if most is not None and worst.contributions[most] > 0.5 * worst.exchange:
@@ -150,6 +167,7 @@ def exchange_error(
         for m in wiring.components.values()
         if not m.discrete and any(m in (c.source, c.target) for c in _couplings(wiring))
     ]
+    fixed = [m for m in coupled if not _is_divisible(m)]
     couplings = _pairs(wiring) if contributions else {}
     total, done = (4 + len(couplings) if coupled else 1), 0
 
@@ -170,17 +188,17 @@ def exchange_error(
         with _fine_solvers(coupled):
             runs = []
             for divisor in (1, 2, 4):
-                with _divided(coupled, divisor):
+                with _divided(coupled, fixed, divisor):
                     runs.append(measured())
             held = {}
-            with _divided(coupled, 2):
+            with _divided(coupled, fixed, 2):
                 for name, connections in couplings.items():
                     with _held(wiring, connections, coupled):
                         held[name] = measured()
     _require_same_times([given, *runs, *held.values()])
     signals = [_signal(n, given, runs, held) for n in given.names]
     signals.sort(key=lambda s: (not _is_real(wiring, s.name), -s.relative, s.name))
-    return ExchangeError(tuple(signals), {m.name: m.step for m in coupled})
+    return ExchangeError(tuple(signals), {m.name: m.step for m in coupled}, tuple(m.name for m in fixed))
 
 
 def _is_real(wiring: Wiring, name: str) -> bool:
@@ -237,15 +255,20 @@ def _require_same_times(runs: Sequence[Recording]) -> None:
         )
 
 
+def _is_divisible(component: SystemComponent) -> bool:
+    """Whether a quarter of its communication step is not below the internal step of its FMU."""
+    internal = component.description.internal_step
+    return internal is None or component.step / 4 >= Fraction(internal).limit_denominator(10**9)
+
+
 @contextmanager
-def _divided(components: Sequence[SystemComponent], divisor: int) -> Iterator[None]:
-    """Steps of the components divided, where an FMU does not fix its own."""
+def _divided(components: Sequence[SystemComponent], fixed: Sequence[SystemComponent], divisor: int) -> Iterator[None]:
+    """Steps of the components divided, but for those of which they are fixed."""
     before = {m: m.step for m in components}
     try:
-        for m, step in before.items():
-            internal = m.description.internal_step
-            if internal is None or step / divisor >= Fraction(internal).limit_denominator(10**9):
-                m.step = step / divisor
+        for m in components:
+            if m not in fixed:
+                m.step /= divisor
         yield
     finally:
         for m, step in before.items():

@@ -7,12 +7,13 @@ from typing import Any
 
 from build_fmus.base.checks import did_you_mean, one_line
 from build_fmus.base.units import Unit, UnitMismatchError, conversion
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import SspError
 from cosim.fmu.file import FmuFile
 from cosim.ssp.signals import Change, Place
 from cosim.ssp.structure import Component, Element, System, Value
 from cosim.ssp.values import items_of
+from cosim.system.components import article
 
 _BOOLEAN = {"true": True, "1": True, "false": False, "0": False}
 
@@ -44,7 +45,7 @@ class BoundValue:
         """As it arrives at a component's variable by way of connectors of systems."""
         v = variables[0]
         parsed = [self._parsed(self._mapped(t), v, fmu) for t in self.value.texts]
-        if v.type == "string":
+        if v.fmi_type in TEXTS:
             return _shaped(parsed, variables, self.value.name)
         if how is None:
             factor, offset = (
@@ -74,6 +75,10 @@ class BoundValue:
         return str(found).lower() if isinstance(found, bool) else str(found)
 
     def _parsed(self, text: str, v: Variable, fmu: FmuFile | None) -> Any:
+        if (self.value.type == "Binary") is not (v.fmi_type == "Binary"):
+            raise SspError(f"it is {article(self.value.type)}, and the variable is {article(v.fmi_type)}")
+        if v.fmi_type == "Binary":
+            return _bytes(text)
         if v.type == "string":
             return text
         if v.type == "boolean":
@@ -142,6 +147,13 @@ def _boolean(text: str) -> bool:
     if text not in _BOOLEAN:
         raise SspError(f"{one_line(text, 40)!r} is neither true nor false")
     return _BOOLEAN[text]
+
+
+def _bytes(text: str) -> bytes:
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        raise SspError(f"{one_line(text, 40)!r} is not made of pairs of hexadecimal digits") from None
 
 
 def _whole(text: str) -> int:

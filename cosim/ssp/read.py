@@ -172,11 +172,14 @@ class _Reader:
             target, origin = self.variable(place), self.variable(source)
             first, last = origin.unit or steps[0].source.unit, target.unit or steps[-1].target.unit
             how = change(steps, first, last, origin.relative and target.relative, f"{self.title}: {source} to {place}")
-            flags = {k: any(getattr(s.connection, k) for s in steps) for k in ("delay", "extrapolate")}
+            flags: dict[str, Any] = {k: any(getattr(s.connection, k) for s in steps) for k in ("delay", "extrapolate")}
+            flags["max_size"] = next((s.connection.max_size for s in steps if s.connection.max_size is not None), None)
             start = f"{self.named[source.path]}.{origin.name}"
             end = f"{self.named[place.path]}.{target.name}"
             with self.named_in(f"line {steps[0].connection.line}"):
                 if how is not None and how.table:
+                    if target.causality == "parameter":
+                        raise WiringError(f"{start} -> {end}: cosim does not map integers on the way to a parameter")
                     if origin.type != "integer" or target.type != "integer":
                         raise WiringError(
                             f"{start} -> {end}: integers are mapped, but it is {origin.fmi_type} to {target.fmi_type}"

@@ -99,8 +99,6 @@ def _connect(
     (source, sources), (target, targets) = (
         ends if gives[0] or gives[1] is False or gives == [None, None] else ends[::-1]
     )
-    if source.kind == "calculatedParameter":
-        raise SspError(f"{here}: cosim does not pass calculated parameters between components during initialization")
     if len(sources) != len(targets):
         raise SspError(f"{here}: {len(sources)} element(s) to {len(targets)}")
     for a, b in zip(sources, targets, strict=True):

@@ -86,6 +86,7 @@ class Connection:
     suppress: bool = False
     delay: bool = False
     extrapolate: bool = False
+    max_size: int | None = None  # bytes of a text
 
 
 @dataclass(frozen=True)
@@ -448,7 +449,9 @@ class _File:
                 )
             )
         own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}Connection")
-        flags = {} if own is None else {k: own.get(k) == "true" for k in ("delay", "extrapolate")}
+        flags: dict[str, Any] = {} if own is None else {k: own.get(k) == "true" for k in ("delay", "extrapolate")}
+        if own is not None and own.get("maxSize") is not None:
+            flags["max_size"] = self.whole(own, "maxSize")
         return Connection(
             ends[0],
             ends[1],
@@ -541,12 +544,10 @@ class _File:
         if typed is None:
             raise self.error(element, f"parameter '{name}' has no type")
         kind = etree.QName(typed).localname
-        if kind == "Binary":
-            raise self.error(element, f"parameter '{name}' is Binary, which cosim does not set")
         single, listed = typed.get("value"), [v.get("value", "") for v in typed.iterfind(f"{SSV}Value")]
         if single is None and not listed:
             raise self.error(element, f"parameter '{name}' has no value")
-        texts = listed or ([single] if kind in ("String", "Enumeration") else single.split())
+        texts = listed or ([single] if kind in ("String", "Enumeration", "Binary") else single.split())
         if not texts:
             raise self.error(element, f"parameter '{name}' has no value")
         return Value(prefix + name, kind, tuple(texts), self.unit(typed, f"parameter '{name}'"))

@@ -8,7 +8,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.base import escape
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import SspError
 from cosim.fmu.file import FmuFile
 from cosim.ssp import names
@@ -50,9 +50,11 @@ def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: s
             )
         parameter = etree.SubElement(parameters, f"{SSV}Parameter", name=v.declared if whole else v.name)
         typed = etree.SubElement(parameter, f"{SSV}{_type(v, version)}")
+        if v.mime_type:
+            typed.set("mime-type", v.mime_type)
         if v.fmi_type == "Enumeration":
             _enumerated(typed, v, fmu, [int(t or 0) for t in texts])
-        elif v.type == "string" and whole:
+        elif v.fmi_type in TEXTS and whole:
             for text in texts:
                 etree.SubElement(typed, f"{SSV}Value", value=text or "")
         else:
@@ -75,6 +77,8 @@ def _type(v: Variable, version: str) -> str:
 def _text(v: Variable, value: Any) -> str | None:
     if value is None:
         return None
+    if v.fmi_type == "Binary":
+        return bytes(value).hex() if isinstance(value, bytes | bytearray) else str(value)
     if v.type == "boolean":
         return "true" if value else "false"
     return repr(float(value)) if v.type == "real" else str(value)

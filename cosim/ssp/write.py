@@ -19,7 +19,7 @@ from build_fmus.base import escape, safe_files
 from build_fmus.base.archives import zipped
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.units import BASE_UNITS, Unit, UnitMismatchError, conversion
-from cosim.core.description import Variable
+from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import SspError, WiringError
 from cosim.core.time import gcd
 from cosim.fmu.component import FmuComponent
@@ -71,6 +71,11 @@ def files_of(schedule: Schedule, version: str) -> dict[SystemComponent, FmuFile]
 
     Raises SspError naming a component without such a file.
     """
+    for c in schedule.ticks:
+        raise SspError(
+            f"{c.source_name} -> {c.target_name} connects clocks, which cosim does not write into an SSP: take this"
+            " connection out"
+        )
     found = {}
     for m in schedule.components:
         if not isinstance(m.implementation, FmuComponent):
@@ -109,9 +114,8 @@ def _file_of(m: SystemComponent, fmu: FmuFile, schedule: Schedule, major: str) -
 
 def _require_same(m: SystemComponent, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
     """The other version of a component's FMU has what the system uses."""
-    used = {c.output for c in schedule.connections if c.source is m} | {
-        c.input for c in schedule.connections if c.target is m
-    }
+    every = (*schedule.connections, *schedule.parameters)
+    used = {c.output for c in every if c.source is m} | {c.input for c in every if c.target is m}
     used |= {m.description.variables[n] for n in m.values}
     for v in sorted(used, key=lambda v: v.name):
         other = sibling.description.variables.get(v.name)
@@ -182,7 +186,8 @@ class _Exporter:
         short = identifiers(p.stem for p in files)
         several = len({p.stem for p in files}) < len(files)
         self.sources = {p: f"resources/{(_short(stems[str(p)], p) if several else short[p.stem])}.fmu" for p in files}
-        self.driven = {c.target_name: c for c in self.schedule.connections}
+        self.connections = [*self.schedule.connections, *self.schedule.parameters]
+        self.driven = {c.target_name: c for c in self.connections}
         self.open_ids = identifiers(self.open)
 
     def _variable(self, full: str) -> Variable:
@@ -215,8 +220,10 @@ class _Exporter:
         return {n: self._typed(m, n, v) for n, v in sorted({**m.values, **shown}.items())}
 
     def _typed(self, m: SystemComponent, name: str, value: Any) -> Any:
-        kind = m.description.variables[name].type
-        return {"real": float, "integer": int, "boolean": bool}.get(kind, str)(value)
+        v = m.description.variables[name]
+        if v.fmi_type == "Binary":
+            return value
+        return {"real": float, "integer": int, "boolean": bool}.get(v.type, str)(value)
 
     def _only_initial(self, m: SystemComponent) -> list[str]:
         """Values of connected inputs for tools that step before they exchange, and values that complete arrays."""
@@ -329,15 +336,17 @@ class _Exporter:
                 f"'{m.name}.{min(local)}' is a local variable that drives something, for which SSP 1.0 has no"
                 " connector: export it as SSP 2.0"
             )
+        passed_on = {c.output.name for c in self.schedule.parameters if c.source is m}
         for v in m.description.variables.values():
             kind = "local" if v.name in local else v.causality
             wanted = {
                 "input": f"{m.name}.{v.name}" in fed,
                 "output": True,
                 "local": v.name in local,
-                "parameter": v.name in m.values,
+                "parameter": v.name in m.values or f"{m.name}.{v.name}" in fed,
+                "calculatedParameter": v.name in passed_on,
             }
-            if wanted.get(kind, False) and v.type != "other":
+            if wanted.get(kind, False) and v.fmi_type != "Clock":
                 found.setdefault(self._declared(m, v)[0], (self._declared(m, v)[0], kind, v))
         return list(found.values())
 
@@ -359,6 +368,8 @@ class _Exporter:
             known = self.units.setdefault(unit.name, unit)
             if (known.exponents, known.factor, known.offset) == (unit.exponents, unit.factor, unit.offset):
                 typed.set("unit", unit.name)
+        if v.mime_type:
+            typed.set("mime-type", v.mime_type)
         if typed.tag == f"{SSC}Enumeration":
             typed.set("name", self._enumeration(v))
         if v.size > 1 and name == v.declared:
@@ -380,7 +391,7 @@ class _Exporter:
         return tuple(max(indices(n)[k] for n in all_names) for k in range(len(indices(v.name))))
 
     def _enumeration(self, v: Variable) -> str:
-        name, items = items_of(self._owner(v).component.fmu, v)  # type: ignore[attr-defined]
+        name, items = items_of(self._owner(v).implementation.fmu, v)  # type: ignore[attr-defined]
         unique = next(
             n
             for n in (name, *(f"{name}_{k}" for k in range(2, len(self.enumerations) + 3)))
@@ -401,7 +412,7 @@ class _Exporter:
         """Connections of the file; arrays whose elements are all connected in order are connected as a whole."""
         found: list[_Wire] = []
         whole: dict[tuple[Name, Name], list[Connection]] = {}
-        for c in self.schedule.connections:
+        for c in self.connections:
             (start, si), (end, ei) = self._declared(c.source, c.output), self._declared(c.target, c.input)
             if si and ei:
                 whole.setdefault(((c.source, start), (c.target, end)), []).append(c)
@@ -409,7 +420,7 @@ class _Exporter:
                 found.append(_Wire(c, start, end, si, ei))
         for ((source, start), (target, end)), listed in whole.items():
             pairs = {(c.output.index, c.input.index) for c in listed}
-            alike = len({(c.delay, c.extrapolate, c.scale, c.offset) for c in listed}) == 1
+            alike = len({(c.delay, c.extrapolate, c.scale, c.offset, c.size) for c in listed}) == 1
             shapes = self._shape(listed[0].output), self._shape(listed[0].input)
             if alike and shapes[0] == shapes[1] and pairs == {(k, k) for k in range(listed[0].output.size)}:
                 found.append(_Wire(listed[0], start, end))
@@ -440,10 +451,12 @@ class _Exporter:
         if by_units != (c.scale, c.offset):
             element.set("suppressUnitConversion", "true")
             etree.SubElement(element, f"{SSC}LinearTransformation", factor=repr(c.scale), offset=repr(c.offset))
-        if c.delay or c.extrapolate:
+        text = c.output.fmi_type in TEXTS and c.size
+        if c.delay or c.extrapolate or text:
             annotations = etree.SubElement(element, f"{SSD}Annotations")
             own = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OURS)
-            etree.SubElement(own, f"{OWN}Connection", delay=_flag(c.delay), extrapolate=_flag(c.extrapolate))
+            how = {"delay": _flag(c.delay), "extrapolate": _flag(c.extrapolate)}
+            etree.SubElement(own, f"{OWN}Connection", **how, **({"maxSize": str(c.size)} if text else {}))
 
     # What is of the whole system.
 

@@ -63,7 +63,8 @@ class SystemComponent:
         if names is None or name in self.description.variables:
             variable = self.description.find(name, self.name)
             return {name: _checked(self.name, variable, value)}
-        array = np.asarray(value)
+        kind = object if self.description.variables[names[0]].fmi_type == "Binary" else None  # numpy cuts off zeros
+        array = np.asarray(value, dtype=kind)
         shape = tuple(np.max([indices(n) for n in names], axis=0).tolist())
         if array.shape != shape and not (array.ndim <= 1 and array.size == len(names)):
             raise WiringError(f"{self.name}.{name} has shape {shape}, the value given has {array.shape}")
@@ -95,6 +96,11 @@ class Connection:
     def is_clock(self) -> bool:
         """Whether it connects clocks."""
         return self.output.fmi_type == "Clock"
+
+    @property
+    def sets_parameter(self) -> bool:
+        """Whether it passes a calculated parameter on to a parameter, in initialization only."""
+        return self.input.causality == "parameter"
 
     @property
     def source_name(self) -> str:

@@ -31,6 +31,7 @@ class Schedule:
     loops: tuple[AlgebraicLoop, ...] = ()  # in the order in which they are solved
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
     ticks: tuple[Connection, ...] = ()  # connections of clocks
+    parameters: tuple[Connection, ...] = ()  # of calculated parameters to parameters
 
     @property
     def continuous(self) -> tuple[SystemComponent, ...]:
@@ -67,6 +68,9 @@ class Schedule:
         if self.ticks:
             lines += ["", "Clocks that tick together, whose components take their steps together:"]
             lines += [f"     {c}" for c in self.ticks]
+        if self.parameters:
+            lines += ["", "Parameters that are calculated by other components, in initialization:"]
+            lines += [f"     {c}" for c in self.parameters]
         if self.lagging:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
             lines += [f"     {c}" for c in self.lagging]
@@ -111,7 +115,10 @@ def make_schedule(
     if not components:
         raise WiringError("the system has no components")
     every = sorted(connections, key=lambda c: c.target_name)
-    connections, ticks = (tuple(c for c in every if c.is_clock is clocks) for clocks in (False, True))
+    parameters = tuple(c for c in every if c.sets_parameter)
+    connections, ticks = (
+        tuple(c for c in every if c.is_clock is clocks and not c.sets_parameter) for clocks in (False, True)
+    )
     _check_ticks(ticks, groups)
     discrete, lagging = _order([m for m in components if m.discrete], connections)
     loops = find_loops(connections, certain)
@@ -127,6 +134,7 @@ def make_schedule(
         loops=tuple(loops),
         possible_loops=tuple(loop for loop in find_loops(connections, declared) if loop not in loops),
         ticks=ticks,
+        parameters=parameters,
     )
 
 
@@ -145,11 +153,18 @@ def _check_ticks(ticks: Sequence[Connection], groups: Iterable[Group]) -> None:
             raise WiringError(f"{names}: components with connected clocks need one step and offset: {steps}")
 
 
-def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
+def only_numbers(schedule: Schedule, what: str, remedy: str, *, parameters: bool = False) -> Schedule:
     """The schedule for those who exchange doubles: 64-bit integers are rounded.
 
-    Raises WiringError for a text, which `what` does not exchange, with a `remedy`.
+    Raises WiringError for a text, which `what` does not exchange, with a `remedy`, and for a calculated parameter that
+    is passed on, unless `parameters`.
     """
+    if schedule.parameters and not parameters:
+        c = schedule.parameters[0]
+        raise WiringError(
+            f"{c.source_name} -> {c.target_name} passes on a calculated parameter, which {what} does not: set the"
+            " parameter instead, and take this connection out"
+        )
     text = next((c for c in (*schedule.connections, *schedule.ticks) if c.output.type not in RECORDABLE), None)
     if text is not None:
         kind = text.output.fmi_type

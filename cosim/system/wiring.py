@@ -197,7 +197,8 @@ class Wiring:
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
         communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
         source's, instead of the conversion of units. `max_size`: bytes that a String or Binary may have; default what
-        the FMUs declare (`maxSize`), else 1024. Raises WiringError naming what does not fit.
+        the FMUs declare (`maxSize`), else 1024. A calculated parameter can be connected to a
+        parameter, which gets its value in initialization. Raises WiringError naming what does not fit.
         """
         from_component, output = self.components.split(source)
         to_component, input_ = self.components.split(target)
@@ -359,7 +360,8 @@ class Wiring:
         self.groups[name] = Group(name, chosen, method)
         if extrapolate:
             for target, c in list(self.connections.items()):
-                if c.target in chosen and not c.source.discrete and not c.delay and c.input.type in RECORDABLE:
+                numbers = c.input.type in RECORDABLE and not c.sets_parameter
+                if c.target in chosen and not c.source.discrete and not c.delay and numbers:
                     self.connections[target] = replace(c, extrapolate=True, size=0)
         return self.groups[name]
 
@@ -377,11 +379,12 @@ class Wiring:
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
         swapped = output.causality == "input" and input_.causality in ("output", "local")
         by_itself = output.fmi_type == "Clock" and output.name not in source.description.triggered
+        passed_on = output.causality == "calculatedParameter" and input_.causality == "parameter"
         for full, variable, taken in (
             (f"{source.name}.{output.name}", output, ("output", "local", *(("input",) if by_itself else ()))),
             (f"{target.name}.{input_.name}", input_, ("input",)),
         ):
-            if variable.causality not in taken:
+            if variable.causality not in taken and not passed_on:
                 remedy = "; swap the two ends?" if swapped else ""
                 raise WiringError(
                     f"'{full}' is {article(variable.causality)}, not {article(taken[0])}{remedy} ({names})"
@@ -390,11 +393,13 @@ class Wiring:
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
+        if passed_on and (delay or extrapolate or max_size is not None):
+            raise WiringError(f"{names}: a parameter has no delay, extrapolation or size")
         if output.fmi_type == input_.fmi_type and output.fmi_type in TEXTS:
             size = _text_size(names, origin, end, max_size)
             if extrapolate or linear is not None:
                 raise WiringError(f"{names}: {article(output.fmi_type)} has no extrapolation, factor or offset")
-            return Connection(source, output, target, input_, delay, size=size)
+            return Connection(source, output, target, input_, delay, size=0 if passed_on else size)
         if output.fmi_type == input_.fmi_type == "Clock":
             if delay or extrapolate or linear is not None or max_size is not None:
                 raise WiringError(f"{names}: a clock has no delay, extrapolation, factor, offset or size")
@@ -413,7 +418,7 @@ class Wiring:
                 conversion(output.unit, input_.unit, output.relative and input_.relative)
                 if linear is None
                 else (
-                    number(f"{names}: {what}", x, error=WiringError)
+                    float(number(f"{names}: {what}", x, error=WiringError))
                     for what, x in zip(("factor", "offset"), linear, strict=True)
                 )
             )
@@ -428,6 +433,7 @@ class Wiring:
         if output.constant is not None and not input_.accepts(value := scale * output.constant + offset):
             raise WiringError(f"{names}: the input {input_.refusal(value)}")
         exact = {output.fmi_type, input_.fmi_type} <= {*WIDE} and (scale, offset, extrapolate) == (1.0, 0.0, False)
+        exact = exact and not passed_on
         size = 8 if exact and all(isinstance(m.implementation, FmuComponent) for m in (source, target)) else 0
         return Connection(source, output, target, input_, delay, extrapolate, scale, offset, size=size)
 

@@ -279,3 +279,17 @@ def test_schedule_can_be_read():
     assert "Gauss-Seidel 'stiff'" in text
     assert "base tick 1/3000 s" in text
     assert "valve.u" in text.split("Unconnected")[1]
+
+
+def test_factors_may_be_whole_numbers():
+    """A factor and an offset without decimal places mean the same as with them."""
+    seen = []
+    for linear in ((3, 1), (3.0, 1.0)):
+        system = System()
+        system.add("source", Clock(), step="1 ms")
+        system.add("target", Probe(), step="1 ms")
+        system.connect("source.y", "target.u", linear=linear)
+        system.run("5 ms")
+        seen.append(system["target"].implementation.log)
+    assert seen[0] == [(t, 3 * t + 1000) for t in range(5)]
+    assert seen[1] == seen[0]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from foreign import following, making
 from masses import COUPLING, Mass, exact
 
 from cosim import CosimError, Record, System
@@ -129,3 +131,24 @@ def test_an_order_that_cannot_be_told_gives_the_difference_and_says_so():
     found: ExchangeError = system.exchange_error(0.1, contributions=False)
     assert found.signals[0].order is None
     assert "does not fall with the step" in found.advice()
+
+
+@pytest.mark.parametrize(("internal", "fixed"), [("0.02", ()), ("0.05", ("b",))])
+def test_what_a_fixed_internal_step_hides_is_said(
+    tmp_path: Path, internal: str, fixed: tuple[str, ...], sentence
+) -> None:
+    """`b` integrates the ramp of `a`, whose values it holds: 1/2 h of 1/2, unless its step cannot be divided."""
+    plain = following.build(tmp_path)
+    attribute = b' providesIntermediateUpdate="true"'
+    own = making.redescribed(
+        plain, tmp_path / "Own.fmu", (attribute, attribute + f' fixedInternalStepSize="{internal}"'.encode())
+    )
+    with System() as system:
+        system.allow_unconnected = True
+        system.add("a", plain, step="0.1 s", start={"u": 1.0})
+        system.add("b", own, step="0.1 s")
+        system.connect("a.x", "b.u")
+        found = system.exchange_error(1.0, record=["b.x"], contributions=False)
+    assert found.fixed == fixed
+    assert found.signals[0].exchange == pytest.approx(0.0 if fixed else 0.05, abs=1e-12)
+    sentence(found.advice())

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from foreign import following
+from foreign import following, making
 
 from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System
 
@@ -30,6 +31,16 @@ class Ramp(Parabola):
 
     def step(self, t, h, u, y):  # noqa: ARG002
         y[0] = 3.0 * (t + h)
+
+
+class Steps(PythonComponent):
+    """t, from sample to sample."""
+
+    kind = "discrete"
+    outputs = ("y",)
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = t
 
 
 def run(
@@ -94,6 +105,58 @@ def test_other_inputs_have_the_value_of_the_middle(fmu: Path) -> None:
             assert value(system, "free") == pytest.approx(3.0 * 0.45)
 
 
+SHOWN = ("c.x", "c.y", "c.xs[1]", "c.xs[2]", "c.xs[3]", "c.energy", "c.asked", "b.x")
+
+
+def of_fmus(fmu: Path, kind: str = "follows") -> System:
+    """3 t of `a` follows in `b`, and the parabola of `b` in `c`, whose array has elements that are held and free."""
+    system = System(allow_unconnected=True)
+    system.add("a", fmu, step="0.05 s", start={"u": 3.0})
+    system.add("b", fmu, step="0.1 s")
+    system.add("c", fmu, step="0.1 s", parameters={"kind": following.KINDS.index(kind)}, start={"w[3]": 5.0})
+    system.connect("a.x", "b.u", extrapolate=True)
+    system.connect("b.x", "c.u", extrapolate=True, linear=(2.0, 1.0))
+    system.connect("b.x", "c.w[1]", extrapolate=True)
+    system.connect("a.x", "c.w[2]")
+    return system
+
+
+@pytest.mark.parametrize("divided", [False, True])
+def test_inputs_follow_in_exported_systems_with_the_same_bits(fmu: Path, tmp_path: Path, divided: bool) -> None:
+    """Also where the steps of the FMUs may end early; and after a state is restored."""
+    if divided:
+        early = b' mightReturnEarlyFromDoStep="true" providesIntermediateUpdate="true"'
+        fmu = making.redescribed(fmu, tmp_path / "Early.fmu", (b' providesIntermediateUpdate="true"', early))
+    with of_fmus(fmu) as system:
+        path = system.export_fmu(tmp_path / "Followers.fmu", outputs=[*SHOWN])
+        expected = system.run(1.0, record=[*SHOWN])
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step="0.1 s")
+        with system.initialize(record=[f"s.{n}" for n in SHOWN]) as simulation:
+            simulation.advance(0.5)
+            state = simulation.save()
+            simulation.advance(0.8)
+            simulation.restore(state)
+            simulation.advance(1.0)
+            found = simulation.recording
+    assert expected["c.asked"][-1] == 100
+    assert expected["c.xs[3]"][-1] == pytest.approx(5.0)
+    assert expected["b.x"][-1] == pytest.approx(1.5 - 0.015, abs=1e-12), "the first step does not know the slope"
+    for n in SHOWN:
+        assert np.array_equal(found[f"s.{n}"], expected[n][::2]), n
+
+
+def test_an_exported_system_names_the_component_that_asks_wrongly(fmu: Path, tmp_path: Path, refused) -> None:
+    def run_exported(kind: str) -> None:
+        with of_fmus(fmu, kind) as system:
+            path = system.export_fmu(tmp_path / f"{kind}.fmu")
+        with System(allow_unconnected=True) as system:
+            system.add("s", path, step="0.1 s")
+            system.run(0.2, record=[])
+
+    refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("late", "unsettable")))
+
+
 def test_units_are_converted_on_the_line(fmu: Path) -> None:
     with System(allow_unconnected=True) as system:
         system.add("source", Ramp(), step="0.1 s")
@@ -101,6 +164,83 @@ def test_units_are_converted_on_the_line(fmu: Path) -> None:
         system.connect("source.y", "c.u", extrapolate=True, linear=(-2.0, 1.0))
         found = system.run(1.0, record=["c.y"])
     assert np.allclose(found["c.y"][2:], 1.0 - 6.0 * found.time[2:], rtol=0, atol=1e-12)
+
+
+def of_arrays(fmu: Path, **options: Any) -> Recording:
+    """`w[1]` and `u` follow t^2, `w[2]` holds 3 t, and nothing drives `w[3]`, which becomes 8 at 0.5 s."""
+    with System(allow_unconnected=True) as system:
+        system.add("square", Parabola(), step="0.1 s")
+        system.add("ramp", Ramp(), step="0.1 s")
+        system.add("c", fmu, step="0.1 s", **options)
+        system.connect("square.y", "c.w[1]", extrapolate=True, linear=(2.0, 1.0))
+        system.connect("ramp.y", "c.w[2]")
+        system.connect("square.y", "c.u", extrapolate=True, linear=(2.0, 1.0))
+        with system.initialize(record=["c.xs[*]", "c.x", "ramp.y"]) as simulation:
+            simulation.advance(0.5)
+            simulation.set("c.w[3]", 8.0)
+            simulation.advance(1.0)
+            return simulation.recording
+
+
+def test_arrays_follow_element_by_element(fmu: Path) -> None:
+    found = of_arrays(fmu)
+    assert np.array_equal(found["c.xs[1]"], found["c.x"]), "as a scalar does"
+    held = 0.1 * np.cumsum(found["ramp.y"][:-1])
+    assert np.allclose(found["c.xs[2]"][1:], held, rtol=0, atol=1e-12)
+    t = found.time
+    assert np.allclose(found["c.xs[3]"], np.where(t < 0.55, 7.0 * t, 3.5 + 8.0 * (t - 0.5)), rtol=0, atol=1e-12)
+    apart = of_arrays(fmu, isolated=True)
+    assert all(np.array_equal(found[n], apart[n]) for n in found.names)
+
+
+def test_whole_arrays_follow_in_repeated_and_saved_runs(fmu: Path) -> None:
+    """States of such a component are saved by the engine."""
+    with System(allow_unconnected=True) as system:
+        for i, source in enumerate((Parabola(), Ramp(), Parabola()), start=1):
+            system.add(f"s{i}", source, step="0.1 s")
+        system.add("c", fmu, step="0.1 s")
+        for i in (1, 2, 3):
+            system.connect(f"s{i}.y", f"c.w[{i}]", extrapolate=True)
+        first, second = (system.run(1.0, record=["c.xs[*]"]) for _ in range(2))
+        with system.initialize(record=["c.xs[*]"]) as simulation:
+            simulation.advance(0.5)
+            state = simulation.save()
+            simulation.advance(0.8)
+            simulation.restore(state)
+            simulation.advance(1.0)
+            third = simulation.recording
+    assert np.allclose(first["c.xs[2]"][1:], 1.5 * first.time[1:] ** 2 - 0.015, rtol=0, atol=1e-12)
+    assert np.array_equal(first["c.xs[1]"], first["c.xs[3]"])
+    assert np.array_equal(first.data, second.data)
+    assert np.array_equal(first.data, third.data)
+
+
+def in_tolerance(path: Path, **options: bool) -> Recording:
+    """With a tolerance: `u` and `w[2]` follow a ramp, `w[1]` is of a discrete component, and nothing drives `w[3]`."""
+    with System(allow_unconnected=True) as system:
+        system.add("ramp", Ramp(), step="0.05 s")
+        system.add("held", Steps(), step="0.25 s")
+        system.add("c", path, step="0.05 s", **options)
+        system.connect("ramp.y", "c.u", linear=(2.0, 1.0))
+        system.connect("ramp.y", "c.w[2]", linear=(2.0, 1.0))
+        system.connect("held.y", "c.w[1]")
+        return system.run(1.0, record=["c.x", "c.xs[*]", "c.energy", "c.asked"], tolerance=1e-3)
+
+
+def test_inputs_follow_in_runs_with_a_tolerance(fmu: Path, tmp_path: Path) -> None:
+    """The square of a line is integrated as such, and not as that of its middle; isolated with the same bits."""
+    found, apart = in_tolerance(fmu), in_tolerance(fmu, isolated=True)
+    assert found["c.x"][-1] == pytest.approx(1.0 + 3.0, abs=1e-12)
+    assert found["c.xs[2]"][-1] == found["c.x"][-1]
+    assert found["c.xs[1]"][-1] == pytest.approx(0.25 * (0.0 + 0.25 + 0.5 + 0.75), abs=1e-12)
+    assert found["c.xs[3]"][-1] == pytest.approx(7.0, abs=1e-12)
+    exact = 1.0 + 6.0 + 12.0  # of (1 + 6 t)^2
+    attributes = (b' intermediateUpdate="true"', b""), (b' providesIntermediateUpdate="true"', b"")
+    middle = in_tolerance(making.redescribed(fmu, tmp_path / "Middle.fmu", *attributes))
+    errors = [abs(r["c.energy"][-1] - exact) for r in (found, middle)]
+    assert errors[0] < 0.05 * errors[1]
+    assert middle["c.asked"][-1] == 0
+    assert all(np.array_equal(found[n], apart[n]) for n in found.names)
 
 
 def test_repeated_runs_and_saved_states_are_alike(fmu: Path) -> None:

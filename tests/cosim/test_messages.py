@@ -165,13 +165,10 @@ def test_what_does_not_fit_is_refused(folder: Path, fmus: dict[int, Path], refus
         system.connect("a.text", "two.text_in")
 
 
-def test_who_exchanges_numbers_only_says_so(
-    fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]
-) -> None:
+def test_who_exchanges_numbers_only_says_so(fmus: dict[int, Path], refused: Callable[..., None]) -> None:
     with chain(fmus[3], 3) as system:
         refused(
             WiringError,
-            lambda: system.export_ssp(tmp_path / "System.ssp"),
             lambda: Batch(system, 2),
             lambda: system.run(0.1, record=[], execution=Execution(tolerance=1e-3)),
         )
@@ -185,10 +182,16 @@ def exported(system: System, path: Path, **options: Any) -> System:
 
 
 @pytest.mark.parametrize("delay", [False, True])
-@pytest.mark.parametrize("version", [2, 3])
-def test_exported_systems_exchange_texts(fmus: dict[int, Path], tmp_path: Path, version: int, delay: bool) -> None:
-    """What `b` computes of all that it has read is the same, also after a saved state is restored."""
-    with chain(fmus[version], version, delay=delay) as system:
+@pytest.mark.parametrize(("version", "event_mode"), [(2, False), (3, False), (3, True)])
+def test_exported_systems_exchange_texts(
+    folder: Path, tmp_path: Path, version: int, event_mode: bool, delay: bool
+) -> None:
+    """What `b` computes of all that it has read is the same, also after a saved state is restored.
+
+    An FMU with event mode gets texts, bytes and 64-bit integers in event mode only, and in as many events.
+    """
+    fmu = messages.build(folder, version, event_mode=event_mode)
+    with chain(fmu, version, delay=delay) as system:
         outside = system.run(0.1, record=["b.hash"])["b.hash"].tolist()
         outer = exported(system, tmp_path / "Texts.fmu")
     with outer, outer.initialize(record=["s.b.hash"]) as simulation:
@@ -200,6 +203,7 @@ def test_exported_systems_exchange_texts(fmus: dict[int, Path], tmp_path: Path, 
         inside = simulation.recording["s.b.hash"].tolist()
     assert inside == outside
     assert len(set(outside)) > 5
+    assert (outside[-1] % 1.0 > 0) is event_mode
 
 
 def test_an_exported_system_names_a_text_that_is_too_long(

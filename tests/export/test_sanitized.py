@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 import pytest
 from built import BuiltFmus
-from foreign import sloped
+from foreign import calculating, following, sloped
 from lxml import etree
 from sanitized import FLAGS, THREADS, gcc, kept_object
 
@@ -41,6 +41,14 @@ def unpacked(built_fmus: BuiltFmus, follower: dict[int, Path], tmp_path_factory:
             system.add(name, sloped.build(fmi, folder), step="10 ms", parameters=values)
         system.connect("at_once.a", "in_steps.p")
         system.connect("in_steps.a", "at_once.p")
+        for name in ("ahead", "behind"):  # inputs that follow inside of steps, with an element that nobody drives
+            system.add(name, following.build(folder), step="10 ms", start={"u": 1.0})
+        for variable in ("w[1]", "w[2]"):
+            system.connect("ahead.x", f"behind.{variable}", extrapolate=True)
+        for fmi in (2, 3):  # calculated parameters
+            system.add(f"calculated{fmi}", calculating.build(folder, fmi), step="10 ms")
+        system.connect("calculated3.sums[2]", "calculated2.factor")
+        system.connect("calculated2.next", "calculated3.n")
         return Path(fmpy.extract(system.export_fmu(folder / "Sanitized.fmu", fmi=3), folder / "files"))
 
 

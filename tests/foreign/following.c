@@ -1,7 +1,7 @@
 /* A small FMI 3.0 Co-Simulation FMU that asks for its input inside its steps, from the standard's headers alone.
  *
  * dx/dt = u in ten internal steps of a communication step, each by the trapezoidal rule with what u is at both of its
- * ends; y = u. `asked` counts the callbacks that ask for inputs, `early` the steps that ended early on request. The
+ * ends; y = u; the array xs integrates the array w alike, and `energy` u^2. `asked` counts the callbacks that ask for inputs, `early` the steps that ended early on request. The
  * parameter `kind` says how it calls back. */
 #include <math.h>
 #include <string.h>
@@ -9,20 +9,21 @@
 #include "../fmi_names.h"
 
 enum { FOLLOWS, SILENT, READS, NOT_A_TIME, LATE, OUTSIDE, UNSETTABLE, NO_POINTERS, CRASHES }; /* kinds */
-enum { U, X, Y, ASKED, EARLY, KIND, FREE, TIME = 100 };                                       /* value references */
-enum { PARTS = 10 };
+enum { U, X, Y, ASKED, EARLY, KIND, FREE, W, XS, ENERGY, TIME = 100 };                        /* value references */
+enum { PARTS = 10, N = 3 };
 
 typedef struct {
     int state;
     bool events, early, updating;
     int32_t asked, returned, kind;
-    double now, x, u, unset;
+    double now, x, u, unset, w[N], xs[N], energy;
 } Values;
 
-#define REFUSED (n != 1 || required[0] != U || !update)
+#define REFUSED (update ? n != 2 || required[0] != U || required[1] != W : n)
 #include "strict.h"
 
-static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early}; }
+static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early, .w = {0.0, 0.0, 7.0}}; }
+static size_t count(fmi3ValueReference r) { return r == W || r == XS ? N : 1; }
 
 fmi3Status fmi3EnterInitializationMode(
     fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
@@ -38,18 +39,19 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
 }
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
     IN(BIT(INITIALIZATION) | BIT(STEP) | BIT(TERMINATED));
-    if (m->v.kind == OUTSIDE) m->update(m->environment, m->v.now, true, true, true, false, NULL, NULL); /* in no step */
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == X ? m->v.x : vr[i] == FREE ? m->v.unset : vr[i] == TIME ? m->v.now : m->v.u;
+    if (m->v.kind == OUTSIDE && m->update) m->update(m->environment, m->v.now, true, true, true, false, NULL, NULL); /* in no step */
+    for (size_t i = 0; i < n; value += count(vr[i++]))
+        if (count(vr[i]) == N) memcpy(value, vr[i] == W ? m->v.w : m->v.xs, sizeof m->v.w);
+        else *value = vr[i] == X ? m->v.x : vr[i] == ENERGY ? m->v.energy : vr[i] == FREE ? m->v.unset : vr[i] == TIME ? m->v.now : m->v.u;
     return fmi3OK;
 }
 fmi3Status fmi3SetFloat64(
     fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(STEP));
-    for (size_t i = 0; i < n; i++) {
-        if (m->v.updating && vr[i] != U) return error(m, "%u is set inside a step", (unsigned)vr[i]);
-        if (m->v.updating && m->v.kind == UNSETTABLE) return error(m, "u = %g is refused", value[i]);
-        *(vr[i] == U ? &m->v.u : &m->v.unset) = value[i];
+    for (size_t i = 0; i < n; value += count(vr[i++])) {
+        if (m->v.updating && vr[i] != U && vr[i] != W) return error(m, "%u is set inside a step", (unsigned)vr[i]);
+        if (m->v.updating && m->v.kind == UNSETTABLE) return error(m, "u = %g is refused", *value);
+        memcpy(vr[i] == U ? &m->v.u : vr[i] == W ? m->v.w : &m->v.unset, value, count(vr[i]) * sizeof *value);
     }
     return fmi3OK;
 }
@@ -71,7 +73,7 @@ static bool call_back(Model *m, double t) {
     fmi3Boolean wanted = false;
     double when = 0.0;
     const int32_t kind = m->v.kind;
-    if (kind == SILENT) return false;
+    if (kind == SILENT || !m->update) return false;
     if (kind == CRASHES) *(volatile int *)0 = 0;
     if (kind == NOT_A_TIME) t = NAN;
     if (kind == LATE) t += 1.0;
@@ -89,10 +91,12 @@ fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_
     const double part = h / PARTS;
     *event = *terminate = *early = false;
     for (int i = 1; i <= PARTS && !*early; i++) {
-        const double before = m->v.u;
+        const Values before = m->v;
         *last = t + i * part;
         *early = call_back(m, *last) && m->v.early;
-        m->v.x += part * 0.5 * (before + m->v.u);
+        m->v.x += part * 0.5 * (before.u + m->v.u);
+        m->v.energy += part * 0.5 * (before.u * before.u + m->v.u * m->v.u);
+        for (int k = 0; k < N; k++) m->v.xs[k] += part * 0.5 * (before.w[k] + m->v.w[k]);
     }
     if (*early) m->v.returned++;
     else *last = t + h;

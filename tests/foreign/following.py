@@ -24,11 +24,16 @@ def build(folder: Path, *, early_return: bool = False) -> Path:
     <Float64 name="y" valueReference="2" causality="output"/>
     <Int32 name="asked" valueReference="3" causality="output" variability="discrete"/>
     <Int32 name="early" valueReference="4" causality="output" variability="discrete"/>
+    <Float64 name="w" valueReference="7" causality="input" start="0 0 7" intermediateUpdate="true">
+      <Dimension start="3"/></Float64>
+    <Float64 name="xs" valueReference="8" causality="output" initial="exact" start="0"><Dimension start="3"/></Float64>
+    <Float64 name="energy" valueReference="9" causality="output" initial="exact" start="0"/>
     <Int32 name="kind" valueReference="5" causality="parameter" variability="fixed" start="0"/>
   </ModelVariables>
   <ModelStructure>
     <Output valueReference="1" dependencies=""/><Output valueReference="2" dependencies="0"/>
     <Output valueReference="3" dependencies=""/><Output valueReference="4" dependencies=""/>
+    <Output valueReference="8" dependencies=""/><Output valueReference="9" dependencies=""/>
     <InitialUnknown valueReference="2" dependencies="0"/>
     <InitialUnknown valueReference="3" dependencies=""/><InitialUnknown valueReference="4" dependencies=""/>
   </ModelStructure>

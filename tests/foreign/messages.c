@@ -3,7 +3,7 @@
  *
  * As a source it writes in step k the text "k" with `length` times the letter a before it, the bytes 0, 1, ... k - 1,
  * and whole numbers from `first` on. Otherwise it passes on what it was given at the last step. `hash` is of the text
- * and bytes that it was given. */
+ * and bytes that it was given. With event mode (FMI 3.0) it refuses them in step mode, and `hash` counts its events. */
 #include "../fmi_names.h"
 
 #include <stdio.h>
@@ -22,6 +22,8 @@ typedef struct {
     char words[N][16];
     int32_t length, source, k;
     double hash;
+    bool locked; /* step mode of an FMU with event mode */
+    int32_t events;
 } Model;
 
 static Model *made(void) { return calloc(1, sizeof(Model)); }
@@ -49,7 +51,7 @@ static void show(Model *m) {
 }
 
 static Status step(Model *m) {
-    m->hash = 0.0;
+    m->hash = 1e-6 * m->events;
     for (const char *p = m->text_in; *p; p++) m->hash += *p;
     for (size_t i = 0; i < m->n_in; i++) m->hash += 1000.0 * (i + 1) * m->data_in[i];
     m->k++;
@@ -73,6 +75,7 @@ static Status get_texts(Model *m, const Reference vr[], size_t n, Text value[]) 
     return F(OK);
 }
 static Status set_texts(Model *m, const Reference vr[], size_t n, const Text value[]) {
+    if (m->locked) return F(Error);
     for (size_t i = 0; i < n; i++)
         if (vr[i] < LIST_IN) {
             if (set_text(m, *value++) != F(OK)) return F(Error);
@@ -93,8 +96,8 @@ static int64_t *whole(Model *m, Reference r) {
     for (size_t i = 0; i < n; i++)                                                                 \
         for (int j = 0; j < (vr[i] >= LIST_IN ? N : 1); j++, value++) TO = FROM;                   \
     return F(OK)
-ACCESS(Int64, int64_t, show(M); EACH_WHOLE(*value, whole(M, vr[i])[j]), EACH_WHOLE(whole(M, vr[i])[j], *value))
-ACCESS(UInt64, uint64_t, show(M); EACH(value[i] = vr[i] == UNSIGNED ? M->u : M->u_in), EACH(M->u_in = value[i]))
+ACCESS(Int64, int64_t, show(M); EACH_WHOLE(*value, whole(M, vr[i])[j]), if (M->locked) return F(Error); EACH_WHOLE(whole(M, vr[i])[j], *value))
+ACCESS(UInt64, uint64_t, show(M); EACH(value[i] = vr[i] == UNSIGNED ? M->u : M->u_in), if (M->locked) return F(Error); EACH(M->u_in = value[i]))
 fmi3Status fmi3GetBinary(Instance c, const Reference vr[], size_t n, size_t sizes[], fmi3Binary values[], size_t k) {
     show(M);
     values[0] = M->data, sizes[0] = M->n;
@@ -102,8 +105,15 @@ fmi3Status fmi3GetBinary(Instance c, const Reference vr[], size_t n, size_t size
 }
 fmi3Status fmi3SetBinary(
     Instance c, const Reference vr[], size_t n, const size_t sizes[], const fmi3Binary values[], size_t k) {
-    if (sizes[0] > MOST) return F(Error);
+    if (sizes[0] > MOST || M->locked) return F(Error);
     memcpy(M->data_in, values[0], M->n_in = sizes[0]);
     return F(OK);
+}
+fmi3Status fmi3EnterEventMode(Instance c) { return M->events++, M->locked = false, fmi3OK; }
+fmi3Status fmi3EnterStepMode(Instance c) { return M->locked = true, fmi3OK; }
+fmi3Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate, Flag *nominals, Flag *states,
+    Flag *has_next, double *next) {
+    *again = *terminate = *nominals = *states = *has_next = false;
+    return fmi3OK;
 }
 #endif

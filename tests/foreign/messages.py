@@ -10,11 +10,13 @@ _TEXTS = [("text_in", 0, "input"), ("text", 1, "output")]
 _PARAMETERS = [("length", 8), ("source", 9)]
 
 
-def description(version: int, mime_type: str, max_size: int | None) -> str:
+def description(version: int, mime_type: str, max_size: int | None, event_mode: bool) -> str:
     """modelDescription.xml."""
     save = {2: "canGetAndSetFMUstate", 3: "canGetAndSetFMUState"}[version]
     serialize = {2: "canSerializeFMUstate", 3: "canSerializeFMUState"}[version]
-    able = f'modelIdentifier="messages" canHandleVariableCommunicationStepSize="true" {save}="true" {serialize}="true"'
+    events = ' hasEventMode="true"' if event_mode else ""
+    able = 'modelIdentifier="messages" canHandleVariableCommunicationStepSize="true"'
+    able += f' {save}="true" {serialize}="true"{events}'
     if version == 2:
         variables = [
             *(
@@ -64,12 +66,19 @@ def description(version: int, mime_type: str, max_size: int | None) -> str:
     )
 
 
-def build(folder: Path, version: int = 3, *, mime_type: str = "text/plain", max_size: int | None = None) -> Path:
-    """The FMU for this machine, in a folder."""
+def build(
+    folder: Path,
+    version: int = 3,
+    *,
+    mime_type: str = "text/plain",
+    max_size: int | None = None,
+    event_mode: bool = False,
+) -> Path:
+    """The FMU for this machine, in a folder; with event mode in FMI 3.0 only."""
     name = f"messages{version}"
     library = making.compile_library(
         folder, name, version, [making.HERE / "messages.c", making.others(folder, name, version)]
     )
-    text = description(version, mime_type, max_size)
-    file = f"Messages{version}-{mime_type.replace('/', '-')}-{max_size}.fmu"
+    text = description(version, mime_type, max_size, event_mode)
+    file = f"Messages{version}-{mime_type.replace('/', '-')}-{max_size}{'-events' * event_mode}.fmu"
     return making.pack(folder / file, making.contents(version, "messages", text, library))

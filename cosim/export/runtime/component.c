@@ -47,7 +47,7 @@ bool component_instantiate(Component *m, const char *name, const char *token, co
             name, integrated ? fmi2ModelExchange : fmi2CoSimulation, token, uri, &m->callbacks, fmi2False, fmi2False);
     } else if (!integrated) {
         m->instance = m->f3->InstantiateCoSimulation(
-            name, token, resources, false, false, false, false, NULL, 0, m, message3, NULL);
+            name, token, resources, false, false, false, false, REQUIRED(m), m, message3, m->update);
     }
     if (integrated) return m->exchange->make(m, name, token, resources);
     return m->instance != NULL;
@@ -60,7 +60,8 @@ void component_free(Component *m) {
     }
     m->instance = NULL;
     free(m->integrator);
-    m->integrator = NULL;
+    free(m->updates);
+    m->integrator = m->updates = NULL;
     if (m->library && !m->dead) m->close(m->library);
     m->library = NULL;
 }

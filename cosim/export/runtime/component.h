@@ -94,6 +94,31 @@ typedef struct {
     uint32_t n, n_values; /* calls that set discrete inputs, and their values */
 } EventSetup;
 
+/* Inputs that follow inside the steps of a component: one call sets `n` elements of `references`. Of these n_lines are
+ * extrapolated or held, and n_free, each with `index` in an array of n, are driven by nobody. */
+typedef struct {
+    uint32_t element, reference, n, index;
+} UpdateFree;
+typedef struct {
+    const uint32_t *required; /* value references of all inputs that could follow */
+    uint32_t n_required;
+    const uint32_t *references;
+    uint32_t n_references, n;
+    const EngineExtrapolation *lines;
+    const uint32_t *element;
+    uint32_t n_lines;
+    const UpdateFree *free;
+    uint32_t n_free;
+} UpdateSetup;
+
+/* What steps such components (updates.c); only systems with such have this. */
+typedef struct {
+    bool (*make)(Component *m); /* before it is instantiated */
+    uint32_t (*bind)(Component *m, const EngineComponent *e, const double *values);
+    bool (*failed)(const Component *m, double *time); /* in the last step, inputs could not be set then */
+} Updates;
+extern const Updates updates;
+
 /* What is saved beside the state of an FMU. */
 typedef struct {
     void *at;
@@ -122,7 +147,14 @@ struct Component {
     ComponentMemory memory[2]; /* of it */
     double begin;
     fmi3LogMessageCallback say;
+    const UpdateSetup *follows; /* NULL: no input follows inside its steps */
+    fmi3IntermediateUpdateCallback update;
+    void *updates;              /* what `step` gets then */
+    EngineStep3 step;
 };
+
+/* Arguments `requiredIntermediateVariables` and their number. */
+#define REQUIRED(m) ((m)->follows ? (m)->follows->required : NULL), ((m)->follows ? (m)->follows->n_required : 0)
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources);
 void component_free(Component *m);

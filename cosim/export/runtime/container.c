@@ -56,6 +56,7 @@ struct FmuInstance {
     FmuBase base;
     State *state;
     double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
+    double *passed;                /* parameters that were passed on */
     Engine engine;
     EngineComponent *bound;
     Component *components;
@@ -146,6 +147,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n_derivatives() * sizeof(EngineDerivative)),
         aligned(n * sizeof(LastStep)),
         aligned(texts_room()),
+        aligned(P->n_passed * sizeof(double)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -185,6 +187,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .back = repeat, .context = self};
     self->repeated = part[20];
     self->texts = part[21];
+    self->passed = part[22];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -288,6 +291,8 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
+        m->follows = p->follows;
+        if (p->follows && !P->updates->make(m)) return fmu_fail(self, FMU_ERROR, "component '%s': no memory", p->name);
         if (!component_instantiate(m, p->name, p->token, own))
             return fmu_fail(self, FMU_ERROR, "component '%s' cannot be instantiated", p->name);
         const FmuStatus status = set_starts(self, i);
@@ -410,7 +415,7 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 /* ------------------------------------------------------------------ initialization */
 
 /* Calls and buffers of a component for the engine, as far as they do not change. */
-static void bind(FmuInstance *self) {
+static FmuStatus bind(FmuInstance *self) {
     EngineTransfer *t = self->transfers;
     double *u = self->values + P->n_values;
     char *buffers = (char *)(u + P->n_u), *texts_at = self->texts;
@@ -450,6 +455,11 @@ static void bind(FmuInstance *self) {
         else e->step3 = (EngineStep3)m->f3->DoStep;
         const bool waits = m->exchange && m->exchange->bind;
         if (waits) m->exchange->bind(m, self->state->mode == MODE_STEP);
+        if (p->follows) {
+            const uint32_t status = P->updates->bind(m, e, self->values);
+            if (status > fmi3Warning) return component_failed(self, i, "getting inputs", status);
+            if (!m->exchange) e->step3 = m->step, e->stepped = m->updates;
+        }
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
             if (set) e->sets = t;
@@ -483,6 +493,7 @@ static void bind(FmuInstance *self) {
             if (m->version == 2) d->call2 = (EngineDerivative2)m->f2->GetDirectionalDerivative;
             else d->call3 = (EngineDerivative3)m->f3->GetDirectionalDerivative;
         }
+    return FMU_OK;
 }
 
 /* ------------------------------------------------------------------ steps that are repeated */
@@ -559,6 +570,10 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
             why ? why : "", (unsigned)number);
     }
     const PlanComponent *p = &P->components[i];
+    double when;
+    if (p->follows && !call && P->updates->failed(m, &when))
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': inputs that follow inside its step cannot be set at %.9g s",
+            p->name, when);
     const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
     const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
     if (t && t->exact) {
@@ -589,10 +604,42 @@ static FmuStatus not_solved(FmuInstance *self) {
         P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
 }
 
+/* Set parameters to those that other components calculate, until none changes: one may follow from another. */
+static FmuStatus pass_parameters(FmuInstance *self) {
+    double values[COMPONENT_LARGEST];
+    for (uint32_t round = 0; round <= P->n_passed; round++) {
+        bool changed = false;
+        for (uint32_t k = 0; k < P->n_passed; k++) {
+            const PlanPassed *p = &P->passed[k];
+            Component *from = &self->components[p->from.component], *to = &self->components[p->to.component];
+            uint32_t status = component_get(from, p->from.kind, p->from.reference, values, p->from.n);
+            if (status > fmi3Warning)
+                return component_failed(self, p->from.component, "getting a calculated parameter", status);
+            const double x = p->scale * values[p->from.index] + p->offset;
+            if (round && x == self->passed[k]) continue;
+            if (!(isfinite(x) && x >= p->min && x <= p->max)) {
+                self->state->mode = MODE_ERROR;
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is not a value that it may have", p->name, x);
+            }
+            changed = true;
+            self->passed[k] = x;
+            status = p->to.n > 1 ? component_get(to, p->to.kind, p->to.reference, values, p->to.n) : fmi3OK;
+            values[p->to.index] = x;
+            if (status <= fmi3Warning) status = component_set(to, p->to.kind, p->to.reference, values, p->to.n);
+            if (status > fmi3Warning) return component_failed(self, p->to.component, "setting a parameter", status);
+        }
+        if (!changed) return FMU_OK;
+    }
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR, "calculated parameters do not settle: some follow from each other");
+}
+
 /* Pass outputs to inputs until nothing changes any more. */
 static FmuStatus settle(FmuInstance *self) {
     State *s = self->state;
     if (s->settled) return FMU_OK;
+    const FmuStatus passed = pass_parameters(self);
+    if (passed != FMU_OK) return passed;
     const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
     if (result == ENGINE_CALL_FAILED) return call_failed(self, self->engine.component);
     if (result == ENGINE_NO_SOLUTION) return not_solved(self);
@@ -623,7 +670,8 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
         const uint32_t status = component_enter(&self->components[i], p->has_tolerance, p->tolerance, begin, met, stop);
         if (status > fmi3Warning) return component_failed(self, i, "EnterInitializationMode", status);
     }
-    bind(self);
+    const FmuStatus bound = bind(self);
+    if (bound != FMU_OK) return bound;
     for (int32_t i = 0; i < P->n_components; i++) /* elements that nobody drives */
         for (int32_t k = 0; k < P->components[i].n_sets; k++)
             if (P->components[i].sets[k].keeps) {
@@ -1002,9 +1050,9 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
-    bind(self);
+    status = bind(self);
     repeat_steps(self);
-    return FMU_OK;
+    return status;
 }
 
 FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snapshot) {

@@ -12,12 +12,12 @@ static bool make(Component *m, const char *name, const char *token, const char *
     const EventSetup *const setup = m->setup;
     const size_t inputs = setup->n * sizeof(EventInputs), before = setup->n_values * sizeof(double);
     m->instance = m->f3->InstantiateCoSimulation(name, token, resources, false, false, setup->event_mode,
-        setup->variable_step, NULL, 0, m, m->say, NULL);
+        setup->variable_step, REQUIRED(m), m, m->say, m->update);
     if (!m->instance && setup->event_mode) { /* as in a run of the system */
         m->say(m, fmi3Warning, "", "it cannot be instantiated with event mode, and processes its events by itself");
         m->exchange = NULL;
         m->instance = m->f3->InstantiateCoSimulation(
-            name, token, resources, false, false, false, false, NULL, 0, m, m->say, NULL);
+            name, token, resources, false, false, false, false, REQUIRED(m), m, m->say, m->update);
         return m->instance != NULL;
     }
     EventSteps *const s = m->integrator = calloc(1, sizeof *s + inputs + before);
@@ -29,6 +29,10 @@ static bool make(Component *m, const char *name, const char *token, const char *
         .variable_step = setup->variable_step,
         .internal = setup->internal};
     memcpy(&s->call[EVENT_DO_STEP], &m->f3->DoStep, sizeof s->call[0]);
+    if (m->follows) {
+        memcpy(&s->call[EVENT_DO_STEP], &m->step, sizeof s->call[0]);
+        s->stepped = m->updates;
+    }
     for (int i = 0; setup->event_mode && i < 3; i++) {
         const ExchangeCall call = m->find(m->library, m->version, names[i]);
         if (!call) return false;

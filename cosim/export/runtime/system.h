@@ -64,6 +64,7 @@ typedef struct {
     double tolerance;
     bool events;                     /* it reports events or returns early */
     const void *setup;               /* EventSetup, or IntegratorSetup of one that is integrated; or NULL */
+    const UpdateSetup *follows;      /* NULL: no input follows inside its steps */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
 } PlanComponent;
@@ -81,6 +82,17 @@ typedef struct {
     int64_t slot;                    /* outputs; of others where their value is shown too, or -1 */
     double scale, shift;             /* outputs: shown as scale * value + shift */
 } PlanVariable;
+
+/* A parameter that another component calculates: in initialization `to` becomes scale * `from` + offset. */
+typedef struct {
+    const char *name;
+    struct {
+        int32_t component;
+        Kind kind;
+        uint32_t reference, n, index;   /* one of n elements */
+    } from, to;
+    double scale, offset, min, max;
+} PlanPassed;
 
 /* Calls with `exact`: bytes of memory that one needs; binding it, at first as if it were another one; bytes of the
  * value that was too long and those that it may have, 0 if none was. */
@@ -104,12 +116,15 @@ typedef struct {
     const char *const *owners;       /* of each value: "component.variable" */
     const PlanVariable *variables;
     int32_t n_variables;
+    const PlanPassed *passed;
+    uint32_t n_passed;
     bool can_save;
     void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
     const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
+    const Updates *updates;            /* NULL: no component's inputs follow inside its steps */
     const Texts *texts;                /* NULL: no call has `exact` */
 } Plan;
 

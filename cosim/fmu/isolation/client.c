@@ -449,14 +449,14 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
     if (l->update) {
         const IntermediateUpdate *u = l->update;
         const size_t doubles = 2 + 3 * (size_t)u->n;
-        char *to = record(l, LINK_Float64, u->references, u->n, doubles, doubles * 8);
+        char *to = record(l, LINK_Float64, u->references, u->n_references, doubles, doubles * 8);
         if (!to) return too_much(l);
         memcpy(to, u->line, (doubles - u->n) * 8);
     }
     ask->t = t;
     ask->h = h;
     ask->a = no_set_prior;
-    ask->b = l->update != NULL;
+    ask->b = l->update ? 1 | (uint64_t)l->update->begins << 1 : 0;
     const uint32_t status = simple(l, LINK_STEP);
     l->stepping = true;
     if (l->end) return status;

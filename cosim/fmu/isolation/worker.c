@@ -348,10 +348,16 @@ static uint32_t learn(const char *at) {
 static void follow(const char *at, bool stepping) {
     const LinkValues *v = (const LinkValues *)(const void *)at;
     update.stepping = stepping && region.ask->b;
-    if (update.stepping)
-        update = (IntermediateUpdate){instance, (EngineValues3)setters[LINK_Float64], (const uint32_t *)(v + 1),
-            v->n_references, true, (double *)(void *)after(v, 0), {0}};
-    else if (region.ask->b) memcpy(region.reply, &update.report, region.answer->reply_used = sizeof update.report);
+    if (update.stepping) {
+        update = (IntermediateUpdate){.instance = instance,
+            .set = (EngineValues3)setters[LINK_Float64],
+            .references = (const uint32_t *)(v + 1),
+            .n_references = v->n_references,
+            .n = (uint32_t)((v->n_values - 2) / 3),
+            .begins = region.ask->b >> 1 & 1,
+            .line = (double *)(void *)after(v, 0)};
+        intermediate_begin(&update);
+    } else if (region.ask->b) memcpy(region.reply, &update.report, region.answer->reply_used = sizeof update.report);
 }
 
 static uint32_t step(const char *rest) {
