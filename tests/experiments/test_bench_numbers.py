@@ -16,17 +16,7 @@ from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS
 from cosim.experiments.bench.published import LONG, RANDOM, SHORT, at, over_height, over_stretches
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import (
-    METRICS,
-    Case,
-    force,
-    measure,
-    passive,
-    recorded,
-    signals,
-    stop_time,
-    wire,
-)
+from cosim.experiments.bench.runs import METRICS, Case, force, measure, passive, recorded, signals, stop_time, wire
 from cosim.export.web.page import WebPage
 from cosim.report import Report
 from cosim.study import FmuSet, Results, Runner, web

@@ -7,16 +7,7 @@ import pytest
 
 from cosim import LoopError
 from cosim.experiments.hmmwv.preview import EXPERIMENT
-from cosim.experiments.hmmwv.preview.published import (
-    FED,
-    PRINTED,
-    PRINTED_FED,
-    RELATIVE,
-    TWICE,
-    generated,
-    long,
-    over,
-)
+from cosim.experiments.hmmwv.preview.published import FED, PRINTED, PRINTED_FED, RELATIVE, TWICE, generated, long, over
 from cosim.experiments.hmmwv.preview.runs import BUMP_LENGTH, Case, signals, wire
 from cosim.study import Runner
 

@@ -18,11 +18,7 @@ from hmmwv_made_up import made_up_study
 from cosim import ComponentError, Execution, StabilityWarning, System
 from cosim.experiments.hmmwv.tracking import EXPERIMENT
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS
-from cosim.experiments.hmmwv.tracking.published import (
-    PUBLISHED,
-    VARIANTS,
-    robustness_case,
-)
+from cosim.experiments.hmmwv.tracking.published import PUBLISHED, VARIANTS, robustness_case
 from cosim.experiments.hmmwv.tracking.report import section
 from cosim.experiments.hmmwv.tracking.runs import FILTER, Case
 from cosim.report import Report, write_report

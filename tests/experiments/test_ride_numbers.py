@@ -426,13 +426,7 @@ def test_speeds_of_six_watts(page: Any) -> None:
         row[m.heading]
         for k, m in METRICS.items()
         if k in ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given")
-    ] == [
-        1.0,
-        10.0,
-        100.0,
-        1.0,
-        2.0,
-    ]
+    ] == [1.0, 10.0, 100.0, 1.0, 2.0]
     assert "power drawn from the hydraulic supply [kW]" not in row  # nothing of it in these runs
     assert rows["6x6 (003)", "1in", "passive"]["actuator force, rms [kN]"] is None  # of its laws it has one
     assert rows["sedan (004)", "1in", "preview LQ comfort"]["6 W, third order [km/h]"] == "never"
