@@ -20,55 +20,32 @@ typedef struct {
 } Values;
 
 #define REFUSED (n != 1 || required[0] != U || !update)
+#define ENTERED
 #include "strict.h"
 
 static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early}; }
 
-fmi3Status fmi3EnterInitializationMode(
-    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
-    IN(BIT(INSTANTIATED));
-    m->v.now = begin;
-    m->v.state = INITIALIZATION;
-    return fmi3OK;
-}
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+Status fmi3ExitInitializationMode(Instance c) {
     IN(BIT(INITIALIZATION));
     m->v.state = STEP;
     return fmi3OK;
 }
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(STEP) | BIT(TERMINATED));
+ACCESS(REAL, double, IN(BIT(INITIALIZATION) | BIT(STEP) | BIT(TERMINATED));
     if (m->v.kind == OUTSIDE) m->update(m->environment, m->v.now, true, true, true, false, NULL, NULL); /* in no step */
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == X ? m->v.x : vr[i] == FREE ? m->v.unset : vr[i] == TIME ? m->v.now : m->v.u;
-    return fmi3OK;
-}
-fmi3Status fmi3SetFloat64(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+    EACH(value[i] = vr[i] == X ? m->v.x : vr[i] == FREE ? m->v.unset : vr[i] == TIME ? m->v.now : m->v.u),
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(STEP));
-    for (size_t i = 0; i < n; i++) {
+    EACH({
         if (m->v.updating && vr[i] != U) return error(m, "%u is set inside a step", (unsigned)vr[i]);
         if (m->v.updating && m->v.kind == UNSETTABLE) return error(m, "u = %g is refused", value[i]);
         *(vr[i] == U ? &m->v.u : &m->v.unset) = value[i];
-    }
-    return fmi3OK;
-}
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(STEP));
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == ASKED ? m->v.asked : vr[i] == EARLY ? m->v.returned : m->v.kind;
-    return fmi3OK;
-}
-fmi3Status fmi3SetInt32(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const int32_t value[], size_t k) {
-    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION));
-    for (size_t i = 0; i < n; i++) m->v.kind = value[i];
-    return fmi3OK;
-}
+    }))
+ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(STEP));
+    EACH(value[i] = vr[i] == ASKED ? m->v.asked : vr[i] == EARLY ? m->v.returned : m->v.kind),
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION)); EACH(m->v.kind = value[i]))
 
 /* Whether the importer wants the step to end. */
 static bool call_back(Model *m, double t) {
-    fmi3Boolean wanted = false;
+    Flag wanted = false;
     double when = 0.0;
     const int32_t kind = m->v.kind;
     if (kind == SILENT) return false;
@@ -83,8 +60,8 @@ static bool call_back(Model *m, double t) {
     return wanted;
 }
 
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
-    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
+    Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     const double part = h / PARTS;
     *event = *terminate = *early = false;
