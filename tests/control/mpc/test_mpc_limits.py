@@ -75,7 +75,7 @@ def test_no_input_takes_more_than_the_documented_iterations(name: str, backend: 
     names = [e.name for e in c.output_elements()]
     at_limit = 0
     for parameters in PARAMETERS.get(name, ({},)):
-        for title, values in extreme_inputs(c, 6):
+        for title, values in extreme_inputs(c, 8):
             run = Evaluator(c, parameters)
             slots = [e.slot for e in c.elements("input")]
             outputs = []
