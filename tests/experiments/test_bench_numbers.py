@@ -259,16 +259,6 @@ def drawn(case: Case) -> dict[str, list[float]]:
     }
 
 
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
-
-
 def test_plan() -> None:
     tasks = published.plan()
     cases = [t.case for t in tasks]

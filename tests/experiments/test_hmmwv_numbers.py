@@ -406,21 +406,6 @@ def drawn(case: Any) -> dict[str, list[float]]:
     return {n: (number(n, case) * np.arange(5)).tolist() for n in names}
 
 
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
-
-
-def test_captions_carry_no_second_number(page: Report) -> None:
-    titles = [x.title for s in page.sections for x in (*s.tables, *s.figures)]
-    assert [t for t in titles if t.startswith(("Table", "Figure"))] == []
-
-
 def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: FmuSet) -> None:
     """The median of the shares, place by place, not the share of the medians (which is 60 % here)."""
     with_preview, without = (places(Case("bump", c)) for c in ("mpc-preview", "mpc"))

@@ -35,12 +35,6 @@ def study(fmus: FmuSet, tmp_path_factory) -> Results:
     return run_study(EXPERIMENT, fmus, tmp_path_factory.mktemp("preview-lq"), processes=2)
 
 
-@pytest.fixture(scope="session")
-def runner(fmus: FmuSet):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
 def verdicts(study: Results) -> dict[str, str]:
     return {c.id: c.verdict for c in CLAIMS.judge(study)}
 

@@ -400,11 +400,6 @@ def study() -> Results:
     return made_up.study(EXPERIMENT, lambda _: {}, found=found_by_hand)
 
 
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Any:
-    return report(study, fmus)
-
-
 def six_watt_rows(page: Any) -> dict[tuple[str, str, str], dict[str, Any]]:
     tables = {car: f"six-watts-{car}" for car in CARS}
     there = {t.id for s in page.sections for t in s.tables}
