@@ -31,6 +31,7 @@ studies: run
 	$(BIN)/cosim study trench-readings
 	$(BIN)/cosim study ride
 
+test test-full: export PYTHONDONTWRITEBYTECODE :=  # hundreds of programs start, which are compiled once, wherever that runs
 test: $(VENV)/.test
 	$(MAKE) -j 2 lint fmus  # types are checked on one core while FMUs are built
 	$(BIN)/python -m pytest -n auto --dist loadscope --no-loadscope-reorder

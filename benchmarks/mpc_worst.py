@@ -29,7 +29,7 @@ from cosim.study import FmuSet
 
 CONTROLLERS = ("MpcBench", "MpcBenchMoves", "MpcHmmwv", "MpcThreeAxle")
 PARAMETERS: dict[str, tuple[dict[str, float], ...]] = {
-    "MpcThreeAxle": ({}, {k: float(v) for k, v in TRENCH_MPC.items()}),  # with and without the printed limits
+    "MpcThreeAxle": ({}, {k: float(v) for k, v in TRENCH_MPC.items()})  # with and without the printed limits
 }
 SAMPLES, SEEDS = 40, 1
 SCALES = (1e-3, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e5, 1e8, 1e15, 1e100)

@@ -63,7 +63,9 @@ class CompiledPrograms:
         return solution
 
 
+@lru_cache(maxsize=8)
 def _library(component: Model) -> ctypes.CDLL:
+    """Generated once for the instances of a component, of which nothing changes: the constants are long."""
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
     files = generate.with_mathematics(files)

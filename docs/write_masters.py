@@ -15,10 +15,7 @@ from benchmarks.masters import EXTRAPOLATED, PLAIN, SUBJECTS, TOLERANCES, Cost, 
 
 PAGE = Path(__file__).parent / "reference" / "masters.md"
 WAYS = (PLAIN, EXTRAPOLATED, *(f"tolerance {t:g}" for t in TOLERANCES), "CoFmuPy")
-HEADS = {
-    "estimates": ("system", "step [ms]", "plain", "ratios", "extrapolated", "ratios"),
-    "costs": ("system", *WAYS),
-}
+HEADS = {"estimates": ("system", "step [ms]", "plain", "ratios", "extrapolated", "ratios"), "costs": ("system", *WAYS)}
 
 
 def estimates(subject: Subject, result: Result) -> list[str]:
@@ -29,10 +26,7 @@ def estimates(subject: Subject, result: Result) -> list[str]:
         cells += (
             ["unstable", ""]
             if ratios is None
-            else [
-                f"{result.within(what)} of {len(ratios)}",
-                f"{min(ratios):.2f} to {max(ratios):.2f}",
-            ]
+            else [f"{result.within(what)} of {len(ratios)}", f"{min(ratios):.2f} to {max(ratios):.2f}"]
         )
     return cells
 

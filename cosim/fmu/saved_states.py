@@ -78,11 +78,7 @@ class StatePool:
     """
 
     def __init__(
-        self,
-        fmus: Mapping[str, Stateful],
-        ffi: cffi.FFI,
-        save: Callable[[Any], None],
-        free: Callable[[Any], None],
+        self, fmus: Mapping[str, Stateful], ffi: cffi.FFI, save: Callable[[Any], None], free: Callable[[Any], None]
     ):
         self.names, self.fmus = list(fmus), list(fmus.values())
         self._ffi, self._save, self._free = ffi, save, free

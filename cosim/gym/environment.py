@@ -331,11 +331,7 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         if self._simulation is None:
             raise EpisodeOver("there is nothing to save before the first reset()")
         return EnvState(
-            self._simulation.save(),
-            self._steps,
-            self._over,
-            self.np_random.bit_generator.state,
-            dict(self._given),
+            self._simulation.save(), self._steps, self._over, self.np_random.bit_generator.state, dict(self._given)
         )
 
     def restore(self, state: EnvState) -> Array:

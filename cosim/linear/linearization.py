@@ -42,14 +42,7 @@ from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.initialization import initialize
-from cosim.linear.linearized import (
-    LinearizedContinuous,
-    LinearizedSampled,
-    Model,
-    Source,
-    diagonal,
-    model_of,
-)
+from cosim.linear.linearized import LinearizedContinuous, LinearizedSampled, Model, Source, diagonal, model_of
 from cosim.linear.statespace import Matrices
 from cosim.system.components import Connection, Group, SystemComponent
 from cosim.system.loops import certain, find_loops

@@ -11,16 +11,7 @@ from cosim.report.animation import Animation, Phase, Playback, Take
 from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
 from cosim.report.curves import bars, curve, level, over_time
 from cosim.report.maps import Layer, Map
-from cosim.report.model import (
-    Figure,
-    Panel,
-    Parameter,
-    Report,
-    Result,
-    Section,
-    Series,
-    Table,
-)
+from cosim.report.model import Figure, Panel, Parameter, Report, Result, Section, Series, Table
 
 if TYPE_CHECKING:
     from cosim.report.plots import Palette, plotly_figure

@@ -11,16 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.base import escape
-from cosim.core.content_checks import (
-    Array,
-    assign,
-    check_id,
-    check_text,
-    check_unique,
-    curve,
-    items,
-    split_label,
-)
+from cosim.core.content_checks import Array, assign, check_id, check_text, check_unique, curve, items, split_label
 
 _REFERENCE = "#d55e00"
 _INK, _FONT = "#1a2330", "'Helvetica Neue', Helvetica, Arial, sans-serif"

@@ -124,9 +124,7 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
             " (repeatable)",
         ),
         click.Option(
-            ["--hold-input"],
-            is_flag=True,
-            help="hold the last values of a signal file that is shorter than the run",
+            ["--hold-input"], is_flag=True, help="hold the last values of a signal file that is shorter than the run"
         ),
         click.Option(
             [*(n for n in ("--recording", "--output") if n not in own), "recording_"],

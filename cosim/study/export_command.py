@@ -30,10 +30,7 @@ EXPORT = (
         help="show another system on the page: the same case with these options changed (repeatable)",
     ),
     click.Option(
-        ["--ssp"],
-        type=PATH,
-        metavar="FILE",
-        help="write the FMUs and their connections as this SSP, NAME.ssp",
+        ["--ssp"], type=PATH, metavar="FILE", help="write the FMUs and their connections as this SSP, NAME.ssp"
     ),
     click.Option(
         ["--ssp-version"],

@@ -106,12 +106,7 @@ class Comparison:
         return f"{self.what} of {self.of} {span}{unit}{base}"
 
 
-_WORDS = {
-    "rms_az": "acceleration",
-    "rms_pitch": "pitch",
-    "rms_roll": "roll",
-    "peak_pitch": "peak of pitch",
-}
+_WORDS = {"rms_az": "acceleration", "rms_pitch": "pitch", "rms_roll": "roll", "peak_pitch": "peak of pitch"}
 
 
 def _span(values: Sequence[float], form: str) -> str:

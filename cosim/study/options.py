@@ -54,10 +54,7 @@ RETRY = click.Option(["--retry-failed"], is_flag=True, help="run failed runs aga
 
 
 def command(
-    experiment: Experiment,
-    function: Callable[..., None],
-    help: str,
-    groups: Mapping[str, Sequence[click.Option]],
+    experiment: Experiment, function: Callable[..., None], help: str, groups: Mapping[str, Sequence[click.Option]]
 ) -> Command:
     """A command of an experiment: `function` gets the values of the options by name."""
     about = f"{experiment.title}. {help}" if experiment.title else help

@@ -37,11 +37,7 @@ def provenance(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = ())
     if experiment.study.papers:
         found["papers"] = dict(resolved(experiment.study.papers))
     paths = dict.fromkeys([*fmus.paths(n for e in experiment.every for n in e.wiring.fmus), *files])
-    return {
-        **found,
-        "FMI version": f"{fmus.fmi}.0",
-        "FMUs (SHA-256)": {p.stem: key.content_hash([p]) for p in paths},
-    }
+    return {**found, "FMI version": f"{fmus.fmi}.0", "FMUs (SHA-256)": {p.stem: key.content_hash([p]) for p in paths}}
 
 
 def parameters(

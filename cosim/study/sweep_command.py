@@ -42,20 +42,13 @@ DESIGN = (
         help=f"number of points of the design (default: {Design.samples}, {_FILE})",
     ),
     click.Option(
-        ["--method"],
-        type=Names(METHODS),
-        help=f"choose the sampling method (default: {Design.method}, {_FILE})",
+        ["--method"], type=Names(METHODS), help=f"choose the sampling method (default: {Design.method}, {_FILE})"
     ),
     click.Option(
-        ["--random-seed"],
-        type=click.IntRange(min=0),
-        help=f"seed of the design (default: {Design.seed}, {_FILE})",
+        ["--random-seed"], type=click.IntRange(min=0), help=f"seed of the design (default: {Design.seed}, {_FILE})"
     ),
     click.Option(
-        ["--design"],
-        type=PATH,
-        metavar="FILE",
-        help="read the design from a .toml file, or from DESIGN in a .py file",
+        ["--design"], type=PATH, metavar="FILE", help="read the design from a .toml file, or from DESIGN in a .py file"
     ),
     click.Option(
         ["--worst"],

@@ -258,10 +258,7 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
     axes, units = _numeric(table), table.sweep.units
     panels = [
         Panel(
-            "",
-            label_of(name, units[name]),
-            _label(m),
-            [Series("runs", x[i], _values(table, k, m)[i], mode="markers")],
+            "", label_of(name, units[name]), _label(m), [Series("runs", x[i], _values(table, k, m)[i], mode="markers")]
         )
         for k, m in drawn.items()
         for i in [_thinned(_values(table, k, m))]

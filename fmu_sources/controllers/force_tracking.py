@@ -40,12 +40,7 @@ def smoothing_filter(period: float) -> tuple[np.ndarray, np.ndarray]:
     rate [N/s], the filtered force [N], and its rate [N/s].
     """
     A = np.array(
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-NATURAL, -DECAY, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 1.0],
-            [NATURAL, 0.0, -NATURAL, -DECAY],
-        ]
+        [[0.0, 1.0, 0.0, 0.0], [-NATURAL, -DECAY, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [NATURAL, 0.0, -NATURAL, -DECAY]]
     )
     held = np.zeros((5, 5))
     held[:4, :4] = A

@@ -46,10 +46,7 @@ _VECTORS = ("x", "u", "p", "f", "s", "dx", "du", "dp", "w")
 
 
 class _Arguments(ctypes.Structure):
-    _fields_ = (
-        ("t", ctypes.c_double),
-        *((n, ctypes.POINTER(ctypes.c_double)) for n in _VECTORS),
-    )
+    _fields_ = (("t", ctypes.c_double), *((n, ctypes.POINTER(ctypes.c_double)) for n in _VECTORS))
 
 
 def differences(component: Model, folder: Path, *, points: int = 40, seed: int = 1) -> list[str]:

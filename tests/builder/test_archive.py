@@ -17,15 +17,7 @@ from built import FMUS
 from components import filter_bank, oscillator
 
 from build_fmus import compile as compiling
-from build_fmus.compile import (
-    CFLAGS,
-    PLATFORMS,
-    CompileError,
-    ObjectCache,
-    find_toolchain,
-    host,
-    resolve_platforms,
-)
+from build_fmus.compile import CFLAGS, PLATFORMS, CompileError, ObjectCache, find_toolchain, host, resolve_platforms
 from build_fmus.generate import FIRST_INSTANCE, generate_c, identity
 from build_fmus.package import build_fmu, source_files
 

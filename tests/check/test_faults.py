@@ -36,12 +36,9 @@ def test_without_a_fault_nothing_is_found(version: int, faulty: Callable[..., Pa
     assert found(report) == {}
     assert report.exit_code(strict=True) == 0
     inapplicable = {r.name for r in report.results if r.inapplicable}
-    assert inapplicable <= {
-        "archive.sources",
-        "archive.terminals",
-        "archive.layered",
-        "description.clocks",
-    }, "a check that this FMU is no case for is tried by none"
+    assert inapplicable <= {"archive.sources", "archive.terminals", "archive.layered", "description.clocks"}, (
+        "a check that this FMU is no case for is tried by none"
+    )
     assert {r.check.id for r in report.results} == {
         c.id for c in CHECKS.values() if str(version) in c.versions and c.id != "archive.readable"
     }

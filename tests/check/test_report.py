@@ -145,13 +145,7 @@ def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path:
     assert "[red]" in run(path, "--only", "description.names")[1]
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"no archive",
-        b"",
-    ],
-)
+@pytest.mark.parametrize("content", [b"no archive", b""])
 def test_what_is_no_fmu_cannot_be_checked(content: bytes, tmp_path: Path, raises) -> None:
     path = tmp_path / "wrong.fmu"
     path.write_bytes(content)

@@ -144,12 +144,7 @@ def test_mistakes_in_a_component_of_ones_own(source: str, argument: str, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        ("heave = 3.0", "heave = -3.0"),
-        ("heave = 3.0", "heav = 3.0"),
-        ("front = 1e-6", "front = 0.0"),
-    ],
+    "change", [("heave = 3.0", "heave = -3.0"), ("heave = 3.0", "heav = 3.0"), ("front = 1e-6", "front = 0.0")]
 )
 def test_mistakes_in_a_weights_file(change: tuple[str, str], tmp_path: Path, sentence) -> None:
     text = (Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml").read_text()

@@ -157,7 +157,7 @@ EXPERIMENTS = {
                 "PreviewLqRoadHolding{}",
                 "PreviewLqComfort5ms{}",
                 "PreviewLqTunable{}",
-            ),
+            )
         },
     ),
     "ride": Experiment(
@@ -195,7 +195,7 @@ EXPERIMENTS = {
                 "MpcThreeAxle{}",
                 "ThreeAxleRide{}",
                 "RoadShallowTrench{}",
-            ),
+            )
         },
     ),
 }

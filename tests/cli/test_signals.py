@@ -69,12 +69,7 @@ def test_a_shorter_file_is_held_on_request(folder: Path, sentence) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["--output", "x.txt"],
-        ["--input", "strange.csv"],
-        ["--input", "nowhere.csv"],
-        ["--input", "ride.py"],
-    ],
+    [["--output", "x.txt"], ["--input", "strange.csv"], ["--input", "nowhere.csv"], ["--input", "ride.py"]],
     ids=" ".join,
 )
 def test_mistakes(arguments: list[str], folder: Path, sentence) -> None:

@@ -44,9 +44,7 @@ LEFT_OUT = {
 their members.
 """
 
-NOT_WITH_FOREIGN = {
-    "test_units_are_defined_by_base_units": "they may have units that our table does not know",
-}
+NOT_WITH_FOREIGN = {"test_units_are_defined_by_base_units": "they may have units that our table does not know"}
 """Test -> why it is about systems without FMUs of others."""
 
 for _module in (test_calls, test_compliance, test_inputs, test_package, test_state, test_time):

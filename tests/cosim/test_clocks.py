@@ -128,19 +128,9 @@ def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
         system.connect("ramp.y", "c.u")
         recording = system.run(0.1, record=["c.y", "ramp.y"])
     assert recording["ramp.y"].tolist()[:5] == [1.0, 2.0, 3.0, 4.0, 5.0]
-    assert recording["c.y"].tolist() == [
-        1.0,
-        1.0,
-        4.0,
-        4.0,
-        9.0,
-        9.0,
-        16.0,
-        16.0,
-        25.0,
-        25.0,
-        36.0,
-    ], "every second sample counts"
+    assert recording["c.y"].tolist() == [1.0, 1.0, 4.0, 4.0, 9.0, 9.0, 16.0, 16.0, 25.0, 25.0, 36.0], (
+        "every second sample counts"
+    )
 
 
 def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> None:
@@ -183,11 +173,7 @@ def test_clocks_are_no_inputs(fmu: Build) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "options"),
-    [
-        ("triggered", {"event_mode": False}),
-        ("constant", {"event_mode": False}),
-    ],
+    ("kind", "options"), [("triggered", {"event_mode": False}), ("constant", {"event_mode": False})]
 )
 def test_clocks_that_cannot_be_driven_are_refused_by_name(
     tmp_path: Path, kind: str, options: dict[str, bool], raises

@@ -216,16 +216,7 @@ class NeedsGain(Pid):
         self.gain = gain
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        Forgetful(),
-        Forgetful,
-        NeedsGain,
-        lambda: 5,
-        System,
-    ],
-)
+@pytest.mark.parametrize("given", [Forgetful(), Forgetful, NeedsGain, lambda: 5, System])
 def test_what_is_no_component_is_said(given: Any, raises) -> None:
     with System() as system, raises(WiringError):
         system.add("pid", given, step="10 ms")

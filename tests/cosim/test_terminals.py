@@ -123,10 +123,7 @@ def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Termi
 
 def test_two_outputs_do_not_make_a_plug_but_may_meet_on_a_bus(with_terminals: Terminals, raises) -> None:
     plug, bus = (with_terminals(r, terminal("p", r, "u angle", "y torque")) for r in ("plug", "bus"))
-    with (
-        pair(plug, plug) as system,
-        raises(WiringError),
-    ):
+    with pair(plug, plug) as system, raises(WiringError):
         system.connect_terminals("a.p", "b.p")
     with pair(bus, bus) as system, raises(WiringError):
         system.connect_terminals("a.p", "b.p")
@@ -140,11 +137,7 @@ def test_a_sequence_matches_by_order_whatever_the_names(with_terminals: Terminal
     e = with_terminals("E", terminal("s", "sequence", "w", "count_in"))
     with pair(a, b) as system:
         assert shown(system.connect_terminals("a.s", "b.s")) == {"a.y -> b.u (rad to deg)", "a.count -> b.count_in"}
-    for other in (
-        c,
-        d,
-        e,
-    ):
+    for other in (c, d, e):
         with pair(a, other) as system, raises(WiringError):
             system.connect_terminals("a.s", "b.s")
 
@@ -172,10 +165,7 @@ def test_flows_add_up_to_zero(with_terminals: Terminals, raises) -> None:
             reached.append(system.run(0.01, record=["b.u", "b.y"]))
     assert reached[0]["b.u"][-1] < 0 < reached[1]["b.u"][-1]
     assert reached[0]["b.y"].tolist() == (-reached[1]["b.y"]).tolist()
-    with (
-        pair(out, signal) as system,
-        raises(WiringError),
-    ):
+    with pair(out, signal) as system, raises(WiringError):
         system.connect_terminals("a.pin", "b.pin")
     with pair(out, alike) as system:
         system.add("c", opposite, step="1 ms")
@@ -191,10 +181,7 @@ def test_what_a_stream_carries_out_of_one_side_enters_the_other(with_terminals: 
     without = with_terminals("Without", terminal("port", "plug"))
     with pair(streaming, streaming) as system:
         assert shown(system.connect_terminals("a.port", "b.port")) == {"a.count -> b.count_in", "b.count -> a.count_in"}
-    with (
-        pair(streaming, without) as system,
-        raises(WiringError),
-    ):
+    with pair(streaming, without) as system, raises(WiringError):
         system.connect_terminals("a.port", "b.port")
 
 
@@ -214,11 +201,7 @@ def test_kinds_and_unknown_rules_are_refused(with_terminals: Terminals, raises) 
     b = with_terminals("B", terminal("t", "bus", "u x", kind="_tool.fluid"))
     c = with_terminals("C", terminal("t", "org.example.rule", "u x"))
     d = with_terminals("D", terminal("t", "bus", "u x org.example.kind"))
-    for other in (
-        b,
-        c,
-        d,
-    ):
+    for other in (b, c, d):
         with pair(a, other) as system, raises(WiringError):
             system.connect_terminals("a.t", "b.t")
     with pair(a, a) as system, raises(WiringError):
@@ -247,8 +230,7 @@ def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals
 
 
 def test_matching_refuses_plugs_that_do_not_fit_and_leaves_alone_what_it_does_not_know(
-    with_terminals: Terminals,
-    refused,
+    with_terminals: Terminals, refused
 ) -> None:
     a = with_terminals("A", terminal("p", "plug", "y x", "count n") + terminal("q", "org.example.rule", "count n"))
     b = with_terminals("B", terminal("p", "plug", "u x") + terminal("q", "org.example.rule", "count_in n"))
@@ -266,10 +248,7 @@ def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(
     with pair(broken, whole) as system:
         with raises(FmuError):
             system.connect_terminals("a.t", "b.t")
-        with (
-            warns(FmuWarning),
-            pytest.raises(WiringError),
-        ):
+        with warns(FmuWarning), pytest.raises(WiringError):
             system.connect_matching("a", "b")
 
 

@@ -198,15 +198,7 @@ def test_unconnected_inputs_that_are_meant_so_are_not_reported(raises):
 
 
 @pytest.mark.parametrize(
-    "values",
-    [
-        {"kk": 1},
-        {"k": "stiff"},
-        {"k": float("nan")},
-        {"on": 3},
-        {"x": 3},
-        {"gain": np.zeros((3, 2))},
-    ],
+    "values", [{"kk": 1}, {"k": "stiff"}, {"k": float("nan")}, {"on": 3}, {"x": 3}, {"gain": np.zeros((3, 2))}]
 )
 def test_mistakes_in_parameters(values, raises):
     with raises(WiringError):

@@ -226,12 +226,7 @@ def test_other_units_on_request(raises) -> None:
     np.testing.assert_allclose(chosen["car.v"], [3.6, 36])
     np.testing.assert_allclose(chosen["oil.t"], [0, 26.85])
     np.testing.assert_array_equal(one["car.v"], [1.0, 10.0])
-    for units in (
-        {"car.v": "kmh"},
-        {"car.v": "deg"},
-        {"law.n": "m"},
-        {"car.w": "m"},
-    ):
+    for units in ({"car.v": "kmh"}, {"car.v": "deg"}, {"law.n": "m"}, {"car.w": "m"}):
         with raises(KeyError):
             one.in_units(units)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import made_up
 import numpy as np
 
 from cosim.experiments.hmmwv import EXPERIMENT, preview, tracking
-from cosim.experiments.hmmwv.runs import Case
+from cosim.experiments.hmmwv.runs import CONTROLLERS, Case
 from cosim.experiments.hmmwv.tracking.published import VARIANTS
 from cosim.experiments.hmmwv.tracking.runs import FILTER
 from cosim.study import Results, Row
@@ -31,33 +32,12 @@ METRICS = (
 )
 
 AS_PUBLISHED = {
-    "track": {
-        "passive": 12.0,
-        "zero": 5.1,
-        "skyhook": 5.3,
-        "lqr": 5.2,
-        "lqr-kilonewton": 5.2,
-        "mpc": 4.8,
-        "mpc-preview": 4.0,
-    },
-    "bump": {
-        "passive": 12.0,
-        "zero": 6.0,
-        "skyhook": 6.0,
-        "lqr": 6.0,
-        "lqr-kilonewton": 6.0,
-        "mpc": 4.7,
-        "mpc-preview": 4.0,
-    },
-    "off-road": {
-        "passive": 20.0,
-        "zero": 8.0,
-        "skyhook": 8.0,
-        "lqr": 8.0,
-        "lqr-kilonewton": 8.0,
-        "mpc": 5.0,
-        "mpc-preview": 3.0,
-    },
+    road: dict(zip(CONTROLLERS, powers, strict=True))
+    for road, powers in {
+        "track": (12.0, 5.1, 5.3, 5.2, 5.2, 4.8, 4.0),
+        "bump": (12.0, 6.0, 6.0, 6.0, 6.0, 4.7, 4.0),
+        "off-road": (20.0, 8.0, 8.0, 8.0, 8.0, 5.0, 3.0),
+    }.items()
 }
 """Absorbed powers [W] with which the whole paper is right."""
 
@@ -144,11 +124,6 @@ PARTS: dict[type, Callable[[Any], tuple[Row, Row]]] = {
 }
 
 
-def watts(value: float, **where: object) -> Change:
-    """The absorbed power [W] of runs whose case has these fields."""
-    return metric("absorbed_power", value, **where)
-
-
 def metric(name: str, value: float, **where: object) -> Change:
     """Another metric of runs whose case has these fields."""
 
@@ -157,6 +132,10 @@ def metric(name: str, value: float, **where: object) -> Change:
             row[name] = value
 
     return change
+
+
+watts = partial(metric, "absorbed_power")
+"""The absorbed power [W] of runs whose case has these fields."""
 
 
 def is_finer(run: Case) -> bool:

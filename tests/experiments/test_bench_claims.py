@@ -32,12 +32,6 @@ def study(fmus: FmuSet, tmp_path_factory) -> Results:
 
 
 @pytest.fixture(scope="session")
-def runner(fmus: FmuSet):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
-@pytest.fixture(scope="session")
 def car():
     return quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
 

@@ -16,17 +16,7 @@ from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS
 from cosim.experiments.bench.published import LONG, RANDOM, SHORT, at, over_height, over_stretches
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import (
-    METRICS,
-    Case,
-    force,
-    measure,
-    passive,
-    recorded,
-    signals,
-    stop_time,
-    wire,
-)
+from cosim.experiments.bench.runs import METRICS, Case, force, measure, passive, recorded, signals, stop_time, wire
 from cosim.export.web.page import WebPage
 from cosim.report import Report
 from cosim.study import FmuSet, Results, Runner, web
@@ -267,16 +257,6 @@ def drawn(case: Case) -> dict[str, list[float]]:
         "time": time.tolist(),
         **{n: (number + i + time).tolist() for i, n in enumerate(("road", "wheel", "body", "force"))},
     }
-
-
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
 
 
 def test_plan() -> None:

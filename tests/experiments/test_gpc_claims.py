@@ -30,12 +30,6 @@ def study(runs: Runs) -> Study:
     return Study.of(runs)
 
 
-@pytest.fixture(scope="module")
-def runner(fmus: FmuSet):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
 def test_a_study_has_every_run(study: Study) -> None:
     results = Results(study)
     for road in ("sine", "perryman3", "curb"):

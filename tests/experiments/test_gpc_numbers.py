@@ -774,12 +774,7 @@ def test_distributions(page: Report) -> None:
             "sine-signals",
             "sine-implicit-signals",
         },
-        "perryman3": {
-            "perryman-gain",
-            "perryman-same",
-            "perryman-implicit",
-            "perryman-roll",
-        },
+        "perryman3": {"perryman-gain", "perryman-same", "perryman-implicit", "perryman-roll"},
         "curb": {"curb-gain", "curb-explicit-force", "curb-preview-200", "curb-preview-power", "curb-peak"},
     }
     cells = {(row[0], row[1]): list(row[2:]) for t in tables.values() for row in t.rows}

@@ -160,10 +160,7 @@ class TestSpeeds:
 
     @pytest.mark.parametrize(("least", "expected"), [(50, "reproduced"), (60, "not reproduced")])
     def test_half_of_the_speeds_can_be_compared(self, study, least, expected) -> None:
-        change(
-            study.comparison,
-            lambda r: {"matched": r["speed_kmh"] >= least} if of("sine", "preview")(r) else None,
-        )
+        change(study.comparison, lambda r: {"matched": r["speed_kmh"] >= least} if of("sine", "preview")(r) else None)
         c = claim(study, "sine-same-force")
         assert (c.verdict, "of 8 in all" in c.result) == (expected, True)
 

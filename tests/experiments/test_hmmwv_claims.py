@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from cosim import Record
-from cosim.experiments.hmmwv import EXPERIMENT, runs
+from cosim.experiments.hmmwv import EXPERIMENT, runs  # noqa: F401 (of the fixture `runner`)
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import ROADS, Case
-from cosim.study import Runner
 from fmu_sources.models.comfort import absorbed_power_peak
 from fmu_sources.models.corners import CORNERS
 
@@ -20,19 +19,13 @@ OFF_ROAD_S = 6.0
 
 
 @pytest.fixture(scope="module")
-def bench(fmus):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def power(bench):
+def power(runner):
     """Absorbed power [W] of cases, each run once."""
     known: dict[Case, float] = {}
 
     def measure(case: Case) -> float:
         if case not in known:
-            known[case] = bench.metrics(case)["absorbed_power"]
+            known[case] = runner.metrics(case)["absorbed_power"]
         return known[case]
 
     return measure
@@ -53,13 +46,13 @@ def test_mpc_is_best_without_preview_and_alone_bearable_off_road(power):
     assert power(Case("off-road", "mpc", duration=OFF_ROAD_S)) < 6.0
 
 
-def test_preview_helps_on_one_big_bump(bench, power):
+def test_preview_helps_on_one_big_bump(runner, power):
     passive, mpc, preview = (Case("bump", c) for c in ("passive", "mpc", "mpc-preview"))
     assert power(preview) <= 0.85 * power(mpc)
     assert power(passive) >= 2.7 * power(preview)
     late = Case("bump", "mpc-preview", preview_error_ms=40.0)
     assert power(late) > 1.2 * power(preview)  # at the wrong place it is worth less
-    rows = {c: bench.metrics(c) for c in (mpc, preview)}
+    rows = {c: runner.metrics(c) for c in (mpc, preview)}
     assert rows[preview]["saturation"] < rows[mpc]["saturation"]
     assert all(r["solver_failures"] == 0 and r["solver_residual"] <= 1e-6 for r in rows.values())
 
@@ -69,10 +62,10 @@ def test_estimates_and_sensed_preview_cost_little(power):
     assert power(estimated("mpc-preview", "bump", sensed=True)) <= 0.85 * power(Case("bump", "mpc"))
 
 
-def test_the_filter_stays_with_the_car_off_road(bench):
+def test_the_filter_stays_with_the_car_off_road(runner):
     """A whole stretch with wheels in the air, where a correction for tire tension once fed on its own estimate."""
     case = Case("off-road", "lqr", states="estimated", variant=3)
-    recording = bench.record(case, record=Record(["car.*", "kalman.*"], "5 ms"))
+    recording = runner.record(case, record=Record(["car.*", "kalman.*"], "5 ms"))
     lifted = np.column_stack([recording[f"car.tire.{k}.force"] for k in CORNERS]) <= 0
     assert lifted.any()
     for signal, share, largest in (("tire.{}.deflection", 0.35, 0.06), ("suspension.{}.deflection", 0.05, 0.006)):
@@ -87,57 +80,57 @@ def test_what_hydraulics_cost(power):
     assert power(Case("track", "zero", actuators="ideal")) < 0.8 * power(Case("track", "zero"))
 
 
-def test_zero_force_with_ideal_actuators_is_the_car_alone(bench):
+def test_zero_force_with_ideal_actuators_is_the_car_alone(runner):
     """The comfort FMU in the loop gives what the function gives on the recording; the forces are 0."""
-    recording = bench.record(Case("bump", "zero", actuators="ideal"))
-    system = bench.system(Case("bump", "zero", actuators="ideal"))
+    recording = runner.record(Case("bump", "zero", actuators="ideal"))
+    system = runner.system(Case("bump", "zero", actuators="ideal"))
     assert not any(name.startswith("car.force") for name in system.connections)
     power = recording["comfort.absorbed_power"]
     window = np.convolve(power, np.ones(1000) / 1000)[: len(power)]
     assert window.max() == pytest.approx(absorbed_power_peak(recording["car.body.az"], 1000.0), rel=1e-9)
 
 
-def test_a_displaced_preview_comes_from_the_same_road_elsewhere(bench):
+def test_a_displaced_preview_comes_from_the_same_road_elsewhere(runner):
     late = Case("bump", "mpc-preview", preview_error_ms=30.0)
-    bench.metrics(late)
-    system = bench.system(late)
+    runner.metrics(late)
+    system = runner.system(late)
     recording = system.run(1.2, record=Record(["road.road.fl.height", "map.preview.fl[1]"], "1 ms"))
     true, shown = recording["road.road.fl.height"], recording["map.preview.fl[1]"]
     assert true.max() > 0.05
     np.testing.assert_allclose(shown[30:], true[:-30], atol=1e-9)
 
 
-def test_a_case_leaves_nothing_behind_in_its_system(bench):
+def test_a_case_leaves_nothing_behind_in_its_system(runner):
     """Systems are used again: parameters of one case do not reach the next one."""
-    first = bench.metrics(Case("bump", "passive", duration=1.2))
-    other = bench.metrics(Case("bump", "passive", duration=1.2, null_opening_mm=8.0))
-    again = bench.metrics(Case("bump", "passive", duration=1.2))
+    first = runner.metrics(Case("bump", "passive", duration=1.2))
+    other = runner.metrics(Case("bump", "passive", duration=1.2, null_opening_mm=8.0))
+    again = runner.metrics(Case("bump", "passive", duration=1.2))
     assert other["absorbed_power"] < 0.95 * first["absorbed_power"]
     assert again == first
 
 
-def test_a_bump_above_the_travel_is_reported(bench):
-    told = {road: runs.remarks(bench.run(Case(road, "passive", duration=0.5))) for road in ROADS}
+def test_a_bump_above_the_travel_is_reported(runner):
+    told = {road: runs.remarks(runner.run(Case(road, "passive", duration=0.5))) for road in ROADS}
     assert told == {"track": [], "bump": ["a bump is higher than the travel of the suspension"], "off-road": []}
 
 
 # ------------------------------------------------------------------------------------------- conditions in real runs
 
 
-def test_a_pump_and_finer_steps_reach_the_fmus(bench):
+def test_a_pump_and_finer_steps_reach_the_fmus(runner):
     case = Case("bump", "zero", duration=1.2)
     limited = replace(case, flow_limit=True)
-    flows = {c: bench.metrics(c)["flow_peak"] for c in (limited, replace(limited, pump_l_min=20.0), case)}
+    flows = {c: runner.metrics(c)["flow_peak"] for c in (limited, replace(limited, pump_l_min=20.0), case)}
     plain, sized, free = flows.values()
     assert plain == pytest.approx(4 * 45.0, rel=1e-6)
     assert sized == pytest.approx(4 * 20.0, rel=1e-6)
     assert free > plain
-    assert bench.metrics(limited)["flow_peak"] == plain  # the size does not stay in the system
+    assert runner.metrics(limited)["flow_peak"] == plain  # the size does not stay in the system
     shared = replace(limited, shared_pump=True)
-    assert bench.metrics(shared)["flow_peak"] == pytest.approx(45.0, rel=1e-6)
-    assert {bench.metrics(c)["flow_limit"] for c in (case, limited)} == {45.0}
-    assert bench.metrics(shared)["flow_limit"] == 45.0 / 4
-    fine = bench.system(finer(case))
+    assert runner.metrics(shared)["flow_peak"] == pytest.approx(45.0, rel=1e-6)
+    assert {runner.metrics(c)["flow_limit"] for c in (case, limited)} == {45.0}
+    assert runner.metrics(shared)["flow_limit"] == 45.0 / 4
+    fine = runner.system(finer(case))
     assert {m.step for m in fine.groups["vehicle"].components} == {Fraction("0.25e-3")}
     for m in fine.groups["vehicle"].components:
         published = m.description.parameters["solver.step"].start

@@ -284,14 +284,7 @@ def test_metrics_of_the_preview_chain() -> None:
     assert found.pop("spread") == pytest.approx([0.004], rel=1e-4)
     # the mean over the 30 ms ahead is 2.5 samples of 30 mm/s2 ahead of the rate
     assert found == pytest.approx(
-        {
-            "front": 1.5,
-            "ahead": 2.0,
-            "resolution": 0.02,
-            "lowest": -0.002,
-            "highest": 0.003,
-            "rate_error": 6 * 0.0125,
-        },
+        {"front": 1.5, "ahead": 2.0, "resolution": 0.02, "lowest": -0.002, "highest": 0.003, "rate_error": 6 * 0.0125},
         rel=1e-4,
     )
 
@@ -348,12 +341,7 @@ def test_metrics_of_the_generated_preview() -> None:
     run = made_up.run(
         preview.runs.Case("generated", road="track"),
         TC,
-        {
-            "speed.x": x,
-            "map.road.fl.height": map_,
-            "road.road.fl.height": 0.07,
-            "sensors.loadcell.fl": load,
-        },
+        {"speed.x": x, "map.road.fl.height": map_, "road.road.fl.height": 0.07, "sensors.loadcell.fl": load},
         {"car.wheel.fl.x": 1.5},
     )
     found = preview.runs.measure(run)
@@ -416,21 +404,6 @@ def drawn(case: Any) -> dict[str, list[float]]:
         return {**found, "saturated": [0.0, 1.0, 0.0, 1.0, 0.0]}
     _, names = hmmwv_made_up.PARTS[type(case)](case)
     return {n: (number(n, case) * np.arange(5)).tolist() for n in names}
-
-
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
-
-
-def test_captions_carry_no_second_number(page: Report) -> None:
-    titles = [x.title for s in page.sections for x in (*s.tables, *s.figures)]
-    assert [t for t in titles if t.startswith(("Table", "Figure"))] == []
 
 
 def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: FmuSet) -> None:

@@ -18,11 +18,7 @@ from hmmwv_made_up import made_up_study
 from cosim import ComponentError, Execution, StabilityWarning, System
 from cosim.experiments.hmmwv.tracking import EXPERIMENT
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS
-from cosim.experiments.hmmwv.tracking.published import (
-    PUBLISHED,
-    VARIANTS,
-    robustness_case,
-)
+from cosim.experiments.hmmwv.tracking.published import PUBLISHED, VARIANTS, robustness_case
 from cosim.experiments.hmmwv.tracking.report import section
 from cosim.experiments.hmmwv.tracking.runs import FILTER, Case
 from cosim.report import Report, write_report
@@ -32,45 +28,39 @@ from cosim.study.study_report import section_of
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
 
-@pytest.fixture(scope="module")
-def bench(fmus):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
 # ------------------------------------------------------------------------------------------------------- tracking
 
 
 @pytest.mark.parametrize(("signal", "limit"), [("square", 0.04), ("sweep", 0.12), ("discrete sweep", 0.12)])
-def test_the_force_follows(bench, signal, limit):
-    row = bench.metrics(Case(signal))
+def test_the_force_follows(runner, signal, limit):
+    row = runner.metrics(Case(signal))
     assert row["error"] < limit
     assert row["saturated"] == 0.0
     assert 30 < row["flow_peak"] < 60
 
 
-def test_the_physical_set_tracks_as_well_with_half_the_voltage(bench):
+def test_the_physical_set_tracks_as_well_with_half_the_voltage(runner):
     """Twice the flow per stroke, known to the controller: the same forces."""
-    paper, physical = (bench.metrics(Case(actuator=name)) for name in ("paper", "physical"))
+    paper, physical = (runner.metrics(Case(actuator=name)) for name in ("paper", "physical"))
     assert physical["error"] == pytest.approx(paper["error"], rel=1e-3)
     assert physical["voltage_peak"] == pytest.approx(paper["voltage_peak"] * math.sqrt(850 / 3500), rel=1e-3)
 
 
-def test_averaging_costs_most_of_the_tracking(bench):
-    averaged = bench.metrics(VARIANTS["average (1.14) on"])
-    assert averaged["error"] > 4 * bench.metrics(Case())["error"]
+def test_averaging_costs_most_of_the_tracking(runner):
+    averaged = runner.metrics(VARIANTS["average (1.14) on"])
+    assert averaged["error"] > 4 * runner.metrics(Case())["error"]
 
 
-def test_averaging_quietens_the_command(bench):
+def test_averaging_quietens_the_command(runner):
     """What (1.14) is for: with noise in the load cell the command jumps less; the force is none the better for it."""
-    plain, averaged = (bench.metrics(VARIANTS["load cell with noise" + x]) for x in ("", ", average (1.14) on"))
+    plain, averaged = (runner.metrics(VARIANTS["load cell with noise" + x]) for x in ("", ", average (1.14) on"))
     assert averaged["voltage_jumps"] < 0.6 * plain["voltage_jumps"]
     assert averaged["error"] > 4 * plain["error"]
-    assert plain["error"] > bench.metrics(Case())["error"]
+    assert plain["error"] > runner.metrics(Case())["error"]
 
 
-def test_too_high_a_density_destabilizes_and_too_low_does_not(bench):
-    rows = {d: bench.metrics(robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
+def test_too_high_a_density_destabilizes_and_too_low_does_not(runner):
+    rows = {d: runner.metrics(robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
     assert rows[1.0]["late"] < 0.001
     assert rows[0.7]["late"] < rows[0.7]["early"] / 2
     assert rows[1.3]["late"] > 1.0
@@ -79,19 +69,19 @@ def test_too_high_a_density_destabilizes_and_too_low_does_not(bench):
 # ------------------------------------------------------------------------------------------------------- exchange
 
 
-def force(bench: Runner, case: Case) -> np.ndarray:
-    return bench.record(case, stop_time=1.5, record=["actuator.force"])["actuator.force"]
+def force(runner: Runner, case: Case) -> np.ndarray:
+    return runner.record(case, stop_time=1.5, record=["actuator.force"])["actuator.force"]
 
 
-def test_halving_the_exchange_step_changes_the_tracked_force_by_less_than_one_percent(bench):
-    coarse, fine = (force(bench, Case(exchange_parts=n)) for n in (1, 2))
+def test_halving_the_exchange_step_changes_the_tracked_force_by_less_than_one_percent(runner):
+    coarse, fine = (force(runner, Case(exchange_parts=n)) for n in (1, 2))
     assert np.linalg.norm(coarse - fine) < 0.01 * np.linalg.norm(fine)
 
 
-def test_a_plain_exchange_lags_by_half_a_step(bench):
+def test_a_plain_exchange_lags_by_half_a_step(runner):
     """Without values of the middle of the step the error is of first order: halving the step halves the difference."""
-    exact = force(bench, Case(exchange_parts=4))
-    lag = [np.linalg.norm(force(bench, Case(exchange_parts=n, extrapolate=False)) - exact) for n in (1, 2)]
+    exact = force(runner, Case(exchange_parts=4))
+    lag = [np.linalg.norm(force(runner, Case(exchange_parts=n, extrapolate=False)) - exact) for n in (1, 2)]
     assert lag[0] / lag[1] == pytest.approx(2.0, abs=0.3)
     assert lag[0] > 0.01 * np.linalg.norm(exact)
 

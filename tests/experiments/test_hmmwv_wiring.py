@@ -270,12 +270,7 @@ def test_a_chain_is_set_as_its_case_says(systems):
     assert given(system, "road", "bump.height[1]", "bump.height[7]") == [0.057, 0.038]
     assert given(
         system, "sensors", "range.resolution[1]", "noise.scale", "range.dropout.start", "range.dropout.duration"
-    ) == [
-        0.01,
-        0.5,
-        0.7,
-        0.2,
-    ]
+    ) == [0.01, 0.5, 0.7, 0.2]
     assert given(system, "kalman", "use_road") == [True]
     system = systems(chains.generated(2.0))
     assert given(system, "sensors", "speed.gain") == [1.02]

@@ -353,21 +353,6 @@ def found(design: Design) -> dict[str, Any]:
     return {"eigenvalues": [[p.real, p.imag] for p in poles], "sprung mass": "1460 kg (source: weighed)"}
 
 
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn, found)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
-
-
-def test_captions_carry_no_second_number(page: Report) -> None:
-    titles = [x.title for s in page.sections for x in (*s.tables, *s.figures)]
-    assert [t for t in titles if t.startswith(("Table", "Figure"))] == []
-
-
 def test_plan() -> None:
     tasks = published.plan()
     cases = [t.case for t in tasks if not isinstance(t, Design)]

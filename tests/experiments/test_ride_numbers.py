@@ -400,11 +400,6 @@ def study() -> Results:
     return made_up.study(EXPERIMENT, lambda _: {}, found=found_by_hand)
 
 
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Any:
-    return report(study, fmus)
-
-
 def six_watt_rows(page: Any) -> dict[tuple[str, str, str], dict[str, Any]]:
     tables = {car: f"six-watts-{car}" for car in CARS}
     there = {t.id for s in page.sections for t in s.tables}
@@ -426,13 +421,7 @@ def test_speeds_of_six_watts(page: Any) -> None:
         row[m.heading]
         for k, m in METRICS.items()
         if k in ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given")
-    ] == [
-        1.0,
-        10.0,
-        100.0,
-        1.0,
-        2.0,
-    ]
+    ] == [1.0, 10.0, 100.0, 1.0, 2.0]
     assert "power drawn from the hydraulic supply [kW]" not in row  # nothing of it in these runs
     assert rows["6x6 (003)", "1in", "passive"]["actuator force, rms [kN]"] is None  # of its laws it has one
     assert rows["sedan (004)", "1in", "preview LQ comfort"]["6 W, third order [km/h]"] == "never"

@@ -67,13 +67,13 @@ def test_gains_on_the_rig_are_square_roots_of_ratios_of_spectra() -> None:
         Case("passive", road="rig"),
         **{"road.road.fl.rate": road, "car.body.az": 6 * road, "car.tire.fl.deflection": 0.01 * road},
     )
-    row, shown = measure(made), signals(made)
+    row, drawn = measure(made), signals(made)
     for band in runs.BANDS:
         assert row[f"acceleration_{band}"] == pytest.approx(6.0, rel=1e-9)
         assert row[f"tire_{band}"] == pytest.approx(0.01, rel=1e-9)
     assert row["acceleration_invariant"] == pytest.approx(6.0, rel=1e-9)
-    assert (min(shown["frequency"]), max(shown["frequency"])) == (0.5, 20.0)
-    assert set(np.round(shown["acceleration"], 9)) == {6.0}
+    assert (min(drawn["frequency"]), max(drawn["frequency"])) == (0.5, 20.0)
+    assert set(np.round(drawn["acceleration"], 9)) == {6.0}
 
 
 def test_invariant_frequency() -> None:
@@ -112,15 +112,10 @@ def metrics(case: Case) -> dict[str, Any]:
     return found
 
 
-def shown(case: Case) -> dict[str, Any]:
+def drawn(case: Case) -> dict[str, Any]:
     if case.road == "rig":
         return {"frequency": [1.0, 2.0], "acceleration": [3.0, 4.0], "tire": [0.005, 0.006]}
     return {"velocity": [0.1, -0.1], "force": [-2000.0, 1000.0], "acceleration": [0.0, 1.0], "time": [0.0, 0.004]}
-
-
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, shown)
 
 
 def verdicts(study: Results) -> dict[str, str]:
@@ -159,7 +154,7 @@ def test_each_check_can_fail(check: str, worse: Any) -> None:
         row = metrics(case)
         return {**row, **worse(case, row)}
 
-    assert verdicts(made_up.study(EXPERIMENT, changed, shown))[check] == "does not hold"
+    assert verdicts(made_up.study(EXPERIMENT, changed, drawn))[check] == "does not hold"
 
 
 def test_best_of_a_kind_is_no_worse_than_the_passive_car_elsewhere() -> None:
@@ -169,7 +164,7 @@ def test_best_of_a_kind_is_no_worse_than_the_passive_car_elsewhere() -> None:
     def changed(case: Case) -> dict[str, Any]:
         return {**metrics(case), **({"body_rms": 0.1, "tire_rms": 1.0} if case == soft else {})}
 
-    found = made_up.study(EXPERIMENT, changed, shown)
+    found = made_up.study(EXPERIMENT, changed, drawn)
     assert best(found, "semi-active", "body_rms", "tire_rms") > 1.0
     assert soft in family("semi-active")
     assert {s for kind in FAMILIES.values() for s in kind} == set(SYSTEMS)

@@ -31,12 +31,6 @@ def study(fmus: FmuSet, tmp_path_factory) -> Results:
 
 
 @pytest.fixture(scope="module")
-def runner(fmus: FmuSet):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
 def fastest(runner: Runner) -> dict[str, dict[str, float]]:
     """20 km/h, 0.25 m: the trench alone, where forces and bounds meet their limits."""
     return {c: measure(runner.run(Case(20.0, 0.25, c), stop_time=3.0)) for c in CONTROLLERS}

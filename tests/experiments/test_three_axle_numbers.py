@@ -195,16 +195,6 @@ def drawn(case: Case) -> dict[str, list[float]]:
     }
 
 
-@pytest.fixture(scope="module")
-def study() -> Results:
-    return made_up.study(EXPERIMENT, metrics, drawn)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
-
-
 def test_cells_of_the_tables(page: Report) -> None:
     rows = made_up.table(page, "table-5-1")
     assert len(rows) == 24

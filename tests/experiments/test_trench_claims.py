@@ -24,12 +24,6 @@ from fmu_sources.models.corners import SIX_CORNERS
 
 
 @pytest.fixture(scope="module")
-def runner(fmus):
-    with Runner(EXPERIMENT, fmus) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
 def crossings(runner):
     """The longest trench at 9 km/h, by control: what was recorded and measured."""
     runs = {c: runner.run(Case(2.0, 9.0, c)) for c in ("passive", "mpc")}

@@ -280,34 +280,19 @@ def test_a_playback_is_what_was_recorded(fmus: FmuSet) -> None:
 # ----------------------------------------------------------------------------------------------- systems
 
 
+MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": True}
+
+
 @pytest.mark.parametrize(
     ("controller", "set_to"),
     [
-        ("mpc", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": True}),
-        (
-            "mpc-no-preview",
-            {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False},
-        ),
-        (
-            "mpc-offsets",
-            {"estimator": 1, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False},
-        ),
-        (
-            "mpc-free",
-            {"estimator": 0, "retraction": 0, "hold_height": True, "printed_limits": False, "use_preview": True},
-        ),
-        (
-            "mpc-printed-sign",
-            {"estimator": 0, "retraction": 2, "hold_height": True, "printed_limits": False, "use_preview": True},
-        ),
-        (
-            "mpc-no-height",
-            {"estimator": 0, "retraction": 1, "hold_height": False, "printed_limits": False, "use_preview": True},
-        ),
-        (
-            "mpc-printed-limits",
-            {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": True, "use_preview": True},
-        ),
+        ("mpc", MPC),
+        ("mpc-no-preview", MPC | {"use_preview": False}),
+        ("mpc-offsets", MPC | {"estimator": 1, "use_preview": False}),
+        ("mpc-free", MPC | {"retraction": 0}),
+        ("mpc-printed-sign", MPC | {"retraction": 2}),
+        ("mpc-no-height", MPC | {"hold_height": False}),
+        ("mpc-printed-limits", MPC | {"printed_limits": True}),
         ("lqr", {}),
     ],
 )
@@ -394,11 +379,6 @@ def shown(case: Any) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def study() -> Results:
     return made_up.study(EXPERIMENT, metrics, shown)
-
-
-@pytest.fixture(scope="module")
-def page(study: Results, fmus: FmuSet) -> Report:
-    return report(study, fmus)
 
 
 def test_cells_of_the_crossings(page: Report) -> None:

@@ -19,32 +19,19 @@ typedef struct {
 } Values;
 
 #define REFUSED (early || n || update) /* these are not for FMUs with clocks */
+#define ENTERED
 #define OWN_STEP_MODE
 #include "strict.h"
 
-#define ANY 31
-
 static void start(Model *m) {
-    const bool events = m->v.events;
-    memset(&m->v, 0, sizeof m->v);
-    m->v.events = events;
-    m->v.period = KIND == CONSTANT ? 1.0 / 300.0 : KIND == FIXED ? 0.02 : 0.01;
-    m->v.last = -1.0;
+    const double period = KIND == CONSTANT ? 1.0 / 300.0 : KIND == FIXED ? 0.02 : 0.01;
+    m->v = (Values){.events = m->v.events, .period = period, .last = -1.0};
 }
 
 static bool due(const Model *m) { return m->v.known && fabs(m->v.next - m->v.now) < 1e-9; }
 
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) {
-    return fmi3OK;
-}
-fmi3Status fmi3EnterInitializationMode(
-    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
-    IN(BIT(INSTANTIATED));
-    m->v.now = begin;
-    m->v.state = INITIALIZATION;
-    return fmi3OK;
-}
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+Status fmi3SetDebugLogging(Instance c, Flag on, size_t n, const Text categories[]) { return fmi3OK; }
+Status fmi3ExitInitializationMode(Instance c) {
     IN(BIT(INITIALIZATION));
     if (m->v.events && KIND >= FIXED && KIND <= COUNTDOWN && !m->v.told)
         return error(m, "nobody has asked for the interval");
@@ -54,14 +41,14 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     m->v.known = true;
     return fmi3OK;
 }
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+Status fmi3EnterStepMode(Instance c) {
     IN(BIT(EVENT));
     if (m->v.ticking || m->v.pulsing) return error(m, "discrete states have not been updated");
     m->v.state = STEP;
     return fmi3OK;
 }
 
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
+Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock value[]) {
     IN(BIT(EVENT));
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != CLOCK) return error(m, "%u is no input clock", vr[i]);
@@ -74,14 +61,14 @@ fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], si
     }
     return fmi3OK;
 }
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
+Status fmi3GetClock(Instance c, const Reference vr[], size_t n, fmi3Clock value[]) {
     IN(BIT(EVENT));
     for (size_t i = 0; i < n; i++) value[i] = vr[i] == PULSE ? m->v.pulsing : m->v.ticking;
     return fmi3OK;
 }
 static double following(Model *m) { return KIND == CHANGING ? 0.01 * (1 + m->v.ticks % 3) : m->v.period; }
-fmi3Status fmi3GetIntervalDecimal(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], fmi3IntervalQualifier q[]) {
+Status fmi3GetIntervalDecimal(
+    Instance c, const Reference vr[], size_t n, double value[], fmi3IntervalQualifier q[]) {
     IN(BIT(INITIALIZATION) | BIT(EVENT));
     m->v.told = true;
     if (KIND == COUNTDOWN) {
@@ -98,21 +85,21 @@ fmi3Status fmi3GetIntervalDecimal(
     if (KIND == TUNABLE && m->v.state == EVENT) m->v.next = m->v.now + m->v.period;
     return fmi3OK;
 }
-fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[],
+Status fmi3GetIntervalFraction(Instance c, const Reference vr[], size_t n, uint64_t counter[],
     uint64_t resolution[], fmi3IntervalQualifier q[]) {
-    return error(instance, "no fractions here");
+    return error(c, "no fractions here");
 }
-fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[]) {
+Status fmi3GetShiftDecimal(Instance c, const Reference vr[], size_t n, double value[]) {
     IN(BIT(INITIALIZATION));
     value[0] = m->v.shift;
     return fmi3OK;
 }
-fmi3Status fmi3GetShiftFraction(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[]) {
-    return error(instance, "no fractions here");
+Status fmi3GetShiftFraction(
+    Instance c, const Reference vr[], size_t n, uint64_t counter[], uint64_t resolution[]) {
+    return error(c, "no fractions here");
 }
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
-    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
+    Flag *nominals, Flag *values, Flag *has_next, double *next) {
     IN(BIT(EVENT));
     *terminate = *nominals = *values = *has_next = false;
     *again = KIND == ENDLESS;
@@ -128,7 +115,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
     return fmi3OK;
 }
 
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
+Status fmi3GetFloat64(Instance c, const Reference vr[], size_t n, double value[], size_t k) {
     IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
     for (size_t i = 0; i < n; i++) {
         const bool initializing = m->v.state == INITIALIZATION;
@@ -150,8 +137,8 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
     }
     return fmi3OK;
 }
-fmi3Status fmi3SetFloat64(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+Status fmi3SetFloat64(
+    Instance c, const Reference vr[], size_t n, const double value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
     for (size_t i = 0; i < n; i++) {
         const bool before = m->v.state <= INITIALIZATION;
@@ -169,14 +156,14 @@ fmi3Status fmi3SetFloat64(
     }
     return fmi3OK;
 }
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
+Status fmi3GetInt32(Instance c, const Reference vr[], size_t n, int32_t value[], size_t k) {
     IN(BIT(INITIALIZATION) | BIT(EVENT));
     if (!m->v.ticking && m->v.state == EVENT) return error(m, "ticks is read while its clock does not tick");
     for (size_t i = 0; i < n; i++) value[i] = m->v.ticks + m->v.ticking;
     return fmi3OK;
 }
-fmi3Status fmi3SetBoolean(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const bool value[], size_t k) {
+Status fmi3SetBoolean(
+    Instance c, const Reference vr[], size_t n, const bool value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT)); /* discrete: not in step mode */
     for (size_t i = 0; i < n; i++) {
         m->v.start |= value[i] && !m->v.begin; /* a rising edge */
@@ -184,12 +171,12 @@ fmi3Status fmi3SetBoolean(
     }
     return fmi3OK;
 }
-fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, bool value[], size_t k) {
-    for (size_t i = 0; i < n; i++) value[i] = ((Model *)instance)->v.begin;
+Status fmi3GetBoolean(Instance c, const Reference vr[], size_t n, bool value[], size_t k) {
+    for (size_t i = 0; i < n; i++) value[i] = ((Model *)c)->v.begin;
     return fmi3OK;
 }
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
-    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
+    Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     if (m->v.events && m->v.known && m->v.next < t + h - 1e-9)
         return error(m, "a step to %.12g passes the tick at %.12g", t + h, m->v.next);

@@ -19,28 +19,21 @@ typedef struct {
 } Values;
 
 #define REFUSED (events && !strcmp(token, "refuses"))
+#define ENTERED m->v.next = begin + m->v.period
 #include "strict.h"
 
 static void start(Model *m) {
     m->v = (Values){.events = m->v.events, .early = m->v.early, .period = 0.03, .last = -1.0};
 }
 
-fmi3Status fmi3EnterInitializationMode(
-    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
-    IN(BIT(INSTANTIATED));
-    m->v.now = begin;
-    m->v.next = begin + m->v.period;
-    m->v.state = INITIALIZATION;
-    return fmi3OK;
-}
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+Status fmi3ExitInitializationMode(Instance c) {
     IN(BIT(INITIALIZATION));
     m->v.level = m->v.k;
     m->v.state = m->v.events ? EVENT : STEP;
     return fmi3OK;
 }
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
-    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
+    Flag *nominals, Flag *values, Flag *has_next, double *next) {
     IN(BIT(EVENT));
     *terminate = *nominals = *values = false;
     *again = m->v.kind == ENDLESS && m->v.count > 1;
@@ -55,32 +48,19 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
     *next = m->v.next;
     return fmi3OK;
 }
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == Z ? m->v.z : vr[i] == LAST ? m->v.last : vr[i] == PERIOD ? m->v.period : m->v.now;
-    return fmi3OK;
-}
-fmi3Status fmi3SetFloat64(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+ACCESS(REAL, double, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
+    EACH(value[i] = vr[i] == Z ? m->v.z : vr[i] == LAST ? m->v.last : vr[i] == PERIOD ? m->v.period : m->v.now),
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
-    for (size_t i = 0; i < n; i++) *(vr[i] == U ? &m->v.u : &m->v.period) = value[i];
-    return fmi3OK;
-}
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == LEVEL ? m->v.level : vr[i] == COUNT ? m->v.count : vr[i] == STEPS ? m->v.steps : m->v.k;
-    return fmi3OK;
-}
-fmi3Status fmi3SetInt32(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const int32_t value[], size_t k) {
+    EACH(*(vr[i] == U ? &m->v.u : &m->v.period) = value[i]))
+ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
+    EACH(value[i] = vr[i] == LEVEL   ? m->v.level
+                    : vr[i] == COUNT ? m->v.count
+                    : vr[i] == STEPS ? m->v.steps
+                                     : m->v.k),
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT)); /* discrete: not in step mode */
-    for (size_t i = 0; i < n; i++) *(vr[i] == K ? &m->v.k : &m->v.kind) = value[i];
-    return fmi3OK;
-}
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
-    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+    EACH(*(vr[i] == K ? &m->v.k : &m->v.kind) = value[i]))
+Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
+    Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     const bool due = m->v.next < t + h + 1e-9, inside = m->v.next < t + h - 1e-9;
     const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END;

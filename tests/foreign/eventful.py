@@ -42,12 +42,7 @@ def description(*, event_mode: bool, variable_step: bool, internal: str, token: 
 
 
 def build(
-    folder: Path,
-    *,
-    event_mode: bool = True,
-    variable_step: bool = True,
-    internal: str = "",
-    token: str = "eventful",
+    folder: Path, *, event_mode: bool = True, variable_step: bool = True, internal: str = "", token: str = "eventful"
 ) -> Path:
     """The FMU for this machine, in a folder. With the token "refuses" it has no event mode, whatever it declares."""
     sources = [making.HERE / "eventful.c", making.others(folder, "eventful", 3)]

@@ -10,10 +10,7 @@ from cosim.fmu.calls import platform_folder
 from . import making
 
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
-SAVING = {
-    2: ("canGetAndSetFMUstate", "canSerializeFMUstate"),
-    3: ("canGetAndSetFMUState", "canSerializeFMUState"),
-}
+SAVING = {2: ("canGetAndSetFMUstate", "canSerializeFMUstate"), 3: ("canGetAndSetFMUState", "canSerializeFMUState")}
 TYPED = tuple(name.lower() for name in SMALL)
 
 

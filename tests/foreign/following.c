@@ -1,8 +1,8 @@
 /* A small FMI 3.0 Co-Simulation FMU that asks for its input inside its steps, from the standard's headers alone.
  *
  * dx/dt = u in ten internal steps of a communication step, each by the trapezoidal rule with what u is at both of its
- * ends; y = u; the array xs integrates the array w alike, and `energy` u^2. `asked` counts the callbacks that ask for inputs, `early` the steps that ended early on request. The
- * parameter `kind` says how it calls back. */
+ * ends; y = u; the array xs integrates the array w alike, and `energy` u^2. `asked` counts the callbacks that ask for
+ * inputs, `early` the steps that ended early on request. The parameter `kind` says how it calls back. */
 #include <math.h>
 #include <string.h>
 
@@ -20,33 +20,32 @@ typedef struct {
 } Values;
 
 #define REFUSED (update ? n != 2 || required[0] != U || required[1] != W : n)
+#define ENTERED
 #include "strict.h"
 
 static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early, .w = {0.0, 0.0, 7.0}}; }
-static size_t count(fmi3ValueReference r) { return r == W || r == XS ? N : 1; }
+static size_t count(Reference r) { return r == W || r == XS ? N : 1; }
 
-fmi3Status fmi3EnterInitializationMode(
-    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
-    IN(BIT(INSTANTIATED));
-    m->v.now = begin;
-    m->v.state = INITIALIZATION;
-    return fmi3OK;
-}
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+Status fmi3ExitInitializationMode(Instance c) {
     IN(BIT(INITIALIZATION));
     m->v.state = STEP;
     return fmi3OK;
 }
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
+Status fmi3GetFloat64(Instance c, const Reference vr[], size_t n, double value[], size_t k) {
     IN(BIT(INITIALIZATION) | BIT(STEP) | BIT(TERMINATED));
-    if (m->v.kind == OUTSIDE && m->update) m->update(m->environment, m->v.now, true, true, true, false, NULL, NULL); /* in no step */
+    if (m->v.kind == OUTSIDE && m->update) /* in no step */
+        m->update(m->environment, m->v.now, true, true, true, false, NULL, NULL);
     for (size_t i = 0; i < n; value += count(vr[i++]))
         if (count(vr[i]) == N) memcpy(value, vr[i] == W ? m->v.w : m->v.xs, sizeof m->v.w);
-        else *value = vr[i] == X ? m->v.x : vr[i] == ENERGY ? m->v.energy : vr[i] == FREE ? m->v.unset : vr[i] == TIME ? m->v.now : m->v.u;
+        else
+            *value = vr[i] == X        ? m->v.x
+                     : vr[i] == ENERGY ? m->v.energy
+                     : vr[i] == FREE   ? m->v.unset
+                     : vr[i] == TIME   ? m->v.now
+                                       : m->v.u;
     return fmi3OK;
 }
-fmi3Status fmi3SetFloat64(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+Status fmi3SetFloat64(Instance c, const Reference vr[], size_t n, const double value[], size_t k) {
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(STEP));
     for (size_t i = 0; i < n; value += count(vr[i++])) {
         if (m->v.updating && vr[i] != U && vr[i] != W) return error(m, "%u is set inside a step", (unsigned)vr[i]);
@@ -55,22 +54,13 @@ fmi3Status fmi3SetFloat64(
     }
     return fmi3OK;
 }
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(STEP));
-    for (size_t i = 0; i < n; i++)
-        value[i] = vr[i] == ASKED ? m->v.asked : vr[i] == EARLY ? m->v.returned : m->v.kind;
-    return fmi3OK;
-}
-fmi3Status fmi3SetInt32(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const int32_t value[], size_t k) {
-    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION));
-    for (size_t i = 0; i < n; i++) m->v.kind = value[i];
-    return fmi3OK;
-}
+ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(STEP));
+    EACH(value[i] = vr[i] == ASKED ? m->v.asked : vr[i] == EARLY ? m->v.returned : m->v.kind),
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION)); EACH(m->v.kind = value[i]))
 
 /* Whether the importer wants the step to end. */
 static bool call_back(Model *m, double t) {
-    fmi3Boolean wanted = false;
+    Flag wanted = false;
     double when = 0.0;
     const int32_t kind = m->v.kind;
     if (kind == SILENT || !m->update) return false;
@@ -85,8 +75,8 @@ static bool call_back(Model *m, double t) {
     return wanted;
 }
 
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
-    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
+    Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     const double part = h / PARTS;
     *event = *terminate = *early = false;

@@ -20,24 +20,17 @@ typedef struct {
 } Values;
 
 #define REFUSED (!events)
+#define ENTERED m->v.next = m->v.period > 0.0 ? begin + m->v.period : INFINITY
 #include "strict.h"
 
 static void start(Model *m) { m->v = (Values){.events = m->v.events, .early = m->v.early, .last = -1.0}; }
 
-fmi3Status fmi3EnterInitializationMode(
-    fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
-    IN(BIT(INSTANTIATED));
-    m->v.now = begin;
-    m->v.next = m->v.period > 0.0 ? begin + m->v.period : INFINITY;
-    m->v.state = INITIALIZATION;
-    return fmi3OK;
-}
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+Status fmi3ExitInitializationMode(Instance c) {
     IN(BIT(INITIALIZATION));
     m->v.state = EVENT;
     return fmi3OK;
 }
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
+Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock value[]) {
     IN(BIT(EVENT));
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != IN_CLOCK || m->v.in) return error(m, "clock %u is set again", (unsigned)vr[i]);
@@ -45,7 +38,7 @@ fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], si
     }
     return fmi3OK;
 }
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
+Status fmi3GetClock(Instance c, const Reference vr[], size_t n, fmi3Clock value[]) {
     IN(BIT(EVENT));
     if (m->v.relay == 1 && m->v.in && !m->v.told) m->v.out = true, m->v.y = m->v.x + 1.0;
     if (m->v.now > m->v.next - 1e-9 && !m->v.told) m->v.out = true, m->v.y += 1.0;
@@ -53,8 +46,8 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], si
     m->v.told |= m->v.out;
     return fmi3OK;
 }
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
-    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
+    Flag *nominals, Flag *values, Flag *has_next, double *next) {
     IN(BIT(EVENT));
     *terminate = *nominals = *values = false;
     if (m->v.in) m->v.count++, m->v.last = m->v.now, m->v.got = m->v.x;
@@ -66,36 +59,21 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
     *next = m->v.next;
     return fmi3OK;
 }
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
-    for (size_t i = 0; i < n; i++) {
+ACCESS(REAL, double, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
+    EACH({
         if (vr[i] == Y && !(m->v.state == EVENT && m->v.out)) return error(m, "y is read, and its clock is not active");
         value[i] = vr[i] == Y ? m->v.y : vr[i] == LAST ? m->v.last : vr[i] == GOT ? m->v.got : m->v.period;
-    }
-    return fmi3OK;
-}
-fmi3Status fmi3SetFloat64(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+    }),
     IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT));
-    for (size_t i = 0; i < n; i++) {
+    EACH({
         if (vr[i] == X && m->v.state == EVENT && !m->v.in) return error(m, "x is set, and its clock is not active");
         *(vr[i] == X ? &m->v.x : &m->v.period) = value[i];
-    }
-    return fmi3OK;
-}
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
-    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
-    for (size_t i = 0; i < n; i++) value[i] = vr[i] == COUNT ? m->v.count : m->v.relay;
-    return fmi3OK;
-}
-fmi3Status fmi3SetInt32(
-    fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const int32_t value[], size_t k) {
-    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION));
-    for (size_t i = 0; i < n; i++) m->v.relay = value[i];
-    return fmi3OK;
-}
-fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event,
-    fmi3Boolean *terminate, fmi3Boolean *early, double *last) {
+    }))
+ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
+    EACH(value[i] = vr[i] == COUNT ? m->v.count : m->v.relay),
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION)); EACH(m->v.relay = value[i]))
+Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
+    Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     *event = *terminate = *early = false;
     if (m->v.next < t + h - 1e-9) {

@@ -1,6 +1,7 @@
 /* What the strict FMI 3.0 FMUs of the tests share: whatever the standard does not allow in a state is an Error.
  * Included behind the type `Values`, which has the fields `state`, `now`, `events` and `early` (both allowed), and the
- * macro REFUSED, which says of the arguments below whether there is no instance. */
+ * macros REFUSED, which says of the arguments below whether there is no instance, and ENTERED, what else initialization
+ * begins with. */
 #include <stdarg.h>
 #include <stdio.h>
 
@@ -24,16 +25,16 @@ static fmi3Status error(Model *m, const char *format, ...) {
 }
 
 #define IN(states)                                                                             \
-    Model *m = instance;                                                                       \
+    Model *m = c;                                                                              \
     if (!((states) >> m->v.state & 1)) return error(m, "%s in state %d", __func__, m->v.state)
 #define BIT(state) (1 << (state))
 
 static void start(Model *m); /* values at the begin; `events` and `early` stay */
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-    fmi3Boolean log, fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback message, fmi3IntermediateUpdateCallback update) {
+Instance fmi3InstantiateCoSimulation(Text name, Text token, Text resources, Flag visible, Flag log, Flag events,
+    Flag early, const Reference required[], size_t n, fmi3InstanceEnvironment environment, Logger message,
+    fmi3IntermediateUpdateCallback update) {
     Model *m = REFUSED ? NULL : calloc(1, sizeof *m);
     if (!m) return NULL;
     m->log = message;
@@ -44,27 +45,27 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     start(m);
     return m;
 }
-void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
-fmi3Status fmi3Reset(fmi3Instance instance) {
-    start(instance);
-    return fmi3OK;
+void fmi3FreeInstance(Instance c) { free(c); }
+Status fmi3Reset(Instance c) { return start(c), fmi3OK; }
+Status fmi3EnterInitializationMode(Instance c, Flag a, double tolerance, double begin, Flag b, double stop) {
+    IN(BIT(INSTANTIATED));
+    m->v.now = begin;
+    ENTERED;
+    return m->v.state = INITIALIZATION, fmi3OK;
 }
-fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+Status fmi3EnterEventMode(Instance c) {
     IN(BIT(STEP));
     if (!m->v.events) return error(m, "event mode is not used");
-    m->v.state = EVENT;
-    return fmi3OK;
+    return m->v.state = EVENT, fmi3OK;
 }
-fmi3Status fmi3Terminate(fmi3Instance instance) {
+Status fmi3Terminate(Instance c) {
     IN(BIT(STEP) | BIT(EVENT));
-    m->v.state = TERMINATED;
-    return fmi3OK;
+    return m->v.state = TERMINATED, fmi3OK;
 }
 #if !defined(OWN_STEP_MODE)
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+Status fmi3EnterStepMode(Instance c) {
     IN(BIT(EVENT));
-    m->v.state = STEP;
-    return fmi3OK;
+    return m->v.state = STEP, fmi3OK;
 }
 #endif
 

@@ -24,13 +24,7 @@ ALLOWED = (CosimError,)
 
 def make(rng: random.Random) -> bytes:
     deed = rng.choice(DEEDS if rng.random() < 0.1 else [d for d in DEEDS if d not in SLOW])
-    words = (
-        rng.choice((2, 3)),
-        rng.choice(PHASES),
-        deed,
-        rng.randrange(1, 5),
-        rng.randrange(1 << 16),
-    )
+    words = (rng.choice((2, 3)), rng.choice(PHASES), deed, rng.randrange(1, 5), rng.randrange(1 << 16))
     return " ".join(map(str, words)).encode()
 
 

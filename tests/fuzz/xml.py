@@ -215,11 +215,7 @@ def _text(rng: random.Random, element: Any, _elements: list[Any]) -> None:
     element.append(rng.choice((etree.Comment("x"), etree.ProcessingInstruction("x", "y"))))
 
 
-_CHANGES = (
-    *[_set] * 8,
-    *(_unset, _remove, _copy, _move, _new) * 2,
-    *(_all, _rename, _dimension, _deep, _text),
-)
+_CHANGES = (*[_set] * 8, *(_unset, _remove, _copy, _move, _new) * 2, *(_all, _rename, _dimension, _deep, _text))
 
 
 def head(rng: random.Random, xml: bytes) -> bytes:

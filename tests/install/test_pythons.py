@@ -82,8 +82,7 @@ def test_install_build_and_run(version: str, wheel: Path, tmp_path: Path) -> Non
     assert "1 built" in environment.run("build-fmus", "QuarterCarHmmwv", "--fmi", "3")
     said = environment.execute(RUN).split()
     assert said[0].startswith(f"{version}.")
-    assert (float(said[1]), float(said[2]) > 0.05) == (
-        pytest.approx(0.05, abs=1e-3),
-        True,
-    ), "a car on a step of 50 mm settles on it, and overshoots"
+    assert (float(said[1]), float(said[2]) > 0.05) == (pytest.approx(0.05, abs=1e-3), True), (
+        "a car on a step of 50 mm settles on it, and overshoots"
+    )
     assert "QuarterCarHmmwv" in environment.run("cosim", "fmu", "fmus/fmi3/QuarterCarHmmwv.fmu")

@@ -16,8 +16,6 @@ from pathlib import Path
 import pytest
 import yaml
 from built import ROOT, share_objects
-from cyclonedx.schema import SchemaVersion
-from cyclonedx.validation.json import JsonStrictValidator
 from environments import Environment, make
 
 import cosim
@@ -167,6 +165,9 @@ def test_fmus_are_for_all_platforms_in_both_versions(fmus: Path) -> None:
 
 
 def test_the_bill_of_materials_lists_every_fmu_with_its_hash(fmus: Path) -> None:
+    from cyclonedx.schema import SchemaVersion
+    from cyclonedx.validation.json import JsonStrictValidator  # takes a second, also of workers that do not need it
+
     text = (fmus / "bill-of-materials.cdx.json").read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     listed = {c["name"]: c for c in json.loads(text)["components"]}

@@ -103,10 +103,7 @@ def test_a_crash_in_any_phase_is_an_error_that_names_the_function(
 @pytest.mark.parametrize("phase", ["terminate", "free"])
 @pytest.mark.parametrize("deed", ["abort", "hang"])
 def test_a_loss_after_the_last_step_is_a_warning(folder: Path, version: int, phase: str, deed: str) -> None:
-    with (
-        pytest.warns(IsolationCrashedWarning, match=FUNCTIONS[phase]),
-        System(allow_unconnected=True) as system,
-    ):
+    with pytest.warns(IsolationCrashedWarning, match=FUNCTIONS[phase]), System(allow_unconnected=True) as system:
         recording = wired(system, build(version, folder, phase, deed)).run(0.02, record=["bad.y"])
     assert recording["bad.y"][-1] > 19
 

@@ -262,17 +262,7 @@ def test_a_reward_that_is_none(make: Make, worth: object, raises) -> None:
 # wrong
 
 
-@pytest.mark.parametrize(
-    "action",
-    [
-        [math.nan],
-        [math.inf],
-        [1.2],
-        [0.0, 0.0],
-        0.0,
-        ["up"],
-    ],
-)
+@pytest.mark.parametrize("action", [[math.nan], [math.inf], [1.2], [0.0, 0.0], 0.0, ["up"]])
 def test_actions_that_are_none(make: Make, action: object, raises) -> None:
     env = make()
     env.reset()

@@ -754,11 +754,7 @@ def test_passed_systems_of_users_too(built_fmus: BuiltFmus, browser: Browser) ->
 # ------------------------------------------------------------------------------------------------------- open ground
 
 CAR = Body(
-    "body",
-    [Face([(2, 1, 0.5), (2, -1, 0.5), (-1, -1, 0.5), (-1, 1, 0.5)])],
-    x="car.x",
-    y="car.y",
-    yaw="car.yaw",
+    "body", [Face([(2, 1, 0.5), (2, -1, 0.5), (-1, -1, 0.5), (-1, 1, 0.5)])], x="car.x", y="car.y", yaw="car.yaw"
 )
 DRIVING = {"car.x": 0.0, "car.y": 0.0, "car.yaw": 0.0, "car.a": 0.0, "car.b": 1.0}
 

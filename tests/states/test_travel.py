@@ -116,14 +116,7 @@ class More(SampledSaw):
 More.__qualname__ = "SampledSaw"
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        lambda: chain(rename="law2"),
-        lambda: chain(law=Other),
-        lambda: chain(law=More),
-    ],
-)
+@pytest.mark.parametrize("other", [lambda: chain(rename="law2"), lambda: chain(law=Other), lambda: chain(law=More)])
 def test_another_system_is_refused_by_name_of_what_differs(other, raises):
     state = SystemState.from_bytes(taken(chain()))
     with raises(CosimError):
@@ -133,10 +126,7 @@ def test_another_system_is_refused_by_name_of_what_differs(other, raises):
 def test_rates_and_wiring_may_change_at_a_common_multiple_of_all_steps(raises):
     """As for states that never left: at the end of everybody's step."""
     at_end, within = (SystemState.from_bytes(taken(chain(), t)) for t in (0.1, 0.101))
-    for changed in (
-        lambda: chain(delay=True),
-        lambda: chain(step="1 ms"),
-    ):
+    for changed in (lambda: chain(delay=True), lambda: chain(step="1 ms")):
         assert changed().initialize(state=at_end).time == 0.1
         with raises(CosimError):
             changed().initialize(state=within)
@@ -151,10 +141,7 @@ def test_another_fmu_under_the_same_name_is_refused(built_fmus, raises):
 
     with car("QuarterCarHmmwv", 3) as system:
         state = SystemState.from_bytes(taken(system, 0.01))
-    for other in (
-        ("QuarterCarHmmwv", 2),
-        ("QuarterCarBench", 3),
-    ):
+    for other in (("QuarterCarHmmwv", 2), ("QuarterCarBench", 3)):
         with car(*other) as system, raises(CosimError):
             system.initialize(state=state)
 

@@ -204,13 +204,7 @@ def test_cases_of_a_function(raises) -> None:
         case(laps=10)
 
 
-@pytest.mark.parametrize(
-    "function",
-    [
-        lambda speed: speed,
-        lambda **more: more,
-    ],
-)
+@pytest.mark.parametrize("function", [lambda speed: speed, lambda **more: more])
 def test_functions_without_options(function, raises) -> None:
     with raises(CaseError):
         case_of(function)
@@ -225,11 +219,7 @@ def test_classes_that_are_no_cases(raises) -> None:
     class Bare:
         speed: float
 
-    for made in (
-        Odd,
-        Bare,
-        int,
-    ):
+    for made in (Odd, Bare, int):
         with raises(CaseError):
             fields(made)
 

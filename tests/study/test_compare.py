@@ -21,9 +21,7 @@ STUDY = {
 
 
 class RoadView(View):
-    quantities: ClassVar[Quantities] = {
-        "force, if any": lambda view, c, road: view.study[road, c]["force"] or None,
-    }
+    quantities: ClassVar[Quantities] = {"force, if any": lambda view, c, road: view.study[road, c]["force"] or None}
     left_out = "no such road was driven"
 
     def places(self, at: Any, road: str) -> list[str]:  # noqa: ARG002

@@ -309,10 +309,7 @@ def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...],
 
 @pytest.mark.parametrize("text", ["x=truncnormal(0,1e-200,1,2)", "x=lognormal(1,1e4)", "x=-1.5e308:1.5e308"])
 def test_values_that_are_no_numbers_are_refused(text: str, raises) -> None:
-    with (
-        raises(DesignError),
-        np.errstate(all="ignore"),
-    ):
+    with raises(DesignError), np.errstate(all="ignore"):
         axis(text).at(np.array([0.1, 0.5, 0.9]))
 
 
@@ -324,14 +321,7 @@ def test_where_both_ways_of_a_cut_distribution_meet() -> None:
     assert far == pytest.approx(usual, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "x=0.1:0.2:inf",
-        "x=0.1:0.2:nan",
-        "x=0.1:0.2:2.5",
-    ],
-)
+@pytest.mark.parametrize("text", ["x=0.1:0.2:inf", "x=0.1:0.2:nan", "x=0.1:0.2:2.5"])
 def test_ranges_without_a_number_of_values(text: str, raises) -> None:
     with raises(DesignError):
         axis(text)

@@ -388,10 +388,7 @@ def free_port() -> int:
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cosim.study.executors.ANSWER", 1.0)
     address = f"tcp://127.0.0.1:{free_port()}"
-    with (
-        pytest.raises(ClusterError, match=f"{address}.*`dask scheduler`"),
-        dask(address),
-    ):
+    with pytest.raises(ClusterError, match=f"{address}.*`dask scheduler`"), dask(address):
         pass
 
 
@@ -401,10 +398,7 @@ def test_one_that_accepts_and_is_silent(monkeypatch: pytest.MonkeyPatch, raises)
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         since = time.monotonic()
-        with (
-            raises(ClusterError),
-            dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"),
-        ):
+        with raises(ClusterError), dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
             pass
         assert time.monotonic() - since < 300  # it does not wait forever
 
@@ -446,11 +440,7 @@ def worker(port: int, folder: Path) -> subprocess.Popen[bytes]:
 @pytest.mark.full
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
 def test_a_scheduler_that_dies_and_comes_again(
-    experiment: Any,
-    many: list[Any],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    experiment: Any, many: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """The study ends with one message, and finished results are kept.
 
@@ -474,10 +464,7 @@ def test_a_scheduler_that_dies_and_comes_again(
             if done == 20:
                 first.kill()
 
-        with (
-            pytest.raises((ExecutorLostError, ClusterError), match="stored"),
-            dask(address) as executor,
-        ):
+        with pytest.raises((ExecutorLostError, ClusterError), match="stored"), dask(address) as executor:
             run_study(experiment, FMUS, tmp_path / "runs", tasks=many, executor=executor, progress=progress)
         assert kept[-1] >= 20
         assert "Traceback" not in capfd.readouterr().err

@@ -125,10 +125,7 @@ def test_measure_returns_numbers_by_name(returned: str, said: str, tmp_path: Pat
     text = FILE.read_text()
     (tmp_path / "other.py").write_text(text[: text.index("def measure")] + f"def measure(_):\n    return {returned}\n")
     experiment = load(str(tmp_path / "other.py"))
-    with (
-        Runner(experiment, FMUS) as runner,
-        raises(MeasureError, match=f"{said}"),
-    ):
+    with Runner(experiment, FMUS) as runner, raises(MeasureError, match=f"{said}"):
         runner.metrics(experiment.case())
     sweep = prepare(experiment, FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
     assert all(

@@ -38,9 +38,7 @@ OPTIONS = (
 
 
 @click.command(
-    "gpc",
-    cls=Command,
-    groups={"Identification": OPTIONS, "FMUs": (VEHICLE, *FMU_FILES), "Inputs and results": (OUT,)},
+    "gpc", cls=Command, groups={"Identification": OPTIONS, "FMUs": (VEHICLE, *FMU_FILES), "Inputs and results": (OUT,)}
 )
 def identify(
     seed: int,

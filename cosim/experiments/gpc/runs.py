@@ -68,11 +68,7 @@ class OpenCase(Stepped):
         label="d-is-{}",
         only=_MEASURING,
     )
-    from_rest: bool = option(
-        False,
-        help="identify from rest, with the leading zeros of equation (4)",
-        only=_CONTROLLED,
-    )
+    from_rest: bool = option(False, help="identify from rest, with the leading zeros of equation (4)", only=_CONTROLLED)
     excitation: float = option(
         IdentificationSettings().excitation,
         unit="N",
@@ -151,13 +147,7 @@ class Case(OpenCase):
 
     road: str = option("sine", choices=ROADS, files=".fmu", help="road under the wheels", always=True)
     speed_kmh: float = option(
-        50.0,
-        unit="km/h",
-        within=(2, 200),
-        name="speed",
-        help="speed",
-        label="{:g}kmh",
-        always=True,
+        50.0, unit="km/h", within=(2, 200), name="speed", help="speed", label="{:g}kmh", always=True
     )
     controller: str = option("preview", choices=CONTROLLERS, help="control law", always=True)
     R: float = option(

@@ -7,14 +7,7 @@ from typing import Any
 
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
 from cosim.experiments.hmmwv.claims import STATEMENTS
-from cosim.experiments.hmmwv.published import (
-    ACTIVE,
-    PUBLISHED,
-    PUMP,
-    SHARED,
-    SIDE_VARIANTS,
-    WITHOUT_LIMIT,
-)
+from cosim.experiments.hmmwv.published import ACTIVE, PUBLISHED, PUMP, SHARED, SIDE_VARIANTS, WITHOUT_LIMIT
 from cosim.experiments.hmmwv.runs import ROADS, Case
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, conditions, need
 from cosim.report import Table

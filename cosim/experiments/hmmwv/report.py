@@ -170,10 +170,7 @@ def _test_track(study: Averages) -> Content:
         "figure-1-9",
         "Test track (figure 1.9 of the paper)",
         "Absorbed power of the last second over the distance, and what the front left actuator does under MPC.",
-        [
-            _power_panel(study, "track", PUBLISHED),
-            Panel("force at the front left wheel, MPC", _X, "force [N]", forces),
-        ],
+        [_power_panel(study, "track", PUBLISHED), Panel("force at the front left wheel, MPC", _X, "force [N]", forces)],
     )
 
 

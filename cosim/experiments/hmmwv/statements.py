@@ -292,9 +292,7 @@ def _judged(s: Statement, study: Averages, at: Condition) -> Finding:
     holds = "" if needed is None else f"; holds with: {needed.words(study)}"
     nothing, some = s.incomparable(found), [v for v in found.values if not math.isnan(v)]
     judged = Finding(
-        fitted=s.fitted(study, at),
-        calibrated=s.opening is not None and s.opening.decides(study, at),
-        words=s.words,
+        fitted=s.fitted(study, at), calibrated=s.opening is not None and s.opening.decides(study, at), words=s.words
     )
     if nothing and all(map(s.side, some)):
         why = f"{nothing}, so there is nothing to compare{holds}"

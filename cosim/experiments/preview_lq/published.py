@@ -40,10 +40,7 @@ PRINTED = {
 }
 """Table 3, ride comfort, per cent of passive, as printed: (input, controller) -> columns of the paper and J."""
 
-CORRECTED = {
-    ("both", "active", 6): 137.0,
-    **{("left", c, i): None for c in CONTROLLED for i in (9, 10)},
-}
+CORRECTED = {("both", "active", 6): 137.0, **{("left", c, i): None for c in CONTROLLED for i in (9, 10)}}
 """Misprints of Table 3: a factor of ten in one cell of a), and in t3 and t4 of c) (None: ten times the printed value).
 Roll with both sides equal is 0/0."""
 

@@ -8,10 +8,7 @@ from cosim.experiments.semi_active.runs import CONTROLLERS, IDEAL, STRETCHES, TU
 from cosim.experiments.steps import halved
 from cosim.study.experiment import Task
 
-SYSTEMS = {
-    **{c: Case(c) for c in CONTROLLERS},
-    **{f"{c}, ideal": Case(c, "ideal") for c in IDEAL},
-}
+SYSTEMS = {**{c: Case(c) for c in CONTROLLERS}, **{f"{c}, ideal": Case(c, "ideal") for c in IDEAL}}
 """Passive and semi-active cars, and active ones with ideal actuators."""
 NAMES = {
     "passive": "passive",

@@ -9,15 +9,7 @@ import numpy as np
 
 from cosim.experiments.semi_active import EXPERIMENT
 from cosim.experiments.semi_active.claims import CLAIMS, COMFORT, ROAD_HOLDING, best
-from cosim.experiments.semi_active.published import (
-    FAMILIES,
-    NAMES,
-    REFINED,
-    SYSTEMS,
-    at,
-    family,
-    without_hysteresis,
-)
+from cosim.experiments.semi_active.published import FAMILIES, NAMES, REFINED, SYSTEMS, at, family, without_hysteresis
 from cosim.experiments.semi_active.runs import BANDS, DAMPER, METRICS, invariant
 from cosim.experiments.steps import with_finer_steps
 from cosim.report import Figure, Panel, Parameter, Series, Table, bars

@@ -9,7 +9,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy import signal
 
 from build_fmus.base import surface
 from cosim import System
@@ -270,10 +269,12 @@ def _gains(run: Run) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     Square roots of the ratio of spectra (Welch): for a control law that is not linear too, all power that the road
     causes counts.
     """
+    from scipy.signal import welch  # half a second, of all commands that know this experiment
+
     r, per = run.recording, int(SEGMENT * RATE)
     begin = int(SETTLED[run.case.road] * RATE)
     spectra = {
-        n: signal.welch(r[column][begin:], RATE, nperseg=per)
+        n: welch(r[column][begin:], RATE, nperseg=per)
         for n, column in (
             ("road", "road.road.fl.rate"),
             ("acceleration", "car.body.az"),

@@ -30,11 +30,7 @@ def live(case: Case) -> Live:
         LiveCase(
             NAMES[s],
             replace(
-                case,
-                controller=SYSTEMS[s].controller,
-                actuators=SYSTEMS[s].actuators,
-                road=road,
-                road_holding=None,
+                case, controller=SYSTEMS[s].controller, actuators=SYSTEMS[s].actuators, road=road, road_holding=None
             ),
             group=f"{group}, {words}",
         )

@@ -11,16 +11,7 @@ import numpy as np
 
 from cosim import StopWhen, System
 from cosim.core.signals import peak
-from cosim.experiments.metrics.crossing import (
-    LABELS,
-    LIMITS,
-    PSD_RATE,
-    Crossing,
-    cost,
-    crossing,
-    failures,
-    psd,
-)
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, PSD_RATE, Crossing, cost, crossing, failures, psd
 from cosim.experiments.steps import Stepped, exchange_step
 from cosim.recording.peaks import keep_peaks
 from cosim.study.case import option

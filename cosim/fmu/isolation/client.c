@@ -257,6 +257,14 @@ static uint32_t with(Link *l, LinkOp op, uint64_t a, uint64_t b) {
 
 /* ------------------------------------------------------------------ values */
 
+/* What waits is done first, by itself. */
+#define FLUSH                                                  \
+    if (lost(l)) return LINK_FATAL;                            \
+    if (l->n_waiting) {                                        \
+        const uint32_t flushed = simple(l, LINK_SET);          \
+        if (flushed > LINK_WARNING) return flushed;            \
+    }
+
 /* A record at the end of the request; NULL: it does not fit. */
 static char *record(Link *l, uint32_t type, const uint32_t *references, size_t n, uint64_t n_values, size_t bytes) {
     const size_t area = l->region.area, need = sizeof(LinkValues) + ALIGNED(n * 4) + ALIGNED(bytes);
@@ -294,11 +302,7 @@ static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint3
 
 static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n,
     const char *const *values, size_t n_values) {
-    if (lost(l)) return LINK_FATAL;
-    if (l->n_waiting) {
-        const uint32_t status = simple(l, LINK_SET);
-        if (status > LINK_WARNING) return status;
-    }
+    FLUSH
     size_t bytes = 0;
     for (size_t i = 0; i < n_values; i++) bytes += strlen(values[i]) + 1;
     char *to = record(l, type, references, n, n_values, bytes);
@@ -310,11 +314,7 @@ static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint
 
 static uint32_t set_binaries(Link *l, const uint32_t *references, size_t n, const size_t *sizes,
     const uint8_t *const *values, size_t n_values) {
-    if (lost(l)) return LINK_FATAL;
-    if (l->n_waiting) {
-        const uint32_t status = simple(l, LINK_SET);
-        if (status > LINK_WARNING) return status;
-    }
+    FLUSH
     size_t bytes = n_values * 8;
     for (size_t i = 0; i < n_values; i++) bytes += sizes[i];
     char *to = record(l, LINK_Binary, references, n, n_values, bytes);
@@ -363,10 +363,7 @@ static uint32_t get_values(
             learn(l, type, name, references, n, n_values); /* one for each step, so that none is learned twice */
     }
     const bool fresh = l->fresh; /* not if anything waits */
-    if (l->n_waiting) {
-        const uint32_t status = simple(l, LINK_SET);
-        if (status > LINK_WARNING) return status;
-    }
+    FLUSH
     if (bytes > l->region.area || !record(l, type, references, n, n_values, 0)) return too_much(l);
     const uint32_t status = transact(l, LINK_GET);
     l->fresh = fresh;
@@ -377,11 +374,7 @@ static uint32_t get_values(
 /* Texts or Binaries, to be read from `l->text`; their bytes in all are `used`. */
 static uint32_t fetch_texts(
     Link *l, uint32_t type, const uint32_t *references, size_t n, size_t n_values, size_t *all) {
-    if (lost(l)) return LINK_FATAL;
-    if (l->n_waiting) {
-        const uint32_t status = simple(l, LINK_SET);
-        if (status > LINK_WARNING) return status;
-    }
+    FLUSH
     if (!record(l, type, references, n, n_values, 0)) return too_much(l);
     const uint32_t status = transact(l, LINK_GET);
     if (status > LINK_WARNING || l->end) return status;
@@ -434,10 +427,7 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
     Ask *ask = l->region.ask;
     if (lost(l)) return LINK_FATAL;
     if (l->n_planned < l->n_plan) {
-        if (l->n_waiting) {
-            const uint32_t status = simple(l, LINK_SET);
-            if (status > LINK_WARNING) return status;
-        }
+        FLUSH
         for (int i = 0; i < l->n_plan; i++)
             if (!record(l, l->plan[i].type, l->plan[i].references, l->plan[i].n_references, l->plan[i].n_values, 0))
                 return too_much(l);
@@ -530,14 +520,6 @@ static uint32_t enter(
     l->waiting = sizeof given;
     return simple(l, op);
 }
-
-/* What waits is done first, by itself: the calls below need the request area. */
-#define FLUSH                                                  \
-    if (lost(l)) return LINK_FATAL;                             \
-    if (l->n_waiting) {                                        \
-        const uint32_t flushed = simple(l, LINK_SET);          \
-        if (flushed > LINK_WARNING) return flushed;            \
-    }
 
 static uint32_t get_state(Link *l, void **state) {
     FLUSH

@@ -39,13 +39,7 @@ from build_fmus.base.checks import plain, whole_number
 from fmu_sources.controllers.design_checks import Array, finite_array, rows
 from fmu_sources.controllers.gpc.prediction import MultiStepPredictor
 
-__all__ = [
-    "GpcLaw",
-    "GpcSequence",
-    "Variant",
-    "gpc_law",
-    "gpc_sequence",
-]
+__all__ = ["GpcLaw", "GpcSequence", "Variant", "gpc_law", "gpc_sequence"]
 
 Variant = Literal["implicit", "explicit", "preview"]
 

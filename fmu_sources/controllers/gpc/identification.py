@@ -184,8 +184,7 @@ def record_identification(
         responses = [f"car.{name}" for name, *_ in RESPONSES]
         heights = [f"road.road.{track_of(k, s.one_track)}.height" for k in CORNERS]
         recording = system.run(
-            n * Fraction(TICKS_PER_SAMPLE, 1000),
-            record=Record([*responses, *heights], Fraction(1, 1000)),
+            n * Fraction(TICKS_PER_SAMPLE, 1000), record=Record([*responses, *heights], Fraction(1, 1000))
         )
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])

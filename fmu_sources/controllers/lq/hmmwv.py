@@ -100,11 +100,7 @@ def declare_gain(c: Component, car: Component, gain: Any, source: str) -> Any:
 
 @component("Lqr{v}", "LQR of paper 001, force weighted in N, as published", of="ride_car_hmmwv")
 def lqr_hmmwv(
-    car: Component,
-    weights: LqrWeights = TABLE_1_1,
-    name: str = "LqrHmmwv",
-    *,
-    period: float = SAMPLE_TIME,
+    car: Component, weights: LqrWeights = TABLE_1_1, name: str = "LqrHmmwv", *, period: float = SAMPLE_TIME
 ) -> Component:
     """The controller FMU for a ride car with four wheels. Raises as `lqr_gain` does."""
     gain, _ = lqr_gain(car, weights, period)

@@ -19,12 +19,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
-from fmu_sources.controllers.lq.design import (
-    LinearPlant,
-    continuous_lq,
-    output_index,
-    sampled_lq,
-)
+from fmu_sources.controllers.lq.design import LinearPlant, continuous_lq, output_index, sampled_lq
 from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT
 from fmu_sources.controllers.lq.design.tunable import tunable_taps
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, control_weights, load_weights, output_weights

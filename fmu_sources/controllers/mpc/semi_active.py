@@ -50,10 +50,7 @@ def semi_active_settings(car: Component, blocks: tuple[int, ...] = BLOCKS) -> Mp
     return Mpc(
         MpcModel.sampled(lin, PERIOD, inputs=FORCES, outputs=[*weights, *VELOCITY]),
         inputs=tuple(Input(f, scale=unit, weight=root * unit) for f in FORCES),
-        outputs=(
-            *(Output(n, weight=math.sqrt(w)) for n, w in weights.items()),
-            *(Output(n) for n in VELOCITY),
-        ),
+        outputs=(*(Output(n, weight=math.sqrt(w)) for n, w in weights.items()), *(Output(n) for n in VELOCITY)),
         horizon=Horizon(sum(blocks), blocks=blocks),
     )
 

@@ -277,14 +277,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     c.update(started, 1)
     x = ca.if_else(estimator > 0.5, predicted + started * ca.mtimes(gain, y - expected), known)
     solution = add_mpc(
-        c,
-        mpc,
-        state=x,
-        previous=previous,
-        disturbance=disturbance,
-        reference=reference,
-        case=program,
-        backend=BACKENDS,
+        c, mpc, state=x, previous=previous, disturbance=disturbance, reference=reference, case=program, backend=BACKENDS
     )
     u = solution.command
     c.update(previous, u)

@@ -16,12 +16,7 @@ from build_fmus.reference import simulate
 from fmu_sources.controllers.gpc import identification
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller
 from fmu_sources.controllers.gpc.control_law import GpcLaw
-from fmu_sources.controllers.gpc.identification import (
-    DesignSettings,
-    IdentificationSettings,
-    identify,
-    published_laws,
-)
+from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings, identify, published_laws
 from fmu_sources.models.corners import CORNERS
 
 VARIANTS = ("implicit", "explicit", "preview")

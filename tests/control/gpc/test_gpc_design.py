@@ -125,16 +125,7 @@ class TestPredictor:
         np.testing.assert_allclose(predictor.beta[:, 0], [1.0, 0.5, 0.25])
         assert predictor.gamma.shape == (3, 0)
 
-    @pytest.mark.parametrize(
-        ("h_p", "h_c"),
-        [
-            (0, 1),
-            (4, 5),
-            (4, 0),
-            (2.0, 1),
-            (True, 1),
-        ],
-    )
+    @pytest.mark.parametrize(("h_p", "h_c"), [(0, 1), (4, 5), (4, 0), (2.0, 1), (True, 1)])
     def test_refuses_horizons(self, model, h_p, h_c, raises):
         with raises(ValueError):
             multi_step_predictor(model, h_p, h_c)

@@ -179,13 +179,7 @@ def test_model_predicts_the_car(car) -> None:
     np.testing.assert_allclose(got, relative(SAMPLE_TIME, end), rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"preview_points": 8},
-        {"preview_step": 0.02},
-    ],
-)
+@pytest.mark.parametrize("given", [{"preview_points": 8}, {"preview_step": 0.02}])
 def test_preview_must_fit(car, given, raises) -> None:
     with raises(MpcError):
         mpc_hmmwv(car, **given)
