@@ -25,6 +25,9 @@ from cosim.study.runner import Runner
 from cosim.study.sweep import Sweep
 from cosim.study.swept import swept
 
+Values = Mapping[str, Any]
+
+DESIGN_STEP = 1e-5  # of what a design takes, relative, for its differences
 STEP = 1e-6  # of a parameter, relative (absolute where it is 0), by which a recording is moved
 
 
@@ -62,7 +65,8 @@ class PointSlopes:
     points: int = field(default=0, init=False)
     """How many were computed."""
     remarks: list[str] = field(default_factory=list, init=False)
-    """Of the last point: components that are followed by differences, and comparisons that changed sides."""
+    """Of the last point: components that are followed by differences, comparisons that changed sides, a run that ended
+    before its stop time."""
     _spent: float = field(default=0.0, init=False)
     _run: float = field(default=0.0, init=False)
 
@@ -109,24 +113,25 @@ class PointSlopes:
         """Metrics of a point and their derivatives.
 
         Raises:
-            GradientError: a parameter has no derivative, or the run ends early.
+            GradientError: a parameter has no derivative.
             CosimError: the run fails.
         """
         case = self.case(values)
         options, system = self._runner.experiment.run, self._runner.system(case)
-        stops = options.stop_when(system, case) if options.stop_when else ()
-        if stops or not self._run:
+        end, ended = options.end(system, case), ""
+        if not self._run or (options.stop_when and options.stop_when(system, case)):
             run, took = _timed(lambda: self._runner.run(case))
             again = took if self._run else _timed(lambda: self._runner.run(case))[1]
             self._run = min(took, again, self._run or took)
-            if (early := run.recording.stopped_by) is not None:
-                raise GradientError(f"the run has no derivatives, since it ends early: {early}")
+            if run.recording.stopped_by is not None:
+                end = float(run.recording.time[-1])
+                ended = f"the run ends at t = {end:.9g} s ({run.recording.stopped_by}), a time that is held"
         outputs = [f"{m.name}.{v.name}" for m, v in system.select(options.recorded(case))]
         found, took = _timed(
             lambda: system.gradient(
                 {n: Mean(n) for n in outputs},
                 self._names,
-                stop_time=options.end(system, case),
+                stop_time=end,
                 interval=options.interval_of(case),
                 threads=self.threads,
             )
@@ -135,6 +140,7 @@ class PointSlopes:
         row = self._measured(case, found.recording, system)
         columns = [self._along(values, k, found) for k in range(len(self._names))]
         self.remarks = [
+            *filter(None, [ended]),
             *(f"{n}: derivatives from differences of two neighboring instances" for n in found.by_difference),
             *(f"{n}: comparisons changed sides in {c} steps" for n, c in found.changes.items() if c),
         ]
@@ -158,6 +164,27 @@ class PointSlopes:
     def _measured(self, case: Any, recording: Any, system: Any) -> dict[str, float]:
         row: Row = self._runner.experiment.measured(Run(case, recording, system))
         return {n: float(v) for n, v in row.items() if isinstance(v, int | float)}
+
+
+def through(evaluate: Callable[[Values], Slopes], design: Callable[[Values], Values]) -> Callable[[Values], Slopes]:
+    """Slopes by what a design takes, such as weights, from those by what it gives, such as the gains of a controller.
+
+    The derivatives of `design`, which should be quick and smooth, are central differences; no run is needed for them.
+    What it gives is what `evaluate` takes, in the same order.
+    """
+
+    def evaluated(values: Values) -> Slopes:
+        given = design(values)
+        found = evaluate(given)
+        columns = []
+        for name, at in values.items():
+            h = DESIGN_STEP * (abs(at) or 1.0)
+            up, down = (design({**values, name: at + s * h}) for s in (1.0, -1.0))
+            columns.append([(up[n] - down[n]) / (2.0 * h) for n in given])
+        chain = np.array(columns).T
+        return Slopes(found.row, {n: slopes @ chain for n, slopes in found.slopes.items()})
+
+    return evaluated
 
 
 def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
