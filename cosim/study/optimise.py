@@ -215,7 +215,7 @@ def optimise(
         OptimisationError: limits, objectives or names that do not fit; no run has an objective's number; another search
             in the storage.
     """
-    _check(space, objectives, evaluate, first)
+    check_search(space, objectives, evaluate, first)
     whole_number("trials", trials, error=OptimisationError)
     whole_number("batch", batch, error=OptimisationError)
     model = evaluate.identity() if isinstance(evaluate, BatchEvaluation) else identity
@@ -380,12 +380,17 @@ def _opened(path: Path) -> Any:
     return JournalStorage(JournalFileBackend(str(path), lock_obj=JournalFileOpenLock(str(path))))
 
 
-def _check(
+def check_search(
     space: Mapping[str, Limits],
     objectives: Mapping[str, str],
-    evaluate: Evaluate | BatchEvaluation,
+    evaluate: Any,
     first: Sequence[Values],
 ) -> None:
+    """Refuse a search that cannot be made.
+
+    Raises:
+        OptimisationError: nothing varies, or limits, directions or first values do not fit.
+    """
     if not space or not objectives:
         raise OptimisationError("a search needs at least one parameter to vary and one objective")
     for name, direction in objectives.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,6 +21,7 @@ from cosim.study.fmus import FmuSet
 from cosim.study.lanes import LANES_PAY
 from cosim.study.options import EXECUTION, MANY_RUNS, OUT, case_options, command, execution, fmu_options, fmu_set
 from cosim.study.processes import local_processes
+from cosim.study.slopes import PointSlopes
 from cosim.study.store import Store
 from cosim.study.sweep import Sweep, prepare, run_sweep
 
@@ -52,6 +54,24 @@ SEARCH = (
         help="number of trials in total, including those of earlier runs of the same command",
     ),
     click.Option(["--random-seed"], type=click.IntRange(min=0), default=0, help="seed of the search"),
+    click.Option(
+        ["--gradient"],
+        is_flag=True,
+        help="follow derivatives of the run (L-BFGS-B, or SLSQP with bounds) from the present values of the parameters;"
+        " trials of earlier commands are not used",
+    ),
+    click.Option(
+        ["--at-most"],
+        multiple=True,
+        metavar="METRIC=VALUE",
+        help="with --gradient: upper bound of a metric (repeatable)",
+    ),
+    click.Option(
+        ["--at-least"],
+        multiple=True,
+        metavar="METRIC=VALUE",
+        help="with --gradient: lower bound of a metric (repeatable)",
+    ),
 )
 
 
@@ -121,7 +141,12 @@ def optimise_command(experiment: Experiment) -> Command:
             (folder / TRIALS).unlink(missing_ok=True)
             Store(folder / RUNS).discard()
         space = limits(prepared.design.axes, given["log"])
-        found = _search(prepared, fmus, space, objectives, folder, given)
+        if given["gradient"]:
+            found = _descend(prepared, fmus, space, objectives, given)
+        elif given["at_most"] or given["at_least"]:
+            raise DesignError("--at-most and --at-least bound a search along derivatives: add --gradient")
+        else:
+            found = _search(prepared, fmus, space, objectives, folder, given)
         _write(experiment, found, folder)
 
     return command(
@@ -193,6 +218,54 @@ def _search(
             return search(executor)
 
 
+def _bounds(given: Sequence[str]) -> dict[str, float]:
+    """METRIC=VALUE as numbers by name."""
+    found = {}
+    for text in given:
+        name, equals, value = text.rpartition("=")
+        try:
+            found[name] = float(value) if equals else math.nan
+        except ValueError:
+            found[name] = math.nan
+        if not math.isfinite(found[name]):
+            raise DesignError(f"{text}: a bound is METRIC=VALUE with a number, such as 'car.body.az rms=1.2'")
+    return found
+
+
+def _descend(
+    sweep: Sweep, fmus: FmuSet, space: Mapping[str, Limits], objectives: Mapping[str, str], given: Mapping[str, Any]
+) -> Outcome:
+    from cosim.report import write_report  # noqa: F401 - as in _search
+    from cosim.study.descent import descend
+
+    bounds = _bounds(given["at_most"]), _bounds(given["at_least"])
+    if given["dask"]:
+        raise DesignError("a search along derivatives makes one run after the other: leave out --dask")
+    with (
+        PointSlopes(sweep, fmus, execution(given), given["processes"]) as evaluate,
+        progress_bar(f"optimise {sweep.experiment.name}") as progress,
+    ):
+        first = evaluate.present()
+        inside = all(float(limits[0]) <= first[n] <= float(limits[1]) for n, limits in space.items())
+        found = descend(
+            evaluate,
+            space,
+            objectives,
+            trials=given["trials"],
+            first=first if inside else None,
+            at_most=bounds[0],
+            at_least=bounds[1],
+            progress=progress,
+        )
+    console.print(
+        f"{evaluate.points} runs with derivatives took the processor time of {evaluate.run_equivalents:.3g} runs"
+        f" without ({1e3 * evaluate.run_time:.3g} ms each)"
+    )
+    for remark in evaluate.remarks:
+        console.print(remark)
+    return found
+
+
 def _unit(experiment: Experiment, metric: str) -> str:
     """As the experiment declares it; empty where it does not."""
     declared = experiment.measures.metrics.get(metric)
@@ -246,5 +319,6 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
         console.print(f"{'front' if len(names) > 1 else 'best'}: {said}")
     if len(rows) > 5:
         console.print(f"and {len(rows) - 5} more Pareto-optimal trials")
-    console.print(f"trials: {folder / 'trials.log'}")
+    if (log := folder / TRIALS).is_file():
+        console.print(f"trials: {log}")
     console.print(f"report: {write_report(report, folder)}")

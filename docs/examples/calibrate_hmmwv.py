@@ -59,7 +59,7 @@ def fitted(speed_kmh: float, *, off: float = 1.1, seed: int = 1) -> tuple[Calibr
     with vehicle(speed_kmh) as system:
         declared = system["car"].description.parameters
         truth = {f"car.{n}": float(declared[n].start) for n in ASSUMED}
-        model = SystemResponse(system, list(SENSORS), stop_time=SECONDS, interval=INTERVAL)
+        model = SystemResponse(system, list(SENSORS), stop_time=SECONDS, interval=INTERVAL, gradient=True)
         noise = np.array(list(SENSORS.values()))
         given = model(truth) + noise * np.random.default_rng(seed).standard_normal((801, len(SENSORS)))
         ranges = {n: (v * off ** (-1) ** i, v / 3, v * 3) for i, (n, v) in enumerate(truth.items())}

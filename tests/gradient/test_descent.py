@@ -1,0 +1,174 @@
+"""Searches along derivatives: answers that are known, a car, the command, and what users do wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from built import BuiltFmus
+from click.testing import CliRunner
+
+from cosim.cli import app
+from cosim.core.errors import CosimError
+from cosim.study import FmuSet
+from cosim.study.descent import descend
+from cosim.study.design import Design, axis
+from cosim.study.loading import load
+from cosim.study.optimise import OptimisationError
+from cosim.study.slopes import PointSlopes, Slopes
+from cosim.study.sweep import prepare
+
+SPACE = {"x": (-2.0, 2.0), "y": (1.0, 100.0, "log")}
+
+
+def bowls(values: Mapping[str, Any]) -> Slopes:
+    """Squares of distances from (1, 10) and from (-1, 10), where y counts by its logarithm; `x` and its slope."""
+    x, y = values["x"], values["y"]
+    if x > 1.9:
+        raise CosimError("over the edge")
+    log = np.log(y / 10.0)
+    return Slopes(
+        {"right": (x - 1.0) ** 2 + log**2, "left": (x + 1.0) ** 2 + log**2, "at": x},
+        {
+            "right": np.array([2.0 * (x - 1.0), 2.0 * log / y]),
+            "left": np.array([2.0 * (x + 1.0), 2.0 * log / y]),
+            "at": np.array([1.0, 0.0]),
+        },
+    )
+
+
+def test_one_objective_finds_its_minimum() -> None:
+    found = descend(bowls, SPACE, {"right": "min"}, trials=20, first={"x": -1.5, "y": 80.0})
+    assert found.best.values["x"] == pytest.approx(1.0, abs=1e-3)
+    assert found.best.values["y"] == pytest.approx(10.0, rel=1e-3)
+    assert len(found.trials) < 12
+    assert found.trials[0].values == pytest.approx({"x": -1.5, "y": 80.0})
+
+
+def test_a_trial_that_fails_does_not_end_the_search() -> None:
+    """The maximum lies at the limits, beyond the edge."""
+    found = descend(bowls, SPACE, {"left": "max"}, trials=30, first={"x": 0.5, "y": 20.0})
+    assert {t.failed for t in found.trials} == {"", "over the edge"}
+    assert found.best.row["left"] > 1.2**2 + np.log(2.0) ** 2 + 8.0
+
+
+@pytest.mark.parametrize(
+    ("bounds", "x"), [({"at_most": {"at": 0.5}}, 0.5), ({"at_least": {"left": 6.25}}, 1.5)], ids=["at_most", "at_least"]
+)
+def test_bounds_are_met(bounds: dict[str, dict[str, float]], x: float) -> None:
+    found = descend(bowls, SPACE, {"right": "min"}, trials=30, first={"x": 0.6, "y": 10.0}, **bounds)
+    assert found.best.values["x"] == pytest.approx(x, abs=1e-3)
+    assert "beyond" in found.trials[0].failed
+
+
+def test_a_front_lies_between_its_ends() -> None:
+    """Of squares of distances from two points, the front is the line between these."""
+    found = descend(bowls, SPACE, {"right": "min", "left": "min"}, trials=60, first={"x": 0.3, "y": 60.0})
+    x = np.array([t.values["x"] for t in found.front])
+    assert x.min() < -0.98
+    assert x.max() > 0.98
+    assert np.diff(np.sort(x)).max() < 0.5
+    assert [t.values["y"] for t in found.front] == pytest.approx([10.0] * len(found.front), rel=0.05)
+
+
+def test_trials_are_counted() -> None:
+    assert len(descend(bowls, SPACE, {"right": "min", "left": "min"}, trials=5).trials) <= 11  # one for each weight
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"space": {"x": (-2, 2)}},
+        {"space": {"x": ["a", "b"]}},
+        {"objectives": {"depth": "min"}},
+        {"first": {"x": 3.0, "y": 10.0}},
+        {"trials": 0},
+        {"at_most": {"depth": 1.0}},
+    ],
+    ids=str,
+)
+def test_searches_that_cannot_be_made(options: dict[str, Any], raises) -> None:
+    given = {"space": SPACE, "objectives": {"right": "min"}, "trials": 5, **options}
+    with raises(OptimisationError):
+        descend(bowls, given.pop("space"), given.pop("objectives"), **given)
+
+
+# ------------------------------------------------------------------------------------------------------------- a car
+
+RIDE = """
+from cosim import StopWhen, System
+
+STOP_TIME = 1.0
+RECORD = ["car.body.az", "car.tire.deflection"]
+
+
+def system(height: float = 0.02):
+    made = System()
+    made.add("road", "{road}", start={{"bump.start": 0.1, "bump.height": height}})
+    made.add("car", "{car}", start={{"force": 0.0}})
+    made.connect_matching("road", "car")
+    return made
+"""
+DAMPING, STIFFNESS = "car.suspension.damping", "car.suspension.stiffness"
+VARY = ("--vary", f"{DAMPING}=3e3:4e4", "--log", DAMPING, "--vary", f"{STIFFNESS}=1e5:4e5")
+
+
+@pytest.fixture
+def ride(tmp_path: Path, built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "ride.py"
+    file.write_text(RIDE.format(road=built_fmus.path("RoadBenchBump", 3), car=built_fmus.path("QuarterCarHmmwv", 3)))
+    return file
+
+
+def test_slopes_of_metrics_are_those_of_differences(ride: Path) -> None:
+    sweep = prepare(load(str(ride)), FmuSet(), Design((axis(f"{DAMPING}=3e3:4e4"), axis(f"{STIFFNESS}=1e5:4e5"))))
+    at = {DAMPING: 9e3, STIFFNESS: 2.2e5}
+    with PointSlopes(sweep, FmuSet()) as evaluate:
+        found = evaluate(at)
+        for k, name in enumerate(at):
+            h = 1e-4 * at[name]
+            up, down = (evaluate({**at, name: at[name] + s * h}).row for s in (1.0, -1.0))
+            for metric in ("car.body.az rms", "car.tire.deflection max", "car.body.az last"):
+                assert found.slopes[metric][k] == pytest.approx((up[metric] - down[metric]) / (2.0 * h), rel=1e-4)
+        assert evaluate.points == 5
+        assert evaluate.run_equivalents > 1.0
+
+
+def run(*arguments: str, good: bool = True) -> str:
+    done = CliRunner().invoke(app, ["optimise", "ride.py", "--processes", "1", *arguments])
+    failed = done.exception is not None and not isinstance(done.exception, SystemExit)
+    text = " ".join((str(done.exception) if failed else done.output).split())
+    assert (done.exit_code == 0) == good, text
+    return text
+
+
+def test_the_command_follows_derivatives(ride: Path) -> None:  # noqa: ARG001
+    text = run(*VARY, "--minimise", "car.body.az rms", "--gradient", "--trials", "20")
+    assert "runs with derivatives took the processor time of" in text
+    best = float(text.split("best: car.body.az rms ")[1].split(",")[0])
+    without = run(*VARY, "--minimise", "car.body.az rms", "--trials", "20")
+    assert best < float(without.split("best: car.body.az rms ")[1].split(",")[0])
+
+
+def test_the_command_keeps_bounds(ride: Path) -> None:  # noqa: ARG001
+    text = run(*VARY, "--minimise", "car.body.az rms", "--gradient", "--at-least", "car.body.az rms=0.5")
+    assert float(text.split("best: car.body.az rms ")[1].split(",")[0]) == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--vary", "height=0.01:0.03", "--gradient"),
+        ("--vary", "car.solver.step=1e-4:1e-3", "--gradient"),
+        (*VARY, "--at-most", "car.body.az max=3"),
+        (*VARY, "--gradient", "--at-most", "car.body.az max"),
+        (*VARY, "--gradient", "--at-most", "car.body.ay max=3"),
+    ],
+    ids=" ".join,
+)
+def test_what_users_do_wrong(arguments: tuple[str, ...], ride: Path, sentence) -> None:  # noqa: ARG001
+    sentence(run("--minimise", "car.body.az rms", *arguments, good=False))
