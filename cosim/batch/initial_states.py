@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cosim.batch.library import PART, Target, interface, lane_library
 from cosim.batch.source import LaneSource
-from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned, beside
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError
 from cosim.core.signals import Array
@@ -208,7 +208,10 @@ class Copies:
                 moved = {key: side * seed for key, seed in along.items()}
                 for (m, name), by in moved.items():
                     self._check_range(m, m.description.variables[name], by)
-                exchanges.append(initialized(copy, number, moved))
+                try:
+                    exchanges.append(initialized(copy, number, moved))
+                except ComponentError as error:
+                    raise CosimError(f"{beside(error.component)}: {error}") from error
                 number += 1
         return Probes(self._probed, apart, exchanges)
 

@@ -210,8 +210,7 @@ class Structs:
         if component in self._lanes:
             return CopyFailure(copy, component.name, t, self._lane_message(copy, component, found))
         if found.result == _PROBE_FAILED:
-            text = f"component '{component.name}': an instance beside it, for differences, failed where it did not"
-            return CopyFailure(copy, component.name, t, text)
+            return CopyFailure(copy, component.name, t, beside(component.name))
         engine = self._engines[copy]
         assert engine is not None
         # What is raised is what a run of this copy alone would raise.
@@ -253,6 +252,11 @@ class Structs:
             f"component '{component.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its"
             f" bound {lanes.source.bound(slot):g}; check inputs and parameters, or reduce solver.step"
         )
+
+
+def beside(component: str) -> str:
+    """Message of an instance beside the run that has failed."""
+    return f"component '{component}': an instance beside it, for differences, failed where it did not"
 
 
 def aligned(groups: int, rows: int, width: int) -> npt.NDArray[np.float64]:

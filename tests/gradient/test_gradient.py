@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
-from built import FMUS, BuiltFmus
+from built import FMUS, OBJECTS, BuiltFmus
 from same import bits
 
-from build_fmus.compile import ObjectCache
+from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.component import Component
+from build_fmus.package import build_fmu
 from cosim import CosimError, PythonComponent, Record, System
 from cosim.batch import Batch
 from cosim.batch.library import batch_library
@@ -292,6 +295,27 @@ def test_a_run_that_fails_has_no_derivatives(quarter_car: System) -> None:
             quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="5 s")
     finally:
         quarter_car["car"].values = kept
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0], ids=["begin", "later"])
+def test_an_instance_beside_the_run_that_fails_is_named(first: float, tmp_path: Path) -> None:
+    """The root of a level that is hardly above 0, at once or after the first sample: a little below there is none."""
+    shifted = Component("Shifted", kind="discrete", description="a level", source="none", sample_time=0.01)
+    height = shifted.parameter("height", 1.0 + 1e-9, "1", "height", source="assumed")
+    more = shifted.state("more", "1", "more than the height, at first", start=first)
+    shifted.update(more, 0.0)
+    shifted.output("level", height + more - 1.0, "1", "level")
+    root = Component("Root", kind="discrete", description="root of a level", source="none", sample_time=0.01)
+    root.output("flow", ca.sqrt(root.input("level", "1", "level")), "1", "root of the level")
+    with System() as system:
+        for component in (shifted, root):
+            path = tmp_path / f"{component.name}.fmu"
+            path.write_bytes(build_fmu(component, 3, resolve_platforms("host"), OBJECTS))
+            system.add(component.name.lower(), path, step="10 ms")
+        system.connect("shifted.level", "root.level")
+        system.isolate("root")
+        with pytest.raises(CosimError, match="'root': an instance beside it, for differences, failed where it did not"):
+            system.gradient({"end": Final("root.flow")}, "shifted.height", stop_time="0.1 s")
 
 
 def test_python_in_a_gradient_is_refused_in_words_of_gradients(built_fmus: BuiltFmus) -> None:
