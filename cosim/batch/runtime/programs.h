@@ -6,89 +6,80 @@
 #include "qp_model.h"
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */
-INLINE double *directions(lanes *x) { return (double *)x->d; }
 
 /* Rows of the largest system. */
-static int most_unknowns(void) {
+static size_t most_unknowns(void) {
     int most = 0;
     for (int k = 0; k < qp_count; k++) {
         const int size = qp_list[k].n + (qp_list[k].n < qp_list[k].m ? qp_list[k].n : qp_list[k].m);
         most = size > most ? size : most;
     }
-    return most;
+    return (size_t)most;
 }
 
 static size_t programs_bytes(void) {
-    const size_t n = (size_t)most_unknowns();
-    return qp_aligned(fmu_qp_functions.scratch_size()) + n * (n + TANGENTS) * sizeof(double);
+    return qp_aligned(fmu_qp_functions.scratch_size()) + 2 * most_unknowns() * most_unknowns() * sizeof(double);
 }
 
-/* Solve a x = b for all right sides by elimination with row exchanges; rows of n + TANGENTS numbers. Returns whether
- * there is a solution. */
-static int eliminate(double *a, int n) {
-    const size_t width = (size_t)n + TANGENTS;
-    for (int k = 0; k < n; k++) {
-        double *const top = a + (size_t)k * width;
-        double *best = top;
-        for (int i = k + 1; i < n; i++) {
-            double *const row = a + (size_t)i * width;
-            if (size_of(row[k]) > size_of(best[k])) best = row;
-        }
+/* Rows of n numbers, and behind each as many of the unit matrix, which become the inverse: elimination with row
+ * exchanges. Returns whether there is one. */
+static int invert(double *a, size_t n) {
+    const size_t width = 2 * n;
+    for (size_t k = 0; k < n; k++) {
+        double *const top = a + k * width, *best = top;
+        for (size_t i = k + 1; i < n; i++)
+            if (size_of(a[i * width + k]) > size_of(best[k])) best = a + i * width;
         if (!(size_of(best[k]) > 0.0)) return 0;
-        for (size_t j = (size_t)k; best != top && j < width; j++) {
+        for (size_t j = k; best != top && j < width; j++) {
             const double other = top[j];
             top[j] = best[j];
             best[j] = other;
         }
-        for (int i = k + 1; i < n; i++) {
-            double *const row = a + (size_t)i * width;
+        for (size_t i = 0; i < n; i++) {
+            double *const row = a + i * width;
             const double factor = row[k] / top[k];
-            for (size_t j = (size_t)k; factor != 0.0 && j < width; j++) row[j] -= factor * top[j];
+            for (size_t j = k; i != k && factor != 0.0 && j < width; j++) row[j] -= factor * top[j];
         }
     }
-    for (int k = n - 1; k >= 0; k--) {
-        double *const row = a + (size_t)k * width;
-        for (int i = k + 1; i < n; i++)
-            for (size_t j = 0; row[i] != 0.0 && j < TANGENTS; j++)
-                row[(size_t)n + j] -= row[i] * a[(size_t)i * width + (size_t)n + j];
-        for (size_t j = 0; j < TANGENTS; j++) row[(size_t)n + j] /= row[k];
-    }
+    for (size_t k = 0; k < n; k++)
+        for (size_t j = n; j < width; j++) a[k * width + j] /= a[k * width + k];
     return 1;
 }
 
 /* Derivatives of the solution of one program. `a`: memory for the system. */
-static void differentiate(const Qp *qp, lanes *data, lanes *solution, double *a) {
+static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *a) {
     const int n = qp->n, m = qp->m;
-    lanes *const q = data, *const lower = q + n, *const upper = lower + m, *const z = solution, *const y = z + n;
+    const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
     int active = 0;
-    for (int i = 0; i < m; i++) active += y[i].v != 0.0;
-    const int size = n + active;
-    const size_t width = (size_t)size + TANGENTS;
+    for (int i = 0; i < m; i++) active += solution[n + i].v != 0.0;
+    const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
     if (solved) {
-        memset(a, 0, (size_t)size * width * sizeof *a);
-        for (int j = 0; j < n; j++) {
-            double *const row = a + (size_t)j * width;
-            memcpy(row, c->hessian + (size_t)j * (size_t)n, (size_t)n * sizeof *row);
-            for (int k = 0; k < TANGENTS; k++) row[size + k] = -directions(&q[j])[k];
-        }
+        memset(a, 0, size * width * sizeof *a);
+        for (size_t j = 0; j < size; j++) a[j * width + size + j] = 1.0;
+        for (size_t j = 0; j < (size_t)n; j++)
+            memcpy(a + j * width, c->hessian + j * (size_t)n, (size_t)n * sizeof *a);
         for (int i = 0, r = n; i < m; i++) {
-            if (y[i].v == 0.0) continue;
-            double *const row = a + (size_t)r * width;
-            lanes *const bound = y[i].v > 0.0 ? &upper[i] : &lower[i];
-            for (int j = 0; j < n; j++)
-                row[j] = a[(size_t)j * width + (size_t)r] = c->constraints[(size_t)i * (size_t)n + (size_t)j];
-            for (int k = 0; k < TANGENTS; k++) row[size + k] = directions(bound)[k];
+            if (solution[n + i].v == 0.0) continue;
+            for (size_t j = 0; j < (size_t)n; j++)
+                a[(size_t)r * width + j] = a[j * width + (size_t)r] = c->constraints[(size_t)i * (size_t)n + j];
             r++;
         }
-        solved = eliminate(a, size);
+        solved = invert(a, size);
     }
-    for (int j = 0, r = n; j < n + m; j++) {
-        const int there = j < n || y[j - n].v != 0.0;
-        const double *const row = a + (size_t)(j < n ? j : r) * width + size;
-        for (int k = 0; k < TANGENTS; k++) directions(&solution[j])[k] = !there ? 0.0 : solved ? row[k] : NAN;
-        r += j >= n && there;
+    for (int k = 0, row = 0; k < n + m; k++) {
+        if (k >= n && solution[k].v == 0.0) continue;
+        const double value = solution[k].v, *const of = a + (size_t)row * width + size;
+        lanes *const result = &solution[k];
+        for (int j = 0; j < n; j++) *result = chain(value, 1.0, *result, solved ? -of[j] : NAN, q[j]);
+        for (int i = 0, r = n; i < m; i++) {
+            const double multiplier = solution[n + i].v;
+            if (multiplier == 0.0) continue;
+            *result = chain(value, 1.0, *result, solved ? of[r] : NAN, multiplier > 0.0 ? upper[i] : lower[i]);
+            r++;
+        }
+        row++;
     }
 }
 
