@@ -118,8 +118,8 @@ def batch_library(target: Target) -> Any:
 
 
 def _over(target: Target, name: str, settings: Sequence[str], included: Sequence[str]) -> tuple[str, bytes]:
-    """Name and content of a file of code over vectors, or over numbers with tangents, which is C++."""
-    value = "tangent" if target.directions else "lane"
+    """Name and content of a file of code over vectors, or over numbers with derivatives, which is C++."""
+    value = "number" if target.directions else "lane"
     before, *rest = (f'#include "{file}"'.replace("VALUE", value) for file in included)
     lines = ['extern "C" {', *rest, "}"] if target.directions else rest
     code = [*(f"#define {k} {v}" for k, v in target.settings.items()), before, *settings, *lines, ""]

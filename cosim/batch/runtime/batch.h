@@ -15,7 +15,7 @@ typedef struct {
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
-    size_t sides;            /* where in them is what sides it has taken (tangents.h); 0: nowhere */
+    size_t sides;            /* where in them is what sides it has taken (numbers.h); 0: nowhere */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */
