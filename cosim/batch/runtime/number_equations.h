@@ -1,5 +1,5 @@
-/* Generated equations over numbers with derivatives: what equations.h and fmu_math.h call by these names. Included before
- * model.c. */
+/* Generated equations over numbers with derivatives: what equations.h and fmu_math.h call by these names. Included
+ * before model.c. */
 #include "numbers.h"
 
 #undef FMU_MATH

@@ -1,8 +1,8 @@
 /* Numbers with derivatives, and what generated equations are written with (equations.h, fmu_math.h) over them: the
- * value in the operations of one number, so with its bits, the derivatives by the chain rule for each operation. For one
- * copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
+ * value in the operations of one number, so with its bits, the derivatives by the chain rule for each operation. For
+ * one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
  *
- * The type and its operators come from tangents.h, with
+ * The type and its operators come from tangents.h or adjoints.h, with
  *     chain(value, slope, x), chain(value, slope, x, second, y), moved(value, x)  a number that depends on x, on y,
  *                                                                                 or moves as x does;
  *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
@@ -24,8 +24,13 @@ extern "C" {
 }
 #include "vectors.h"
 
+#ifdef ADJOINTS
+#include "adjoints.h"
+#else
 #include "tangents.h"
+#endif
 
+#define HAS_SIDES 1
 typedef Number lanes;
 typedef Number real;
 typedef double lanes_values;
@@ -39,18 +44,20 @@ static __thread uint64_t sides;
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
 
-/* All sides of a run so far, those of the last step, and in how many steps they were others than in the one before. */
+/* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, and
+ * those of the first step where nothing was noted before. */
 typedef struct {
-    uint64_t all, last, changes;
+    uint64_t all, last, changes, first;
 } Sides;
 
 /* At first those that values which follow from the parameters alone have taken. */
 INLINE void begin_sides(Sides *of) {
     of->all = of->last = sides;
-    of->changes = 0;
+    of->changes = of->first = 0;
 }
 
 INLINE void note_sides(Sides *of) {
+    if (!of->all) of->first = sides;
     of->changes += of->last && sides != of->last;
     of->last = sides;
     take_side(of->all);
@@ -64,10 +71,10 @@ INLINE int noted(int moving, int side) {
 
 /* ------------------------------------------------------------------ comparisons */
 
-#define COMPARED(operator_)                                                                                                \
-    OPERATION int operator operator_(const Number &x, const Number &y) { return noted(depends(x, y), x.v operator_ y.v); } \
-    OPERATION int operator operator_(const Number &x, double y) { return noted(depends(x), x.v operator_ y); }             \
-    OPERATION int operator operator_(double x, const Number &y) { return noted(depends(y), x operator_ y.v); }
+#define COMPARED(is)                                                                                       \
+    OPERATION int operator is(const Number &x, const Number &y) { return noted(depends(x, y), x.v is y.v); } \
+    OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y); }             \
+    OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v); }
 COMPARED(<)
 COMPARED(<=)
 COMPARED(>)
