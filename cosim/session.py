@@ -290,6 +290,7 @@ class System(Wiring):
         stop_time: TimeLike,
         interval: TimeLike | None = None,
         threads: int | None = None,
+        mode: str | None = None,
     ) -> Gradient:
         """Derivatives of metrics of a run by parameters, start values and inputs that nothing drives.
 
@@ -297,14 +298,15 @@ class System(Wiring):
 
         `metrics`: by a name of your choice, of `cosim.gradient` (Mean, Rms, Peak, Final, QuadraticCost), or your own.
         `parameters`: full names and patterns, of real numbers. `interval`: between samples that metrics read, as in
-        `Record`; `threads`: default all cores. `cosim.gradient.gradient` says what is differentiated and how, and
-        `Gradient.trust()` compares with differences. Raises GradientError for what has no derivative and for runs that
-        fail or end early, CosimError where a system has no copies (`cosim.batch`), and WiringError for names that do
-        not fit.
+        `Record`; `threads`: default all cores. `mode`: "forward", whose cost grows with the number of parameters,
+        "adjoint", whose cost does not, by default the one that costs less. `cosim.gradient.gradient` says what is
+        differentiated and how, and `Gradient.trust()` compares with differences. Raises GradientError for what has no
+        derivative, for runs that fail or end early, and for components that have no adjoint, CosimError where a system
+        has no copies (`cosim.batch`), and WiringError for names that do not fit.
         """
         from cosim.gradient.gradient import GradientRun
 
-        return GradientRun(self, metrics, parameters, stop_time, interval, threads).gradient()
+        return GradientRun(self, metrics, parameters, stop_time, interval, threads, mode).gradient()
 
     def _linearized(
         self,

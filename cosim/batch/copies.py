@@ -177,14 +177,7 @@ class Batch(Copies):
         self._target: Target = choose_target(vectors)
         self._seeds = {system.components.split(name): np.asarray(value) for name, value in (seeds or {}).items()}
         if self._seeds:
-            widths = {s.shape for s in self._seeds.values()}
-            _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
-            if widths != {(copies, directions)} or directions % PART or not directions:
-                raise CosimError(
-                    f"the seeds have the shapes {', '.join(map(str, sorted(widths)))}; give all of them the same,"
-                    f" ({copies}, n), where n is a multiple of {PART}"
-                )
-            self._target = self._target.with_tangents(directions)
+            self._target = self._with_derivatives()
         schedule = system.schedule(*([] if self._interval is None else [self._interval]))
         self._schedule = only_numbers(schedule, *self._words)
         self._refuse(self._schedule.loops)
@@ -224,6 +217,17 @@ class Batch(Copies):
         """By copy, the stop condition that has ended it, and the time [s]."""
         if begin:
             self.reset(start)
+
+    def _with_derivatives(self) -> Target:
+        """Of numbers that have derivatives in the directions of the seeds."""
+        widths = {s.shape for s in self._seeds.values()}
+        _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
+        if widths != {(self.copies, directions)} or directions % PART or not directions:
+            raise CosimError(
+                f"the seeds have the shapes {', '.join(map(str, sorted(widths)))}; give all of them the same,"
+                f" ({self.copies}, n), where n is a multiple of {PART}"
+            )
+        return self._target.with_tangents(directions)
 
     def _check_memory(self) -> None:
         """Raise an error when the values of the copies alone need more memory than this machine has.

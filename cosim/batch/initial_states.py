@@ -185,11 +185,11 @@ class Copies:
         if not self._target.directions:
             return
         for lanes in self._lanes.values():
-            lanes.whole[:, :, PART:] = 0.0
+            lanes.whole[:, :, self._target.first :] = 0.0
         for (m, name), seeds in self._seeds.items():
             if m in self._lanes:  # else its probes are apart in it
                 own = self._lanes[m]
-                own.whole[:, own.row(m.description.variables[name]), PART:] = seeds
+                own.whole[:, own.row(m.description.variables[name]), self._target.first :] = seeds
 
     def _make_probes(
         self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], float]], Exchange]
@@ -235,7 +235,7 @@ class Copies:
     def _settle_tangents(self) -> None:
         """Derivatives of initial values, of copies that are initialized."""
         before = self._values.copy()
-        self._whole[:, :, PART:] = 0.0
+        self._whole[:, :, self._target.first :] = 0.0
         self._put_seeds()
         if self._probes is not None:
             for plan in self._plan.components:

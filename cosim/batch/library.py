@@ -18,6 +18,7 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.source import MUSL, LaneSource
 from cosim.batch.source import RUNTIME as OF_FMUS
+from cosim.batch.unread import without_unread
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
@@ -30,6 +31,9 @@ void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end, bool f
 void cosim_batch_settle(Batch *b, BatchWorker *w);
 size_t cosim_lanes_rows(void);
 size_t cosim_lanes_sides(void);
+size_t cosim_lanes_numbers(void);
+void cosim_use_tape(Tape *of);
+void cosim_sweep_back(const Tape *t, double *of, TapeCount first, int32_t n);
 void cosim_lanes_prepare(void *memory);
 unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of);
 unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of);
@@ -49,7 +53,8 @@ const double *lane_profiles(const double *p) {
 class Target:
     """Vector instructions: name, copies side by side, LANES_TARGET, and the processor flags that they require.
 
-    `directions`: in which each number has derivatives (tangents.h); copies are then alone.
+    `directions`: in which each number has derivatives (tangents.h); copies are then alone. `adjoints`: a number has an
+    index in their place (adjoints.h).
     """
 
     name: str
@@ -57,21 +62,31 @@ class Target:
     number: int
     needs: int
     directions: int = 0
+    adjoints: bool = False
 
     @property
     def width(self) -> int:
         """Numbers of a value of a group; derivatives are the last."""
-        return self.lanes if not self.directions else PART + self.directions
+        return self.first + self.directions
+
+    @property
+    def first(self) -> int:
+        """Number of a value's first derivative."""
+        return PART if self.directions and not self.adjoints else self.lanes
 
     def with_tangents(self, directions: int) -> Target:
         """Of copies that have derivatives in so many directions, a multiple of 8."""
         return replace(self, name=f"{self.name}_tangents_{directions}", lanes=1, directions=directions)
 
+    def with_adjoints(self) -> Target:
+        """Of one copy whose operations are kept."""
+        return replace(self, name=f"{self.name}_adjoints", lanes=1, directions=1, adjoints=True)
+
     @property
     def settings(self) -> dict[str, int]:
         """Its names in C."""
         told = {"LANES": self.lanes, "LANES_TARGET": self.number}
-        return told | ({"TANGENTS": self.directions} if self.directions else {})
+        return told | ({"ADJOINTS" if self.adjoints else "TANGENTS": self.directions} if self.directions else {})
 
 
 TARGETS = {t.name: t for t in (Target("avx512", 8, 512, 2), Target("avx2", 4, 2, 1), Target("baseline", 2, 0, 0))}
@@ -118,8 +133,8 @@ def batch_library(target: Target) -> Any:
 
 
 def _over(target: Target, name: str, settings: Sequence[str], included: Sequence[str]) -> tuple[str, bytes]:
-    """Name and content of a file of code over vectors, or over numbers with tangents, which is C++."""
-    value = "tangent" if target.directions else "lane"
+    """Name and content of a file of code over vectors, or over numbers with derivatives, which is C++."""
+    value = "number" if target.directions else "lane"
     before, *rest = (f'#include "{file}"'.replace("VALUE", value) for file in included)
     lines = ['extern "C" {', *rest, "}"] if target.directions else rest
     code = [*(f"#define {k} {v}" for k, v in target.settings.items()), before, *settings, *lines, ""]
@@ -141,7 +156,7 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     if target.directions:
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
-    files["model.c"] = source.files["model.c"]
+    files["model.c"] = without_unread(source.model, outputs).encode() if target.directions else source.files["model.c"]
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],

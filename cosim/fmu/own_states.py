@@ -104,6 +104,12 @@ def _marked(data: bytes, begin: int, bit: int) -> bytes:
     return _with_checksum(data, block, _fnv1a(block))
 
 
+def saved_values(data: bytes, count: int) -> tuple[Array, Array]:
+    """Time, start time, number of the next sample and whether there was one; then the first `count` doubles."""
+    head = _ffi.from_buffer("State *", data[_HEAD:VALUES_AT])
+    return np.array([head.time, head.start_time, head.sample, head.started]), _doubles(data)[:count]
+
+
 def _doubles(data: bytes) -> Array:
     return np.frombuffer(data, dtype=float, offset=VALUES_AT)
 

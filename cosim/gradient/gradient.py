@@ -6,25 +6,32 @@
 
 What is differentiated is what was computed: the solver steps, samples and exchanges of the run itself, not equations
 that they approximate. The run is bit-identical to one without derivatives (`cosim.batch`). FMUs of this project are
-compiled over numbers that carry derivatives (`batch/runtime/tangents.h`); solutions of quadratic programs are
+compiled over numbers that carry derivatives (`batch/runtime/numbers.h`); solutions of quadratic programs are
 differentiated by their optimality conditions (`programs.h`). Third-party and isolated FMUs have no derivatives: two
 more instances of them for each parameter go through the run on either side of it, and the differences of their outputs
 take the place of derivatives.
+
+There are two ways. Forward, numbers carry derivatives by the parameters, and the cost grows with their number. The
+adjoint carries derivatives of the metrics from the end of the run to its beginning (`cosim.batch.adjoint`), at a cost
+that does not depend on the number of parameters.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from build_fmus.base.checks import unknown
 from cosim.batch import Batch, BatchRecording
+from cosim.batch.adjoint import AdjointRun, NoAdjointError
 from cosim.batch.copies import CopyFailedWarning
 from cosim.core.description import Variable
-from cosim.core.errors import CosimError, UnconnectedInputsWarning
+from cosim.core.errors import ComponentError, CosimError, UnconnectedInputsWarning
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, rational
 from cosim.engine.execution import Record
@@ -34,6 +41,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
+FORWARD = DIRECTIONS  # parameters up to which the forward way costs less than the adjoint (benchmarks/gradients.py)
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
 
 
@@ -75,10 +83,11 @@ class Gradient:
         jacobian: derivatives (metrics, parameters), each in the metric's unit by the parameter's.
         recording: what the metrics read.
         tangents: derivatives of the samples by the parameters (samples, variables, parameters), in the order of
-            `recording.names`.
+            `recording.names`; the adjoint has none, so that it is empty then.
         by_difference: components whose derivatives are differences of two neighboring instances, and why.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
+        mode: "forward" or "adjoint".
     """
 
     metrics: Sequence[str]
@@ -90,6 +99,7 @@ class Gradient:
     tangents: Array
     by_difference: Mapping[str, str]
     changes: Mapping[str, int]
+    mode: str
     _run: GradientRun = field(repr=False)
 
     def __getitem__(self, metric: str) -> dict[str, float]:
@@ -139,8 +149,11 @@ class GradientRun:
     stop_time: TimeLike
     interval: TimeLike | None
     threads: int | None
+    mode: str | None = None
 
     def __post_init__(self) -> None:
+        if self.mode not in (None, "forward", "adjoint"):
+            raise GradientError(unknown("mode", str(self.mode), ("forward", "adjoint")))
         if rational(self.stop_time, "stop_time") <= self.system.experiment[0]:
             raise GradientError(f"stop_time is {self.stop_time}; a run needs time to depend on its parameters")
         if not self.metrics:
@@ -159,6 +172,41 @@ class GradientRun:
         return [float(m.start(v.name) or 0.0) for m, v in self.parameters]
 
     def gradient(self) -> Gradient:
+        """In the mode that was given, else the one that costs less."""
+        if self.mode == "adjoint" or (self.mode is None and len(self.by) > FORWARD):
+            try:
+                return self._adjoint()
+            except NoAdjointError as error:
+                if self.mode is not None:
+                    raise GradientError(str(error)) from error
+        return self._forward()
+
+    def _adjoint(self) -> Gradient:
+        record = Record(self.names, self.interval)
+        with _without_warnings(), closing(AdjointRun(self.system, self.by, record, self.stop_time)) as run:
+            try:
+                recording = run.forward(self.stop_time)
+            except ComponentError as error:
+                raise GradientError(f"the run has no derivatives, since it ends early: {error}") from error
+            values, slopes = self._measure(recording)
+            weights = np.zeros((len(slopes), len(recording.time), len(self.names)))
+            for weight, each in zip(weights, slopes, strict=True):
+                for k, w in each.items():
+                    weight[:, k] = w
+            jacobian = run.backward(list(weights))
+            changes = run.side_changes
+        bad = np.argwhere(~np.isfinite(jacobian))
+        if len(bad):
+            raise GradientError(
+                f"the derivative of {list(self.metrics)[bad[0][0]]} by {self.by[bad[0][1]]} is not finite: a root, a"
+                " quotient or a norm has no slope somewhere; mode='forward' says where"
+            )
+        nothing = np.empty((0, len(self.names), len(self.by)))
+        return Gradient(
+            list(self.metrics), self.by, self.at, values, jacobian, recording, nothing, {}, changes, "adjoint", self
+        )
+
+    def _forward(self) -> Gradient:
         """All parameters, `DIRECTIONS` by each copy."""
         n = len(self.by)
         copies = -(-n // DIRECTIONS)
@@ -170,7 +218,9 @@ class GradientRun:
         one = recording.one(0)
         values, slopes = self._measure(one)
         jacobian = np.array([sum(np.tensordot(w, tangents[:, k], 1) for k, w in each.items()) for each in slopes])
-        return Gradient(list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, self)
+        return Gradient(
+            list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, "forward", self
+        )
 
     def compare(self, found: Gradient, step: float) -> Trust:
         """The differences beside it."""
@@ -203,9 +253,7 @@ class GradientRun:
     def _advance(
         self, seeds: Mapping[str, Array], start: Mapping[str, Array], copies: int
     ) -> tuple[BatchRecording, dict[str, int], dict[str, str]]:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CopyFailedWarning)
-            warnings.simplefilter("ignore", UnconnectedInputsWarning)
+        with _without_warnings():
             batch = Batch(
                 self.system,
                 copies,
@@ -253,6 +301,15 @@ class GradientRun:
                 f" t = {recording.time[sample]:.9g} s: a root, a quotient or a norm has no slope there, or a quadratic"
                 " program was not solved"
             )
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """Without those of what an error tells, and a run has told."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CopyFailedWarning)
+        warnings.simplefilter("ignore", UnconnectedInputsWarning)
+        yield
 
 
 def _chosen(system: Wiring, names: str | Iterable[str]) -> list[tuple[SystemComponent, Variable]]:

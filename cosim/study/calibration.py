@@ -90,7 +90,11 @@ class SystemResponse:
         """Derivatives (samples, outputs, parameters) of the outputs of a run by these parameters."""
         self._set(values)
         found = self._system.gradient(
-            {n: Mean(n) for n in self.outputs}, list(values), stop_time=self._stop, interval=self._record.interval
+            {n: Mean(n) for n in self.outputs},
+            list(values),
+            stop_time=self._stop,
+            interval=self._record.interval,
+            mode="forward",
         )
         return found.tangents[:, [found.recording.names.index(n) for n in self.outputs]]
 

@@ -16,6 +16,8 @@ typedef struct {
 
 #ifdef TANGENTS
 enum { PER_COPY = 1 + TANGENTS }; /* numbers that are recorded: the value and its derivatives */
+#elif defined(ADJOINTS)
+enum { PER_COPY = 2 }; /* the value and its index on the tape */
 #else
 enum { PER_COPY = 1 };
 #endif
@@ -150,6 +152,10 @@ static void record(const Group *g, const Engine *e) {
             const double *const values = (const double *)&g->values[b->recorded[k]] + i, scale = b->record_scale[k];
             double *const of = to + k * PER_COPY;
             of[0] = !there ? NAN : b->record_converted[k] ? values[0] * scale + b->record_offset[k] : values[0];
+#ifdef ADJOINTS
+            of[1] = (double)g->values[b->recorded[k]].index;
+            continue;
+#endif
             const double *const derivatives = values + sizeof(lanes) / sizeof(double) - PER_COPY;
             for (size_t j = 1; j < PER_COPY; j++) of[j] = there ? derivatives[j] * scale : NAN;
         }
@@ -234,6 +240,9 @@ static void settle(Group *g, Engine *e, lanes *before) {
             changed |= lanes_changed(before[k], g->values[k]);
         }
         const unsigned moving = lanes_bits(moved) & g->alive, rounding = lanes_bits(changed) & ~moving & g->alive;
+#ifdef ADJOINTS
+        if (!moving && round < 10 + e->n_components) continue; /* all that was not moved may yet depend on more */
+#endif
         if (!moving) return;
         if (rounding) end_copies(g, rounding, -1, BATCH_UNSETTLED, 0, 0);
     }

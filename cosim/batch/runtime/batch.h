@@ -15,7 +15,7 @@ typedef struct {
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
-    size_t sides;            /* where in them is what sides it has taken (tangents.h); 0: nowhere */
+    size_t sides;            /* where in them is what sides it has taken (numbers.h); 0: nowhere */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */
@@ -65,5 +65,17 @@ typedef struct {
     Engine engine;            /* the plan, with lists of its own; its values are those of the group at hand */
     char *before;             /* n_values of LANES numbers */
 } BatchWorker;
+
+/* How numbers follow from others (adjoints.h). Entry i is a number: operands ends[i - 1] to ends[i] are the indices of
+ * those that it follows from, `slopes` its derivatives by them. A tape that is full has at least `most` operands, or
+ * more entries than `mask`, a power of two less one; behind `most` there is room for the operands of one more entry. */
+enum { TAPE_SPARE = 4096 };
+typedef unsigned long long TapeCount; /* no uint64_t: to a compiler an index in memory is never one of the counts */
+typedef struct {
+    double *slopes;
+    uint32_t *operands, *ends;
+    TapeCount most, mask;
+    TapeCount n_operands, n;
+} Tape;
 
 #endif

@@ -30,7 +30,7 @@ typedef struct {
     Profiles profiles;
     uint64_t touched[PIECES]; /* pieces of them that are not zeros */
 #endif
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     Sides sides;
 #endif
 #if N_QP_DATA
@@ -253,7 +253,7 @@ static void take_profiles(Component *m) {
 
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     sides = 0;
 #endif
 #if N_QP_DATA
@@ -269,7 +269,7 @@ EXPORT void cosim_lanes_prepare(void *memory) {
 #if HAS_PROFILES
     take_profiles(m);
 #endif
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     begin_sides(&m->sides);
 #endif
 }
@@ -294,19 +294,22 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) {
     Component *const m = (Component *)memory;
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     sides = 0;
 #endif
     const unsigned failed = step(m, t, h, of);
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     note_sides(&m->sides);
 #endif
     return failed;
 }
 
+/* Rows of a group's memory that can depend on something: all but the profiles and sides. */
+EXPORT size_t cosim_lanes_numbers(void) { return offsetof(Component, fixed) / sizeof(lanes) + N_FIXED; }
+
 /* Where a group's memory holds what sides it has taken, if it does. */
 EXPORT size_t cosim_lanes_sides(void) {
-#ifdef TANGENTS
+#ifdef HAS_SIDES
     return offsetof(Component, sides);
 #else
     return 0;

@@ -146,7 +146,7 @@ INLINE lanes lanes_ceil(lanes x) {
 #endif
 }
 
-/* Values and sizes, where numbers may have more than a value (tangents.h). */
+/* Values and sizes, where numbers may have more than a value (numbers.h). */
 #define lanes_value(x) (x)
 #define lanes_size(x) lanes_fabs(x)
 

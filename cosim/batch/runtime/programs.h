@@ -2,7 +2,7 @@
  * its optimality conditions at the rows that are active there, those with a multiplier:
  *     H dz + A' dy = -dq,   A dz = db,   dy = 0 for all other rows.
  * Where active rows depend on each other, and where the solver has stopped at its limit of iterations, there is no
- * derivative: it is NaN. Which rows are active is a side taken (tangents.h). */
+ * derivative: it is NaN. Which rows are active is a side taken (numbers.h). */
 #include "qp_model.h"
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */

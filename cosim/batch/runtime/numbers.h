@@ -1,0 +1,221 @@
+/* Numbers with derivatives, and what generated equations are written with (equations.h, fmu_math.h) over them: the
+ * value in the operations of one number, so with its bits, the derivatives by the chain rule for each operation. For
+ * one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
+ *
+ * The type and its operators come from tangents.h or adjoints.h, with
+ *     chain(value, slope, x), chain(value, slope, x, second, y), moved(value, x)  a number that depends on x, on y,
+ *                                                                                 or moves as x does;
+ *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
+ *     lanes_moved, lanes_changed  whether a number is not the same, beyond rounding and at all.
+ *
+ * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side
+ * taken. Comparisons of what depends on a direction are noted, so that two runs can be compared that should take the
+ * same sides. */
+#ifndef NUMBERS_H
+#define NUMBERS_H
+
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <stddef.h>
+#include <string.h>
+extern "C" {
+#include "equations.h"
+}
+#include "vectors.h"
+
+#ifdef ADJOINTS
+#include "adjoints.h"
+#else
+#include "tangents.h"
+#endif
+
+#define HAS_SIDES 1
+typedef Number lanes;
+typedef Number real;
+typedef double lanes_values;
+typedef int mask;
+typedef int condition;
+
+/* ------------------------------------------------------------------ sides */
+
+/* The sides taken in this step by what depends on a direction; of the component that this library is of. */
+static __thread uint64_t sides;
+
+NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
+
+/* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, and
+ * those of the first step where nothing was noted before. */
+typedef struct {
+    uint64_t all, last, changes, first;
+} Sides;
+
+/* At first those that values which follow from the parameters alone have taken. */
+INLINE void begin_sides(Sides *of) {
+    of->all = of->last = sides;
+    of->changes = of->first = 0;
+}
+
+INLINE void note_sides(Sides *of) {
+    if (!of->all) of->first = sides;
+    of->changes += of->last && sides != of->last;
+    of->last = sides;
+    take_side(of->all);
+    of->all = sides;
+}
+
+INLINE int noted(int moving, int side) {
+    if (moving) take_side((uint64_t)(int64_t)side);
+    return side;
+}
+
+/* ------------------------------------------------------------------ comparisons */
+
+#define COMPARED(is)                                                                                       \
+    OPERATION int operator is(const Number &x, const Number &y) { return noted(depends(x, y), x.v is y.v); } \
+    OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y); }             \
+    OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v); }
+COMPARED(<)
+COMPARED(<=)
+COMPARED(>)
+COMPARED(>=)
+
+/* Numbers that are equal by chance, and move apart, are not equal: generated code takes a short way for equal ones. */
+INLINE int equal(int apart, int are) { return noted(apart, are && !apart); }
+OPERATION int operator==(const Number &x, const Number &y) { return equal(depends(x, y), x.v == y.v); }
+OPERATION int operator!=(const Number &x, const Number &y) { return !equal(depends(x, y), x.v == y.v); }
+OPERATION int operator==(const Number &x, double y) { return noted(depends(x), x.v == y); }
+OPERATION int operator!=(const Number &x, double y) { return noted(depends(x), x.v != y); }
+OPERATION int operator==(double x, const Number &y) { return noted(depends(y), x == y.v); }
+OPERATION int operator!=(double x, const Number &y) { return noted(depends(y), x != y.v); }
+
+/* ------------------------------------------------------------------ what lanes have, for one copy */
+
+INLINE lanes lanes_all(double x) { return Number(x); }
+INLINE unsigned lanes_bits(mask m) { return (unsigned)m & 1u; }
+INLINE double lanes_value(const lanes &x) { return x.v; }
+INLINE double lanes_size(const lanes &x) { return fabs(x.v); }
+
+/* ------------------------------------------------------------------ what equations are written with */
+
+OPERATION double fmu_side(const Number &x, const Number &y) { return noted(depends(x, y), (x.v > y.v) - (x.v < y.v)); }
+
+OPERATION Number number_square(const Number &x) { return chain(x.v * x.v, 2.0 * x.v, x); }
+OPERATION Number number_sign(const Number &x) {
+    noted(depends(x), (x.v > 0.0) - (x.v < 0.0));
+    return Number(sign(x.v));
+}
+OPERATION Number number_when(int holds, const Number &a) { return holds ? a : Number(0.0); }
+OPERATION Number number_if_else(int holds, const Number &a, const Number &b) { return (holds ? a : b) + 0.0; }
+OPERATION Number number_fabs(const Number &x) {
+    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0));
+    return chain(fabs(x.v), side, x);
+}
+OPERATION Number number_copysign(const Number &x, const Number &y) {
+    const double r = copysign(x.v, y.v);
+    noted(depends(x), x.v < 0.0);
+    noted(depends(y), signbit(y.v) != 0);
+    return chain(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
+}
+OPERATION Number number_fmax(const Number &x, const Number &y) {
+    const double r = fmu_fmax(x.v, y.v);
+    return moved(r, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
+}
+OPERATION Number number_fmin(const Number &x, const Number &y) {
+    const double r = fmu_fmin(x.v, y.v);
+    return moved(r, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
+}
+OPERATION Number number_floor(const Number &x) {
+    const double r = fmu_floor(x.v);
+    noted(depends(x), index_of(r));
+    return Number(r);
+}
+OPERATION Number number_ceil(const Number &x) {
+    const double r = fmu_ceil(x.v);
+    noted(depends(x), index_of(r));
+    return Number(r);
+}
+
+#define OF_ONE(name, slope)                                 \
+    OPERATION Number number_##name(const Number &x) {       \
+        const double v = x.v, r = fmu_##name(v);            \
+        (void)v;                                            \
+        return depends(x) ? chain(r, slope, x) : Number(r); \
+    }
+INLINE double fmu_sqrt(double x) { return sqrt(x); }
+OF_ONE(sqrt, 0.5 / r)
+OF_ONE(acos, -1.0 / sqrt(1.0 - v * v))
+OF_ONE(acosh, 1.0 / sqrt(v * v - 1.0))
+OF_ONE(asin, 1.0 / sqrt(1.0 - v * v))
+OF_ONE(asinh, 1.0 / sqrt(v * v + 1.0))
+OF_ONE(atan, 1.0 / (1.0 + v * v))
+OF_ONE(atanh, 1.0 / (1.0 - v * v))
+OF_ONE(cos, -fmu_sin(v))
+OF_ONE(cosh, fmu_sinh(v))
+OF_ONE(erf, 1.1283791670955126 * fmu_exp(-v * v)) /* 2 / sqrt(pi) */
+OF_ONE(erfc, -1.1283791670955126 * fmu_exp(-v * v))
+OF_ONE(exp, r)
+OF_ONE(expm1, r + 1.0)
+OF_ONE(log, 1.0 / v)
+OF_ONE(log1p, 1.0 / (1.0 + v))
+OF_ONE(sin, fmu_cos(v))
+OF_ONE(sinh, fmu_cosh(v))
+OF_ONE(tan, 1.0 + r * r)
+OF_ONE(tanh, 1.0 - r * r)
+
+OPERATION Number number_atan2(const Number &y, const Number &x) {
+    const double square_of_both = x.v * x.v + y.v * y.v;
+    return chain(fmu_atan2(y.v, x.v), x.v / square_of_both, y, -y.v / square_of_both, x);
+}
+OPERATION Number number_hypot(const Number &x, const Number &y) {
+    const double r = fmu_hypot(x.v, y.v);
+    return chain(r, x.v / r, x, y.v / r, y);
+}
+OPERATION Number number_pow(const Number &x, const Number &y) {
+    const double r = fmu_pow(x.v, y.v);
+    return chain(r, y.v * fmu_pow(x.v, y.v - 1.0), x, depends(y) ? r * fmu_log(x.v) : 0.0, y);
+}
+#define OF_TURNS(name)                                                  \
+    OPERATION Number number_##name(const Number &x, const Number &y) {  \
+        const double r = fmu_##name(x.v, y.v), turns = (x.v - r) / y.v; \
+        noted(depends(x), index_of(fabs(turns)));                       \
+        return chain(r, 1.0, x, -turns, y);                             \
+    }
+OF_TURNS(fmod)
+OF_TURNS(remainder)
+
+OPERATION Number number_look_up(const double *array, int n, const Number &index) {
+    noted(depends(index), index_of(index.v));
+    return Number(look_up(array, n, index.v));
+}
+OPERATION Number number_look_up(const Number *array, int n, const Number &index) {
+    const int i = noted(depends(index), index_of(index.v));
+    return i >= 0 && i < n ? array[i] : Number(NAN);
+}
+OPERATION void number_store(Number *array, int n, const Number &index, const Number &value) {
+    const int i = noted(depends(index), index_of(index.v));
+    if (i >= 0 && i < n) array[i] = value;
+}
+OPERATION Number number_smallest(const Number *array, int n) {
+    Number least(INFINITY);
+    for (int i = 0; i < n; i++) least = number_fmin(least, array[i]);
+    return least;
+}
+OPERATION Number number_largest(const Number *array, int n) {
+    Number most(-INFINITY);
+    for (int i = 0; i < n; i++) most = number_fmax(most, array[i]);
+    return most;
+}
+template <class X, class Y>
+static inline void number_add_product(Number *z, const X *x, const Y *y, int rows, int inner, int columns) {
+    for (int i = 0; i < columns; i++)
+        for (int k = 0; k < inner; k++)
+            for (int j = 0; j < rows; j++) z[j + i * rows] += x[j + k * rows] * y[k + i * inner];
+}
+template <class X, class Y>
+static inline void number_product(Number *z, const X *x, const Y *y, int rows, int inner, int columns) {
+    for (int i = 0; i < rows * columns; i++) z[i] = Number(0.0);
+    number_add_product(z, x, y, rows, inner, columns);
+}
+
+#endif

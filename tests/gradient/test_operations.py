@@ -1,0 +1,157 @@
+"""Derivatives of single operations, of both kinds of numbers, beside extrapolated differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import cffi
+import numpy as np
+import pytest
+
+from build_fmus.compile import ObjectCache, find_toolchain, host
+from cosim.batch import library
+from cosim.batch.adjoint import Tape
+from cosim.batch.source import MUSL, RUNTIME
+from cosim.engine import library as engine
+from cosim.fmu.environment import HEADER as ENVIRONMENT
+
+# By name: the operation on a and b, and where.
+OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
+    "sum": ("a + b + 2.0 + (1.5 + a)", (0.7, -1.3)),
+    "difference": ("(a - b) - (2.0 - a) - 1.0", (0.7, -1.3)),
+    "product": ("a * b * 3.0 * (0.5 * a)", (0.7, -1.3)),
+    "quotient": ("a / b + 2.0 / a + b / 3.0", (0.7, -1.3)),
+    "negative": ("-a * -b", (0.7, -1.3)),
+    "long statement": ("(a * b + b / a - 2.0) / (a * a - 0.25 * b) + a * (b - a * (1.0 + b))", (0.7, -1.3)),
+    "added": ("a; z += a * b", (0.7, -1.3)),
+    "multiplied": ("a; z *= a + b", (0.7, -1.3)),
+    "square": ("square(a - b)", (0.7, -1.3)),
+    "sign": ("sign(a) * b", (-0.7, -1.3)),
+    "when": ("when(a < b, a) + when(a > b, b * b)", (0.7, -1.3)),
+    "if_else": ("if_else(a < b, a, b * b)", (0.7, -1.3)),
+    "fabs": ("fabs(b) * fabs(a)", (0.7, -1.3)),
+    "copysign": ("copysign(a, b) + copysign(b, a)", (0.7, -1.3)),
+    "fmax": ("fmax(a, b) * fmax(a, 2.0)", (0.7, -1.3)),
+    "fmin": ("fmin(a, b) * fmin(a, 2.0)", (0.7, -1.3)),
+    "floor": ("floor(a) * b", (1.7, -1.3)),
+    "ceil": ("ceil(a) * b", (1.7, -1.3)),
+    "sqrt": ("sqrt(a)", (0.7, 0.0)),
+    "acos": ("acos(a)", (0.4, 0.0)),
+    "acosh": ("acosh(a)", (1.4, 0.0)),
+    "asin": ("asin(a)", (0.4, 0.0)),
+    "asinh": ("asinh(a)", (0.4, 0.0)),
+    "atan": ("atan(a)", (0.4, 0.0)),
+    "atanh": ("atanh(a)", (0.4, 0.0)),
+    "cos": ("cos(a)", (0.4, 0.0)),
+    "cosh": ("cosh(a)", (0.4, 0.0)),
+    "erf": ("erf(a)", (0.4, 0.0)),
+    "erfc": ("erfc(a)", (0.4, 0.0)),
+    "exp": ("exp(a)", (0.4, 0.0)),
+    "expm1": ("expm1(a)", (0.4, 0.0)),
+    "log": ("log(a)", (0.4, 0.0)),
+    "log1p": ("log1p(a)", (0.4, 0.0)),
+    "sin": ("sin(a)", (0.4, 0.0)),
+    "sinh": ("sinh(a)", (0.4, 0.0)),
+    "tan": ("tan(a)", (0.4, 0.0)),
+    "tanh": ("tanh(a)", (0.4, 0.0)),
+    "atan2": ("atan2(a, b)", (0.7, -1.3)),
+    "hypot": ("hypot(a, b)", (0.7, -1.3)),
+    "pow": ("pow(a, b)", (0.7, -1.3)),
+    "pow of a number": ("pow(a, 3.0) + pow(2.0, b)", (-0.7, -1.3)),
+    "fmod": ("fmod(a, b)", (4.7, -1.3)),
+    "remainder": ("remainder(a, b)", (4.7, -1.3)),
+    "look_up": ("look_up(array, 3, a)", (1.4, -1.3)),
+    "store": ("a; store(array, 3, b, a * b); z = array[1]", (0.7, 1.3)),
+    "smallest": ("smallest(array, 3)", (0.7, -1.3)),
+    "largest": ("largest(array, 3)", (0.7, -1.3)),
+    "matrices": (
+        "a; product(array, array + 3, array + 3, 1, 2, 1); add_product(array, array + 3, numbers, 1, 2, 1);"
+        " z = array[0]",
+        (0.7, -1.3),
+    ),
+}
+CODE = """
+#include "number_equations.h"
+
+extern "C" EXPORT void compute(int which, const double *x, double *result) {
+    Number a(x[0]), b(x[1]), z(0.0);
+    const double numbers[2] = {2.0, -3.0};
+#ifdef ADJOINTS
+    double of[1 << 8] = {0.0};
+    a.index = 1;
+    b.index = 2;
+    tape->n = 2;
+    tape->n_operands = tape->ends[2] = 0;
+#else
+    a.d[0][0] = b.d[0][1] = 1.0;
+#endif
+    Number array[5] = {a * a, a * b, b * b, a, b};
+    (void)numbers;
+    switch (which) {
+CASES
+    }
+    result[0] = z.v;
+#ifdef ADJOINTS
+    of[z.index] = 1.0;
+    of[0] = 0.0;
+    cosim_sweep_back(tape, of, 2, 1);
+    result[1] = of[1];
+    result[2] = of[2];
+#else
+    result[1] = z.d[0][0];
+    result[2] = z.d[0][1];
+#endif
+}
+"""
+Compute = Callable[[str, Sequence[float]], np.ndarray]
+
+
+def compiled(kind: str, folder: Path) -> Compute:
+    """A function of the operation's name, a and b: its value and derivatives by both."""
+    cases = (f"case {i}: {{ z = {code}; break; }}" for i, (code, _) in enumerate(OPERATIONS.values()))
+    (folder / "musl").mkdir()
+    for file in MUSL.glob("*.[ch]"):
+        (folder / "musl" / file.name).write_bytes(file.read_bytes())
+    (folder / "fmu_math.h").write_bytes((RUNTIME / "fmu_math.h").read_bytes())
+    settings = f"#define LANES 1\n#define LANES_TARGET 0\n#define {kind} 8\n"
+    (folder / "operations.cpp").write_text(settings + CODE.replace("CASES", "\n".join(cases)))
+    runtime = Path(library.__file__).with_name("runtime")
+    include = [folder, runtime, engine.HEADER.parent, ENVIRONMENT.parent, RUNTIME]
+    sources = [folder / "operations.cpp", *sorted((folder / "musl").glob("*.c"))]
+    ffi = cffi.FFI()
+    ffi.include(library.interface())
+    ffi.cdef("void compute(int which, const double *x, double *result); void cosim_use_tape(Tape *of);")
+    code = ffi.dlopen(str(ObjectCache(folder).library(find_toolchain(host()), sources, include, "operations")))
+    tape = Tape(1 << 8)
+    if kind == "ADJOINTS":
+        code.cosim_use_tape(tape.struct)
+
+    def compute(name: str, x: Sequence[float], _keep: Tape = tape) -> np.ndarray:
+        result = ffi.new("double[3]")
+        code.compute(list(OPERATIONS).index(name), ffi.new("double[2]", list(x)), result)
+        return np.array(list(result))
+
+    return compute
+
+
+@pytest.fixture(scope="module", params=["TANGENTS", "ADJOINTS"])
+def compute(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Compute:
+    return compiled(request.param, tmp_path_factory.mktemp("operations"))
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_an_operation_has_the_slopes_of_its_values(compute: Compute, name: str) -> None:
+    at = np.array(OPERATIONS[name][1])
+    found = compute(name, at)
+    assert np.isfinite(found).all()
+    assert found[1:].any()
+    for k in range(2):
+        slopes = []
+        for h in (4e-3, 2e-3, 1e-3):
+            step = h * np.eye(2)[k]
+            slopes.append((compute(name, at + step)[0] - compute(name, at - step)[0]) / (2.0 * h))
+        once = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(slopes)]
+        exact = (16.0 * once[1] - once[0]) / 15.0
+        assert found[1 + k] == pytest.approx(exact, rel=1e-9, abs=1e-10)
