@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from cosim.batch.copies import Batch
 from cosim.batch.library import Target, batch_library, interface
-from cosim.batch.source import LaneSource, NoLanes
 from cosim.batch.structs import HEADER
 from cosim.core.errors import CosimError
 from cosim.core.memory import physical_memory
@@ -74,7 +73,7 @@ class _State:
 
     tick: int
     exchange: Numbers
-    components: list[tuple[Numbers, Numbers]]  # header and values
+    components: list[tuple[Numbers, Numbers]]  # header; values and warm starts of quadratic programs
 
 
 class AdjointRun(Batch):
@@ -111,20 +110,18 @@ class AdjointRun(Batch):
         self._sides = [self._sides_of(m) for m in self._components]  # views: all, last, changes, first (numbers.h)
         self._first_sides = [each.copy() for each in self._sides]
 
-    def _lanes_of(self, component: SystemComponent) -> LaneSource:
-        source = super()._lanes_of(component)
-        if "qp" in source.fields:  # the warm starts of its solver are no part of the saved states
-            raise NoLanes(source.one_at_a_time)
-        return source
-
     def _with_derivatives(self) -> Target:
         return self._target.with_adjoints()
 
     def _lasting(self, m: SystemComponent) -> npt.NDArray[np.intp]:
-        """Rows of the values of an instance, and of what depends on its parameters only."""
+        """Rows of the values of an instance, of solutions, and of what depends on its parameters only."""
         lanes = self._lanes[m]
-        end, fixed = lanes.library.cosim_lanes_numbers(), lanes.source.size("fixed")
-        return np.r_[HEADER : HEADER + lanes.source.n_values, end - fixed : end]
+        end, further = lanes.library.cosim_lanes_numbers(), sum(map(lanes.source.size, ("qp_solution", "fixed")))
+        return np.r_[HEADER : HEADER + lanes.source.n_values, end - further : end]
+
+    def _warm_starts(self, m: SystemComponent) -> Numbers:
+        at = self._lanes[m].library.cosim_lanes_memory() // 8
+        return self._lanes[m].whole[0].reshape(-1)[at : at + self._lanes[m].source.size("qp_memory")]
 
     def _sides_of(self, m: SystemComponent) -> Indices:
         at = self._lanes[m].library.cosim_lanes_sides() // 8
@@ -161,7 +158,7 @@ class AdjointRun(Batch):
             record_interval=self._interval,
             stop_time=self.stop_time,
         )
-        counts = [self._lanes[m].source.n_values for m in self._components]
+        counts = [self._lanes[m].source.n_values + self._lanes[m].source.size("qp_memory") for m in self._components]
         with simulation:
             for tick, following in pairwise(bounds):
                 data = [m.implementation.serialize() for m in self._components]  # type: ignore[attr-defined]
@@ -234,7 +231,9 @@ class AdjointRun(Batch):
             self._whole[0, :, 0] = state.exchange
             for m, (header, values) in zip(self._components, state.components, strict=True):
                 memory = self._lanes[m].memory[0]
-                memory[: len(header), 0], memory[HEADER : HEADER + len(values), 0] = header, values
+                n = self._lanes[m].source.n_values
+                memory[: len(header), 0], memory[HEADER : HEADER + n, 0] = header, values[:n]
+                self._warm_starts(m)[:] = values[n:]
             for (array, its_rows), own in zip(self._arrays, np.split(indices, self._borders), strict=True):
                 array[its_rows, 1] = own.view(np.float64)
             for sides, at_first in zip(self._sides, self._first_sides, strict=True):

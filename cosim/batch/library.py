@@ -32,6 +32,7 @@ void cosim_batch_settle(Batch *b, BatchWorker *w);
 size_t cosim_lanes_rows(void);
 size_t cosim_lanes_sides(void);
 size_t cosim_lanes_numbers(void);
+size_t cosim_lanes_memory(void);
 void cosim_use_tape(Tape *of);
 void cosim_sweep_back(const Tape *t, double *of, TapeCount first, int32_t n);
 void cosim_lanes_prepare(void *memory);

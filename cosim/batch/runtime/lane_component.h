@@ -23,8 +23,10 @@ typedef struct {
     lanes v[N_VALUES + 1]; /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
     lanes k[5][N_STATES + 1];
     lanes matrix[MATRIX + IS_ROS2 * N_STATES + 1];
-    int pivots[IS_ROS2 * N_STATES + 1];
     lanes w[WORK + 1];
+#if N_QP_DATA
+    lanes data[N_QP_DATA], solution[N_QP_SOLUTION], kept[N_QP_SOLUTION];
+#endif
     lanes fixed[N_FIXED + 1];
 #if HAS_PROFILES
     Profiles profiles;
@@ -33,10 +35,8 @@ typedef struct {
 #ifdef HAS_SIDES
     Sides sides;
 #endif
-#if N_QP_DATA
-    lanes data[N_QP_DATA], solution[N_QP_SOLUTION], kept[N_QP_SOLUTION];
-    double memory[N_QP_MEMORY];
-#endif
+    double memory[N_QP_MEMORY + 1]; /* warm starts of the quadratic programs */
+    int pivots[IS_ROS2 * N_STATES + 1];
 } Component;
 
 #define P (m->v)
@@ -304,8 +304,12 @@ EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) 
     return failed;
 }
 
-/* Rows of a group's memory that can depend on something: all but the profiles and sides. */
+/* Rows of a group's memory that can depend on something: all but the profiles and sides. The last of them are those
+ * that last from step to step, after the values: solutions that were found, and what depends on parameters only. */
 EXPORT size_t cosim_lanes_numbers(void) { return offsetof(Component, fixed) / sizeof(lanes) + N_FIXED; }
+
+/* Where a group's memory holds the warm starts of the quadratic programs. */
+EXPORT size_t cosim_lanes_memory(void) { return offsetof(Component, memory); }
 
 /* Where a group's memory holds what sides it has taken, if it does. */
 EXPORT size_t cosim_lanes_sides(void) {

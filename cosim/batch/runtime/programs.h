@@ -108,7 +108,7 @@ static void solve_programs(
             }
             if (status == QP_SOLVED && !trial) memcpy(kept, solution, (size_t)qp->n * sizeof *kept);
         } else {
-            memcpy(solution, kept, (size_t)qp->n * sizeof *kept);
+            for (int i = 0; i < qp->n; i++) solution[i] = moved(solution[i].v, kept[i]);
         }
         data += size;
         solution += results;
