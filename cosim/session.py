@@ -497,9 +497,9 @@ class Fmu(FmuFile):  # noqa: D101
 
         `parameters` and `start` set variables before initialization, as in `System.add`; with `settle` [s] it is
         stepped so long with these inputs before. `inputs` and `outputs`: names and patterns, by default all Real ones.
-        A continuous FMU needs directional derivatives. A sampled one of this project gives a discrete model over its
-        sample time, or over `period` [s], after which it does the same again. Raises CosimError with the reason where
-        there is no linear model, WiringError for names and values that do not fit.
+        A continuous FMU needs directional derivatives, or Model Exchange for differences. A sampled one of this project
+        gives a discrete model over its sample time, or over `period` [s], after which it does the same again. Raises
+        CosimError with the reason where there is no linear model, WiringError for names and values that do not fit.
         """
         from cosim.linear.statespace import LinearModel
 

@@ -73,8 +73,12 @@ def number(
     Raises:
         ValueError: (or `error`) it is not; the message names `what`, the value and what is accepted, with the unit.
     """
+    try:
+        is_finite = math.isfinite(value)
+    except TypeError:
+        raise error(f"{what} is {value!r}; give a number") from None
     within = (above is None or value > above) and (least is None or value >= least) and (most is None or value <= most)
-    if math.isfinite(value) and within:
+    if is_finite and within:
         return value
     unit = f" {unit}" if unit else ""
     if least is not None and most is not None:

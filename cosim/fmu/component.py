@@ -854,16 +854,21 @@ class FmuComponent:
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives.
 
-        States and derivatives are those of the model structure. Raises CosimError when the FMU does not offer it.
+        By differences where an FMU of Model Exchange does not offer them. States and derivatives are those of the model
+        structure. Raises CosimError when the FMU offers neither.
         """
         states, derivatives = self.description.states, self.description.derivatives
         if not self.description.directional_derivatives:
-            raise CosimError("its FMU offers no directional derivatives")
+            if self.integration is not None:
+                return self.integration.linearize(inputs, outputs)
+            remedy = ': add it with interface="me" for differences' if self.description.model_exchange else ""
+            raise CosimError(f"its FMU offers no directional derivatives{remedy}")
         unknowns, knowns, n = [*derivatives, *outputs], [*states, *inputs], len(states)
-        jacobian = np.zeros((len(unknowns), len(knowns)))
+        jacobian = np.array([[float(of is by) for by in knowns] for of in unknowns]).reshape(-1, len(knowns))
+        asked = [i for i, of in enumerate(unknowns) if of not in states]  # FMUs differ in what they say of the others
         for column, known in enumerate(knowns):
-            if unknowns:
-                jacobian[:, column] = self.derivative(unknowns, known)
+            if asked:
+                jacobian[asked, column] = self.derivative([unknowns[i] for i in asked], known)
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:

@@ -12,7 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, Protocol
 
+import numpy as np
+
 from build_fmus.base.checks import number, unknown
+from cosim.core.component import Array
 from cosim.core.description import Description, Variable
 from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
@@ -23,6 +26,8 @@ from cosim.fmu.isolation import IsolatedLibrary
 Solver = Literal["auto", "explicit", "implicit"]
 SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
 LARGEST_TOLERANCE = 1e-8  # unless the user says otherwise
+_DIFFERENCE = 6e-6  # of a central difference, relative to the value or its nominal one: cube root of the precision
+_UPDATES = 1000  # of discrete states, in one event iteration
 LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
 
 
@@ -98,6 +103,16 @@ class Instance(Protocol):
 
     def get(self, variables: Sequence[Variable]) -> list[Any]: ...
 
+    def save(self) -> Any: ...
+
+    def restore(self, state: Any) -> None: ...
+
+    def forget(self, state: Any) -> None: ...
+
+    def _set_values(self, values: Mapping[Variable, Any]) -> None: ...
+
+    def _must(self, function: str, *arguments: Any) -> None: ...
+
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
 
     def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
@@ -171,6 +186,59 @@ class Integration:
             status = self._library.cosim_integrator_begin(self._integrator, t)
         if status > WARNING:
             self.fail(status, "its first event iteration")
+
+    def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
+        """(A, B, C, D) at the present state by central differences; the state is restored after it.
+
+        Raises CosimError if the FMU is isolated or cannot save its state.
+        """
+        component, ffi, n = self._component, self._ffi, len(self._about.states)
+        if self._isolated is not None or not self._about.can_save:
+            why = "is isolated" if self._about.can_save else "cannot save its state"
+            raise CosimError(f"its FMU offers no directional derivatives, and {why}, so there are no differences")
+        discrete = next((v.name for v in inputs if v.variability == "discrete"), None)
+        if discrete is not None:
+            raise CosimError(
+                f"its FMU offers no directional derivatives, and there are no differences by its discrete input"
+                f" {discrete}: name other inputs"
+            )
+        x, slopes = ffi.new("double[]", n), ffi.new("double[]", n)
+        variables = [*self._about.states, *inputs]
+        state = component.save()
+        try:
+            self._leave_events()
+            component._must(self._names[2], x, n)
+            present = [*x, *map(float, component.get(inputs))]
+
+            def shown(point: Sequence[float]) -> Array:
+                component._must(self._names[1], ffi.new("double[]", point[:n]), n)
+                component._set_values(dict(zip(inputs, point[n:], strict=True)))
+                component._must(self._names[3], slopes, n)
+                return np.array([*slopes, *component.get(outputs)], dtype=float)
+
+            columns = []
+            for k, variable in enumerate(variables):
+                step = _DIFFERENCE * max(abs(present[k]), variable.nominal)
+                ends = [[*present[:k], present[k] + sign * step, *present[k + 1 :]] for sign in (1.0, -1.0)]
+                columns.append((shown(ends[0]) - shown(ends[1])) / (ends[0][k] - ends[1][k]))
+        finally:
+            component.restore(state)
+            component.forget(state)
+        jacobian = np.array(columns).reshape(len(variables), n + len(outputs)).T
+        if not np.isfinite(jacobian).all():
+            raise CosimError("its derivatives or outputs are not finite beside its present state")
+        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def _leave_events(self) -> None:
+        """From event mode to continuous time."""
+        flags, when = self._ffi.new("bool[5]"), self._ffi.new("double*")
+        info = self._ffi.new("int[8]")  # fmi2EventInfo
+        three = self._setup.version == 3
+        for _ in range(_UPDATES):
+            self._component._must(self._names[7], *((*(flags + k for k in range(5)), when) if three else (info,)))
+            if not (flags[0] if three else info[0]):
+                break
+        self._component._must(self._names[8])
 
     def saved(self) -> bytes:
         """What continues from step to step, apart from the state of the FMU."""

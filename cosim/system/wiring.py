@@ -391,7 +391,7 @@ class Wiring:
                 )
         already = self.connections.get(f"{target.name}.{input_.name}")
         if already is not None:
-            raise WiringError(f"{names}: this input is already connected to {already.source_name}")
+            raise WiringError(f"{names}: this {input_.causality} is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
         if passed_on and (delay or extrapolate or max_size is not None):
             raise WiringError(f"{names}: a parameter has no delay, extrapolation or size")

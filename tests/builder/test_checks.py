@@ -53,6 +53,13 @@ def test_numbers_at_their_limits_are_returned() -> None:
     assert number("travel", 5e-324, above=0) == 5e-324
 
 
+@pytest.mark.parametrize("value", ["1e-3", None, [1.0], 1j])
+def test_what_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(OwnError) as refused:
+        number("travel", value, "m", least=0, error=OwnError)  # type: ignore[arg-type]
+    assert str(refused.value) == f"travel is {value!r}; give a number"
+
+
 def test_without_a_unit_none_is_told(raises) -> None:
     with raises(ValueError):
         number("ratio", -1, above=0)

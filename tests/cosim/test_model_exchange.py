@@ -283,6 +283,48 @@ def test_linear_models_of_both_interfaces_are_the_same(built_fmus):
         np.testing.assert_array_equal(getattr(one, matrix), getattr(other, matrix))
 
 
+def test_fmus_without_directional_derivatives_are_linearized_by_differences(fmu):
+    """dx/dt = k u - x and x'' = -k^2 x, whose outputs x and v are states, with an input that lies on the other side."""
+    with one(fmu, LAG, k=2.0) as system:
+        model = system.linearize(inputs=["m.u"], outputs=["m.x", "m.v"])
+    np.testing.assert_allclose(model.A, [[-1.0, 0.0], [0.0, 0.0]], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(model.B, [[2.0], [0.0]], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(model.C, np.eye(2))
+    with one(fmu, OSCILLATOR, k=3.0) as system:
+        model = system.linearize(inputs=["m.u"], outputs=["m.v"])
+        np.testing.assert_allclose(model.A, [[0.0, 1.0], [-9.0, 0.0]], rtol=0, atol=1e-8)
+
+
+def test_linearization_by_differences_changes_nothing(fmu):
+    names = ["m.x", "m.v", "m.count"]
+    runs = []
+    for looks in (False, True):
+        with one(fmu, OSCILLATOR, k=3.0) as system, system.initialize(record=names) as simulation:
+            simulation.advance(1)
+            if looks:
+                component = system["m"].implementation
+                variables = component.description.variables
+                a, b, c, _ = component.linearize([variables["u"]], [variables["x"]])
+                np.testing.assert_allclose(a, [[0.0, 1.0], [-9.0, 0.0]], rtol=0, atol=1e-8)
+                np.testing.assert_array_equal(c, [[1.0, 0.0]])
+                assert not b.any()
+            simulation.advance(3)
+            runs.append(simulation.recording.data)
+    np.testing.assert_array_equal(*runs)
+
+
+def test_what_cannot_be_linearized_by_differences_says_why(exchanges, tmp_path, raises):
+    unsaved = redescribed(exchanges[3], tmp_path / "Unsaved.fmu", (b'canGetAndSetFMUState="true"', b""))
+    discrete = redescribed(
+        exchanges[3],
+        tmp_path / "Discrete.fmu",
+        (b'causality="input" variability="continuous"', b'causality="input" variability="discrete"'),
+    )
+    for path, options in ((unsaved, {}), (exchanges[3], {"isolated": True}), (discrete, {})):
+        with one(path, LAG, **options) as system, raises(CosimError):
+            system.linearize(inputs=["m.u"], outputs=["m.x"])
+
+
 @pytest.mark.parametrize(
     ("before", "after", "function"),
     [
