@@ -1,5 +1,6 @@
 """Steering wheel and pedals of the full cars: kinematics, powertrain, brakes, energy, symmetry, steps, old files."""
 
+import re
 import tomllib
 
 import casadi as ca
@@ -66,7 +67,7 @@ def slalom(side):
 
 @pytest.mark.parametrize("name", ["hmmwv", "public"])
 def test_left_and_right_mirror(models, name):
-    """Rounding of sums over the corners is all that differs."""
+    """Rounding of sums over the corners, from front left to rear right, is all that differs."""
     left, right = (driven(models[name], EXTERNAL, 1.6, slalom(side)) for side in (1, -1))
     assert np.ptp(left["y"]) > 0.2
     assert np.abs(left["body.ay"]).max() > 2.0
@@ -80,6 +81,20 @@ def test_left_and_right_mirror(models, name):
             assert sign * right[n.replace(".fl.", ".fr.")] == pytest.approx(
                 values, rel=1e-8, abs=1e-8 + 1e-9 * np.ptp(values)
             )
+
+
+@pytest.mark.parametrize(("name", "rigid"), [("hmmwv", 1), ("hmmwv_tires", 0), ("hmmwv_tires", 1)])
+def test_left_and_right_mirror_to_the_last_bit(name, rigid):
+    """On tires of a file, or with wheels as rigid bodies: sums over the corners are by left and right."""
+    model = full_car(load_full_car(name), "FullCarTest").model()
+    left, right = (driven(model, {**EXTERNAL, "wheel.rigid_body": rigid}, 1.2, slalom(side)) for side in (1, -1))
+    assert np.abs(left["body.ay"]).max() > 2.0
+    for n, values in left.items():
+        if n.startswith("seat."):  # left of the middle
+            continue
+        odd = n in (*ODD, "body.vy") or "steer" in n or "slip_angle" in n
+        swapped = re.sub(r"\.([fr])([lr])\.", lambda m: f".{m[1]}{'r' if m[2] == 'l' else 'l'}.", n)
+        assert (right[swapped] == (-values if odd else values)).all(), n
 
 
 @pytest.mark.parametrize("name", ["hmmwv", "public"])
