@@ -210,8 +210,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
             ground.mx * forward + ground.mz * up,
         ]
         k.moment = sum(k.turning)
-    # Sums: corner after corner, or left and right of an axle first, which has the same bits in a mirror. The former are
-    # older than the latter, and keep the bits of the friction ellipse.
+    # Sums over the corners by left and right are those of the mirror image to the last digit. On the friction ellipse
+    # they are formed from front left to rear right: another order would move the last digits of published results.
     weight = -p.body.mass * g * up
     of_pairs = (weight + corners.paired("on_body"), corners.paired("moment"))
     applied = corners.paired("torque") if tire else sum(corners.all("torque"))  # torque of all wheels

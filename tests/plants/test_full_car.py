@@ -218,8 +218,22 @@ CONSERVATIVE = {
 }
 
 
-def energy(car, road):
-    """Total energy as a CasADi function of the state [J], with all tires on a road of the given heights."""
+def turned(roll, pitch, yaw):
+    """From body axes to road axes (3, 3)."""
+    about = [ca.SX.eye(3) for _ in range(3)]
+    for turn, angle, (i, j) in zip(about, (roll, pitch, yaw), ((1, 2), (2, 0), (0, 1)), strict=True):
+        turn[i, i] = turn[j, j] = ca.cos(angle)
+        turn[j, i] = ca.sin(angle)
+        turn[i, j] = -ca.sin(angle)
+    return about[2] @ about[1] @ about[0]
+
+
+def energy(car, road, rigid=False):
+    """Total energy as a CasADi function of the state [J], with all tires on a road of the given heights.
+
+    `rigid`: the wheels move with the hubs along the axes x and y of the body, not with its CG. Their motion about the
+    center of mass of all counts along these axes, and that of this center along those of the road.
+    """
     v, x = car.vehicle, ca.SX.sym("x", len(car.states))
     s = dict(zip(car.states, ca.vertsplit(x), strict=True))
     ms, mu = v.body.mass.value, v.wheel.mass.value
@@ -228,9 +242,20 @@ def energy(car, road):
     places = {"fl": (front, half), "fr": (front, -half), "rl": (front - base, half), "rr": (front - base, -half)}
     yaw_inertia = v.body.yaw_inertia.value + sum(mu * (a**2 + b**2) for a, b in places.values())
     total = ms + 4 * mu
-    e = 0.5 * total * (s["body.vx"] ** 2 + s["body.vy"] ** 2) + 0.5 * ms * s["body.vz"] ** 2 + ms * G * s["body.z"]
-    e += 0.5 * v.body.roll_inertia.value * s["body.roll_rate"] ** 2
-    e += 0.5 * v.body.pitch_inertia.value * s["body.pitch_rate"] ** 2 + 0.5 * yaw_inertia * s["body.yaw_rate"] ** 2
+    rates = ca.vertcat(*(s[f"body.{n}_rate"] for n in ("roll", "pitch", "yaw")))
+    e = 0.5 * ms * s["body.vz"] ** 2 + ms * G * s["body.z"]
+    e += 0.5 * v.body.roll_inertia.value * rates[0] ** 2
+    e += 0.5 * v.body.pitch_inertia.value * rates[1] ** 2 + 0.5 * v.body.yaw_inertia.value * rates[2] ** 2
+    across = ca.vertcat(s["body.vx"], s["body.vy"])
+    if rigid:
+        turn = turned(s["body.roll"], s["body.pitch"], s["body.yaw"])
+        drop = v.wheel.hub_height.value - v.body.cg_height.value
+        moved = [ca.cross(rates, ca.vertcat(a, b, drop)) for a, b in places.values()]
+        center = sum(mu * m for m in moved) / total
+        e += 0.5 * total * ca.sumsqr(across + (turn @ center)[:2]) - 0.5 * total * ca.sumsqr(center[:2])
+        e += sum(0.5 * mu * ca.sumsqr(m[:2]) for m in moved)
+    else:
+        e += 0.5 * total * ca.sumsqr(across) + 0.5 * (yaw_inertia - v.body.yaw_inertia.value) * rates[2] ** 2
     for k, (a, b) in places.items():
         axle = v.suspension.front if k[0] == "f" else v.suspension.rear
         preload = ms * G * (base - abs(a)) / base / 2

@@ -9,9 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cosim import Record, System
+from fmu_sources.models.hmmwv_states import relative_model
 from fmu_sources.plants import linear_ride_car, wishbone_car
 from fmu_sources.plants.linear_car import CORNERS, POSITIONS, WITHOUT_SLIP, at_rest, linear_values, ride_motion
-from fmu_sources.vehicles import load_wishbone_car
+from fmu_sources.vehicles import load_full_car, load_wishbone_car
 
 INPUTS = [f"{what}.{k}" + ".height" * (what == "road") for what in ("road", "force") for k in CORNERS]
 # not body.roll_acceleration: that of the nonlinear car is about its body axis, which is pitched by 3 mrad at rest
@@ -244,6 +245,28 @@ def test_what_the_ride_does_not_decide_is_refused_by_name(nonlinear, vehicle):
         ride_motion(nonlinear, {n: v for n, v in values.items() if n not in WITHOUT_SLIP})
     with pytest.raises(ValueError, match="FullCarTest: speed"):
         ride_motion(nonlinear, values, ["speed"])
+
+
+def test_weight_that_leans_out_of_the_plane_of_the_road():
+    """On a level road it is the car as it is; deflections and velocities determine all of it on any other."""
+    vehicle, driven = load_full_car("hmmwv_modified"), {"wheel.rigid_body": 1.0}
+    upright, over = (linear_ride_car(vehicle, "RideCarTest", driven, plane=plane) for plane in (False, True))
+    with pytest.raises(ValueError, match=r"body\.roll_rate, body\.pitch_rate depends on absolute heights"):
+        relative_model(upright)
+    assert relative_model(over).A.shape == (15, 15)
+    one, other = upright.linearize(), over.linearize()
+    assert (one.A == other.A).all()
+    heights = [other.inputs.index(f"road.{k}.height") for k in CORNERS]
+    others = [i for i in range(len(other.inputs)) if i not in heights]
+    assert (one.B[:, others] == other.B[:, others]).all()
+    # Car and road, leaning together by 1 rad, have no acceleration.
+    half = vehicle.body.track.value / 2
+    roll = np.array([half, -half, half, -half])
+    x = np.zeros(14)
+    x[[other.states.index("body.roll"), *(other.states.index(f"wheel.{k}.z") for k in CORNERS)]] = [1.0, *roll]
+    for lin, size in ((one, 15.0), (other, 1e-9)):
+        left = np.abs(lin.A @ x + lin.B[:, heights] @ roll).max()
+        assert left > size if lin is one else left < size
 
 
 def test_a_vehicle_of_a_user_has_its_own(tmp_path, linear):

@@ -59,7 +59,7 @@ def mirrored(of, vector):
 
 
 def test_left_and_right_are_mirror_images(car):
-    """Also on a tire with plysteer and conicity: that of the right side is mirrored."""
+    """Also on a tire with plysteer and conicity: that of the right side is mirrored; a `full_car` to the last bit."""
     random = np.random.default_rng(3)
     states, inputs = names(car, "state"), names(car, "input")
     u, p = car.vector("input"), car.vector("parameter")
@@ -68,7 +68,10 @@ def test_left_and_right_are_mirror_images(car):
     x, u = x + random.normal(size=len(x)) * 0.02, u + random.normal(size=len(u)) * 0.01
     here = np.asarray(car.functions["rhs"](0, x, u, p)).ravel()
     there = np.asarray(car.functions["rhs"](0, mirrored(states, x), mirrored(inputs, u), p)).ravel()
-    assert there == pytest.approx(mirrored(states, here), rel=1e-9, abs=1e-9)
+    if "wheel.rigid_body" in names(car, "parameter"):
+        assert (there == mirrored(states, here)).all()
+    else:  # the equations of its wheels are eliminated one after the other
+        assert there == pytest.approx(mirrored(states, here), rel=1e-9, abs=1e-9)
 
 
 def test_keeps_straight_and_at_rest(car):
