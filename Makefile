@@ -31,7 +31,8 @@ studies: run
 	$(BIN)/cosim study trench-readings
 	$(BIN)/cosim study ride
 
-test test-full: export PYTHONDONTWRITEBYTECODE :=  # hundreds of programs start, which are compiled once, wherever that runs
+# Bytecode is kept even where the environment says otherwise: the tests start hundreds of programs.
+test test-full: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.test
 	$(MAKE) -j 2 lint fmus  # types are checked on one core while FMUs are built
 	$(BIN)/python -m pytest -n auto --dist loadscope --no-loadscope-reorder
