@@ -188,10 +188,6 @@ class Distribution:
         chance = sum(math.comb(n, k) for k in range(self.count(holds), n + 1)) / 2**n  # of at least so many
         return chance <= _LEVEL
 
-    def too_few(self, holds: Callable[[float], bool]) -> bool:
-        """Whether all values are on the claimed side, but so few that it may be chance (4 of 4): nothing is decided."""
-        return self.everywhere(holds) and not self.is_significant(holds)
-
     def everywhere(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, as a claim over all speeds needs it."""
         return self.count(holds) == len(self.values)

@@ -171,14 +171,6 @@ class TestDistribution:
         assert on_side(fewest)
         assert not on_side(fewest - 1)
 
-    def test_too_few_to_decide_although_all_agree(self):
-        def positive(x):
-            return x > 0
-
-        assert Distribution([1.0] * 4).too_few(positive)
-        assert not Distribution([1.0] * 5).too_few(positive)  # decided
-        assert not Distribution([1.0, 1.0, 1.0, -1.0]).too_few(positive)  # they do not agree
-
     def test_nan_is_on_no_side(self):
         seeds = Distribution([1.0, math.nan])
         assert seeds.count(lambda x: x > 0) == 1

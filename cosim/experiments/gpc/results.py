@@ -191,10 +191,6 @@ class Results:
         base = self.passive(road, speed)[quantity]
         return self.at_equal_response(road, speed, (controller,), lambda row: 100 * (row[quantity] / base - 1))
 
-    def matched_seeds(self, road: str, speed: float, controller: str) -> int:
-        """Number of seeds in which a weight gives the controller explicit's response."""
-        return sum(self.matched(road, speed, controller, s) is not None for s in self.seeds)
-
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
         """A quantity of `figures` of preview on the sine road, the smallest weight first."""
         return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]

@@ -17,25 +17,6 @@ import numpy.typing as npt
 from build_fmus.base.checks import number
 from cosim.core.signals import Array, finite_series, peak
 
-__all__ = [
-    "LABELS",
-    "LIMITS",
-    "PSD_RATE",
-    "WEIGHTS",
-    "Crossing",
-    "cost",
-    "cost_of_limits",
-    "crossing",
-    "exceeded",
-    "failures",
-    "improvement_percent",
-    "normalized",
-    "psd",
-    "psd_rms",
-    "reduction_percent",
-    "scores",
-]
-
 PSD_RATE = 1000.0  # Hz, sampling of the accelerations
 
 

@@ -19,21 +19,6 @@ from scipy import constants
 from build_fmus.base.checks import number, whole_number
 from cosim.core.signals import Array, finite_channels, finite_series
 
-__all__ = [
-    "STANDARD_GRAVITY",
-    "actuator_force",
-    "actuator_power",
-    "force_normalized_effectiveness",
-    "improvement",
-    "low_pass",
-    "low_pass_mean",
-    "power_normalized_effectiveness",
-    "response_magnitude",
-    "response_objective",
-    "response_objective_series",
-    "root_sum_square",
-]
-
 STANDARD_GRAVITY = constants.g  # m/s2, 9.80665
 
 

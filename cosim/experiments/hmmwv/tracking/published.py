@@ -10,7 +10,6 @@ from cosim.study.experiment import Row, Task
 
 NOISE = 50.0  # N, assumed noise of a load cell
 QUIET = 0.01  # of the amplitude: error below which a loop is stable without falling any more
-RISE_MS = 27.0  # of the filter (1.16), section 1.3
 DENSITIES = (0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3)  # in the controller, relative
 LEAKAGES = (0.0, 1.0, 2.0, 5.0)  # in the controller, relative
 PUBLISHED = ("square", "sweep", "discrete sweep")  # signals of Figure 1.8
