@@ -15,6 +15,7 @@ import json
 import re
 import sys
 import textwrap
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -82,9 +83,9 @@ def condense(summary: Summary) -> Summary:
     return {**kept, "claims": [{k: claim[k] for k in _CLAIM} for claim in summary["claims"]]}
 
 
-def kept() -> list[Summary]:
-    """The summaries in the repository."""
-    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(KEPT.glob("*.json"))]
+def kept(kind: str = ".") -> list[Summary]:
+    """The summaries in the repository; `kind`: readings or combinations."""
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / kind).glob("*.json"))]
 
 
 def condense_readings(summary: Summary) -> Summary:
@@ -104,11 +105,6 @@ def condense_readings(summary: Summary) -> Summary:
     return {"experiment": summary["experiment"], "in full": counts, "claims": claims}
 
 
-def kept_readings() -> list[Summary]:
-    """Those in the repository."""
-    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / "readings").glob("*.json"))]
-
-
 def condense_combinations(summary: Summary) -> Summary:
     """What is kept of all combinations: of each with its hold-out seeds, how many claims hold, and of which block."""
     blocks = {reading: cells for reading, *cells in summary["tables"]["blocks"]["rows"]}
@@ -121,11 +117,6 @@ def condense_combinations(summary: Summary) -> Summary:
     return {"experiment": summary["experiment"], "columns": columns, "rows": rows}
 
 
-def kept_combinations() -> list[Summary]:
-    """Those in the repository."""
-    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted((KEPT / "combinations").glob("*.json"))]
-
-
 def combinations_section(study: Summary) -> str:
     """The table, and the most that any combination reaches on hold-out seeds, beside the first reading."""
     rows = study["rows"]
@@ -134,7 +125,7 @@ def combinations_section(study: Summary) -> str:
     both = max(int(row[1]) for row in rows if int(row[2]) == max(int(r[2]) for r in rows))
     return "\n\n".join(
         [
-            "\n".join(map(_row, [study["columns"], ["---"] * len(study["columns"]), *rows])),
+            _table(study["columns"], rows),
             _wrapped(
                 f'On hold-out seeds {rows[0][-1]} claims hold in the reading "{rows[0][0]}". The most are {best}, in'
                 f" {' and '.join(names)}. Where all claims about smooth roads hold, at most {both} about the curb does."
@@ -161,7 +152,7 @@ def readings_section(study: Summary) -> str:
     never = [f"`{c}`" for c, found in study["claims"].items() if not IN_FULL & set(found.values())]
     return "\n\n".join(
         [
-            "\n".join(map(_row, [["reading", "claims in full", "claims that turn"], ["---"] * 3, *rows])),
+            _table(["reading", "claims in full", "claims that turn"], rows),
             _wrapped(
                 f"{LEGEND} Of {len(study['claims'])} claims {counts[main]} hold in full {main}. In none of the"
                 f" {len(rows)} readings do these hold in full: {', '.join(never) or 'none'}."
@@ -182,28 +173,15 @@ def table(studies: list[Summary]) -> str:
     for s in studies:
         own = [c for c in s["claims"] if c["own"]]
         held = sum(c["verdict"] == "holds" for c in own)
-        rows.append(
-            [
-                f"`{s['experiment']}`",
-                len(s["claims"]) - len(own),
-                *(count(s, v) for v in OUTCOMES),
-                f"{held} of {len(own)}",
-            ]
-        )
-    return "\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)])
+        verdicts = [count(s, v) for v in OUTCOMES]
+        rows.append([f"`{s['experiment']}`", len(s["claims"]) - len(own), *verdicts, f"{held} of {len(own)}"])
+    return _table(head, rows)
 
 
 def section(studies: list[Summary]) -> str:
     """The README's section: for each paper its subject, one published number beside ours, and the reproduced claims."""
-    head = [
-        "paper",
-        "subject",
-        "example",
-        "published",
-        "this project",
-        "[claims reproduced](docs/results.md)",
-        "studies",
-    ]
+    reproduced = "[claims reproduced](docs/results.md)"
+    head = ["paper", "subject", "example", "published", "this project", reproduced, "studies"]
     rows = []
     for number, (authors, subject, quantity, *which) in FEATURED.items():
         own = [s for s in studies if paper(s["experiment"]) == number]
@@ -215,8 +193,7 @@ def section(studies: list[Summary]) -> str:
         names = ", ".join(f"`{s['experiment']}`" for s in own)
         title = f"{number} {authors}"
         rows += [[title, subject, quantity, c["published"], _ours(c), reproduced, names] for c in featured]
-    lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]
-    return "\n\n".join(["\n".join(lines), *filter(None, [missing(studies)])])
+    return "\n\n".join(filter(None, [_table(head, rows), missing(studies)]))
 
 
 def page(studies: list[Summary]) -> str:
@@ -244,7 +221,7 @@ def page(studies: list[Summary]) -> str:
             if claims:
                 head = [title, "expected" if own else "published", "this project", "verdict", "reason"]
                 rows = [[_judged(c), _source(c), _result(c), c["verdict"], _reason(c)] for c in claims]
-                parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
+                parts.append(_table(head, rows))
     return "\n\n".join(parts) + "\n"
 
 
@@ -261,38 +238,32 @@ def one_table(studies: list[Summary]) -> str:
     """A page of the site: every published claim of every paper in one table, which readers can filter."""
     claims = [(paper(s["experiment"]), s, c) for s in studies for c in s["claims"] if not c["own"]]
     claims.sort(key=lambda row: row[0])
-    rows = [
-        [
-            number,
-            c["claim"],
-            c["source"],
-            c["published"],
-            _result(c),
-            c["verdict"],
-            f"[{s['experiment']}](results.md#{_anchor(_heading(s))})",
-        ]
-        for number, s, c in claims
-    ]
+    rows = []
+    for number, s, c in claims:
+        details = f"[{s['experiment']}](results.md#{_anchor(_heading(s))})"
+        rows.append([number, c["claim"], c["source"], c["published"], _result(c), c["verdict"], details])
     said = "; ".join(f"{sum(c['verdict'] == v for *_, c in claims)} {v}" for v in OUTCOMES)
     papers = "\n".join(f"- {number}: {title}" for number, title in sorted(PAPERS.items()))
-    return (
-        "\n\n".join(
-            [
-                "---\nhide: [toc]\n---\n\n# Claims of the papers",
-                (
-                    f"All {len(claims)} published claims that are judged: {said}. A claim is judged as the paper states"
-                    " it. If it concerns more than one run, it is judged on the distribution over seeds, speeds or"
-                    " places. The link in the last column leads to the criterion, the fitted parameters, and the reason"
-                    " if a claim is not reproduced."
-                ),
-                '<div class="claims" markdown>\n\n'
-                + "\n".join([_row(list(CLAIM_COLUMNS)), _row(["---"] * len(CLAIM_COLUMNS)), *map(_row, rows)])
-                + "\n\n</div>",
-                f"The papers:\n\n{papers}",
-            ]
-        )
-        + "\n"
-    )
+    return f"""---
+hide: [toc]
+---
+
+# Claims of the papers
+
+All {len(claims)} published claims that are judged: {said}. A claim is judged as the paper states it. If it concerns \
+more than one run, it is judged on the distribution over seeds, speeds or places. The link in the last column leads to \
+the criterion, the fitted parameters, and the reason if a claim is not reproduced.
+
+<div class="claims" markdown>
+
+{_table(CLAIM_COLUMNS, rows)}
+
+</div>
+
+The papers:
+
+{papers}
+"""
 
 
 def _heading(s: Summary) -> str:
@@ -314,9 +285,9 @@ def with_section(page: str, text: str, name: str = "results") -> str:
 
 def with_readings(page: str) -> str:
     """The page on what papers do not say, with the sections of all studies that are kept."""
-    for s in kept_readings():
+    for s in kept("readings"):
         page = with_section(page, readings_section(s), s["experiment"])
-    for s in kept_combinations():
+    for s in kept("combinations"):
         page = with_section(page, combinations_section(s), f"{s['experiment']} combinations")
     return page
 
@@ -324,9 +295,8 @@ def with_readings(page: str) -> str:
 def with_tables(page: str, study: Summary) -> str:
     """The page of a study, with the tables of its report that are kept; control laws are columns."""
     for name, table in study["tables"].items():
-        columns = [table["columns"], *table["rows"]]
-        lines = [_row(list(cells)) for cells in zip(*columns, strict=True)]
-        page = with_section(page, "\n".join([lines[0], _row(["---"] * len(columns)), *lines[1:]]), name)
+        head, *rows = zip(table["columns"], *table["rows"], strict=True)
+        page = with_section(page, _table(head, rows), name)
     return page
 
 
@@ -379,7 +349,11 @@ def _source(c: dict[str, Any]) -> str:
     return f"{c['published']} ({c['source']})" if c["source"] else c["published"]
 
 
-def _row(cells: list[Any]) -> str:
+def _table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
+    return "\n".join(map(_row, [head, ["---"] * len(head), *rows]))
+
+
+def _row(cells: Sequence[Any]) -> str:
     return f"| {' | '.join(str(c).replace('|', '/').replace(chr(10), ' ') for c in cells)} |"
 
 

@@ -17,7 +17,7 @@ from cosim.experiments.gpc_readings.report import CURB, SMOOTH
 from fmu_sources.catalog import PAPERS
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_results.py"))
-STUDIES, READINGS = WRITER["kept"](), WRITER["kept_readings"]()
+STUDIES, READINGS = WRITER["kept"](), WRITER["kept"]("readings")
 PAPERS_PAGE = WRITER["PAPERS_PAGE"].read_text(encoding="utf-8")
 FULL, TREND = ("yes", "calibrated"), ("yes", "calibrated", "trend")
 EXCLUSIVE = (
@@ -77,7 +77,7 @@ def test_a_verdict_that_changes_changes_the_table_of_readings(study: dict) -> No
 
 def test_the_page_on_papers_has_the_tables_of_all_combinations() -> None:
     """And no combination holds both blocks, or many more claims on hold-out seeds than the printed text, as it says."""
-    (study,) = WRITER["kept_combinations"]()
+    (study,) = WRITER["kept"]("combinations")
     assert WRITER["combinations_section"](study) in PAPERS_PAGE
     assert len(study["rows"]) == 2**4
     assert not any(int(curb) == len(CURB) and int(smooth) == len(SMOOTH) for _, curb, smooth, *_ in study["rows"])
