@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -103,58 +104,28 @@ class Awkward(Case):
     hold: bool = option(True, help="yes or no")
 
 
-ALIKE: list[dict[str, object]] = [
-    {},
-    {"speed": 50.00001},
-    {"speed": 50.00002},
-    {"speed": -50.0},
-    {"height": 0.2},
-    {"height": 0.20001},
-    {"stage": 1.0},
-    {"stage": 2.0},
-    {"stage": 7.0},
-    {"stage": 8.0},
-    {"front": "hard"},
-    {"rear": "hard"},
-    {"front": "hard-hard"},
-    {"front": "hard", "rear": "hard"},
-    {"front": "Hard"},
-    {"front": "a/b"},
-    {"front": "a_b"},
-    {"front": "nul"},
-    {"front": "x" * 300},
-    {"front": "x" * 299 + "y"},
-    {"law": "a-b"},
-    {"law": "b"},
-    {"law": "A"},
-    {"other": "b"},
-    {"front": "a-b"},
-    {"front": ""},
-    {"rear": ""},
-    {"seed": 5},
-    {"seed": 10**20},
-    {"seed": 10**20 + 1},
-    {"seed": -5},
-    {"front": "in-5"},
-    {"road": "curb"},
-    {"road": "curb.fmu"},
-    {"road": "a/curb.fmu"},
-    {"road": "b/curb.fmu"},
-    {"road": "x.fmu"},
-    {"mass": None},
-    {"mass": 2.0},
-    {"mass": 1e-300},
-    {"front": "no-mass"},
-    {"hold": False},
-    {"front": "no-hold"},
-    {"front": "50kmh"},
-    {"front": "default"},
-]
+ALIKE: dict[str, tuple[object, ...]] = {
+    "speed": (50.00001, 50.00002, -50.0),
+    "height": (0.2, 0.20001),
+    "stage": (1.0, 2.0, 7.0, 8.0),
+    "front": ("hard", "hard-hard", "Hard", "a/b", "a_b", "nul", "x" * 300, "x" * 299 + "y", "a-b", "", "in-5"),
+    "rear": ("hard", ""),
+    "law": ("a-b", "b", "A"),
+    "other": ("b",),
+    "seed": (5, 10**20, 10**20 + 1, -5),
+    "road": ("curb", "curb.fmu", "a/curb.fmu", "b/curb.fmu", "x.fmu"),
+    "mass": (None, 2.0, 1e-300),
+    "hold": (False,),
+}
+NAMES = ("no-mass", "no-hold", "50kmh", "default")
+"""Values of `front` that labels of other fields and of no field look like."""
 
 
 def test_labels_of_different_cases_differ_and_are_names_of_files() -> None:
-    names = [Awkward(**given).label for given in ALIKE]
-    assert len({n.lower() for n in names}) == len(ALIKE)
+    given: list[dict[str, Any]] = [{}, {"front": "hard", "rear": "hard"}, *({"front": name} for name in NAMES)]
+    given += [{field: value} for field, values in ALIKE.items() for value in values]
+    names = [Awkward(**fields).label for fields in given]
+    assert len({n.lower() for n in names}) == len(given) == 45
     for name in names:
         assert len(name) <= 120
         assert re.fullmatch(r"(?!nul$)[\w.+-]+", name, re.ASCII), name
