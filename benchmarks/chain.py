@@ -73,12 +73,9 @@ def of_version(version: int) -> dict[str, float]:
                 "Ecos": [sys.executable, "-c", _ECOS, json.dumps([str(fmu), STEPS, NAMES])],
             },
         )
-        results["engine / FMU Manipulation Toolbox"] = _ratio(results, "engine", "FMU Manipulation Toolbox")
+        engine, toolbox = (results[f"{name} / bare C loop"] for name in ("engine", "FMU Manipulation Toolbox"))
+        results["engine / FMU Manipulation Toolbox"] = engine / toolbox
         return results
-
-
-def _ratio(results: dict[str, float], one: str, other: str) -> float:
-    return results[f"{one} / bare C loop"] / results[f"{other} / bare C loop"]
 
 
 def _toolbox(fmu: Path, folder: Path) -> list[str]:

@@ -70,7 +70,7 @@ def write_report(report: Report, directory: str | os.PathLike[str]) -> Path:
         files[figure_csv(figure.id)] = _csv([header for header, _ in columns], zip(*padded, strict=True))
     for table in report.tables:
         files[table_csv(table.id)] = _csv(table.columns, table.rows)
-    files["summary.json"] = _json(summary(report))
+    files["summary.json"] = _json(summary(report), indent=2, ensure_ascii=False) + "\n"
     files["report.html"] = render(report)
     for name, text in files.items():
         _write(root, name, text)
@@ -309,8 +309,8 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def _json(value: Any) -> str:
-    return json.dumps(_finite(value), indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+def _json(value: Any, **how: Any) -> str:
+    return json.dumps(_finite(value), sort_keys=True, allow_nan=False, **how)
 
 
 def _csv(headers: Iterable[str], rows: Iterable[Sequence[Scalar]]) -> str:
@@ -339,11 +339,7 @@ class Packed:
     @classmethod
     def json(cls, value: Any) -> Packed:
         """Pack a value as JSON."""
-        return cls.text(_compact(value))
-
-
-def _compact(value: Any) -> str:
-    return json.dumps(_finite(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return cls.text(_json(value, separators=(",", ":")))
 
 
 def _script(source: str) -> Markup:

@@ -357,8 +357,8 @@ def compare(
                 values.append(float(_SIZES[line.sized](found)))
     sized = [line for line in lines if line.sized]
     unit = sized[0].parts[0].unit if sized else ""
-    worst = partial(_inside, band) if band is not None else None
-    value = min(values, key=worst or (lambda _: 0.0), default=math.nan) if sized else None
+    low, high = (band.low, band.high) if band is not None else (-math.inf, math.inf)
+    value = min(values, key=lambda v: min(v - low, high - v), default=math.nan) if sized else None
     nothing = view.left_out if not all(tally.places for tally in tallies) else ""
     seen = Evidence([item for tally in tallies for item in tally.seen.seen])
     words = {line.name: Figures(line, own[id(line)]) for line in lines if line.name}
@@ -372,8 +372,3 @@ def compare(
         evidence=seen,
         words={**view.words, **words},
     )
-
-
-def _inside(band: Band, value: float) -> float:
-    """How far a value lies inside of a band; negative outside."""
-    return min(value - band.low, band.high - value)

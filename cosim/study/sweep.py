@@ -134,7 +134,7 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
         design = whole(design, wholes)
         for a in design.axes:
             number = own[a.name].type in (int, float) if a.name in own else variables[a.name].type != "string"
-            for value in _extremes(a):
+            for value in a.values if a.kind == "values" else a.ends:  # where it has ends
                 if number:
                     check_no_range(a.name, value)
                 if a.name in own:
@@ -170,11 +170,6 @@ def _variable(system: Any, name: str, own: Mapping[str, Field]) -> Any:
     if found.type not in KINDS:
         raise WiringError(f"{name} is of type {found.fmi_type}; numbers, truth values and texts can vary")
     return found
-
-
-def _extremes(axis: Any) -> list[Any]:
-    """Values at the ends of an axis, as far as it has ends."""
-    return list(axis.values if axis.kind == "values" else axis.ends)
 
 
 # ------------------------------------------------------------------------------------------------------------- running

@@ -124,16 +124,12 @@ def refined_cases() -> list[Case]:
     return [finer(case) for case in published_cases()] + apart
 
 
-def drawn_cases() -> list[Case]:
-    """Cases of which the signals of the first place are kept."""
-    return [Case(road, c) for road in ROADS for c in PUBLISHED] + [Case("off-road", "lqr-kilonewton")]
-
-
 def plan() -> list[Task]:
     """Every run of the vehicle."""
-    drawn = {places(case)[0] for case in drawn_cases()}
+    drawn = [Case(road, c) for road in ROADS for c in PUBLISHED] + [Case("off-road", "lqr-kilonewton")]
+    first = {places(case)[0] for case in drawn}  # whose signals are kept
     runs = dict.fromkeys(run for case in averaged_cases() for run in places(case))
-    return [Task(run, signals=run in drawn, cost=_cost(run)) for run in runs]
+    return [Task(run, signals=run in first, cost=_cost(run)) for run in runs]
 
 
 def _cost(case: Case) -> float:
