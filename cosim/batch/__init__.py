@@ -4,11 +4,13 @@
 - `initial_states`: how the copies are initialized, in lanes or one after the other;
 - `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
-- `library`: the compiled library, for one kind of processor.
+- `library`: the compiled library, for one kind of processor;
+- `unread`: equations without those of outputs that nothing reads;
+- `adjoint`: a run and the way back, for derivatives by many parameters.
 
 In `runtime/` are the vectors (`lanes.h`), the generated functions over them (`lane_equations.h`), steps and samples
 in lanes (`lane_component.h`), the engine of groups (`batch.c`), and what a number with derivatives takes in place of a
-vector (`tangents.h`, `programs.h`).
+vector (`numbers.h` over `tangents.h` or `adjoints.h`, `programs.h`).
 """
 
 from cosim.batch.copies import Batch, BatchRecording, CopyFailedWarning

@@ -64,7 +64,7 @@ class Tape:
 
 
 class NoAdjointError(CosimError):
-    """A system with components that have no derivatives of their own."""
+    """A system with components that have no adjoint."""
 
 
 @dataclass
@@ -83,7 +83,7 @@ class AdjointRun(Batch):
     segment, from the last to the first, runs again from its state over numbers whose operations are kept on a tape
     (adjoints.h): what the results owe to the numbers at its end becomes what they owe to those at its beginning.
 
-    Raises NoAdjointError naming components that have no derivatives of their own.
+    Raises NoAdjointError naming components that have no adjoint.
     """
 
     def __init__(self, system: Wiring, names: Sequence[str], record: Record, stop_time: TimeLike):
@@ -92,8 +92,8 @@ class AdjointRun(Batch):
         seeds = {name: np.array([[index]]) for name, index in zip(names, indices, strict=True)}
         super().__init__(system, 1, record=record, stop_time=stop_time, threads=1, seeds=seeds, begin=False)
         if self.scalar:
-            why = "; ".join(f"'{name}' has no derivatives of its own ({why})" for name, why in self.scalar.items())
-            raise NoAdjointError(f"{why}: mode='forward' follows such components by differences")
+            why = "; ".join(f"'{name}' has no adjoint ({why})" for name, why in self.scalar.items())
+            raise NoAdjointError(f"{why}: take mode='forward'")
         self._begun = self._tape = Tape(_ROOM)
         while True:
             self._begun.begin(self._n)

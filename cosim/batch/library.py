@@ -157,7 +157,9 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     if target.directions:
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
-    files["model.c"] = without_unread(source.model, outputs).encode() if target.directions else source.files["model.c"]
+    files["model.c"] = source.files["model.c"]
+    if target.directions:
+        files["model.c"] = without_unread(source.model, outputs, source.solver == "FMU_ROS2").encode()
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],

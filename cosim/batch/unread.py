@@ -14,13 +14,19 @@ from collections.abc import Collection
 _OUTPUTS = re.compile(r"typedef struct \{([^}]*)\} Outputs;")
 _FIELD = re.compile(r"real (\w+)((?:\[\d+\])*);")
 _FUNCTION = re.compile(r"^static void (?:outputs|sample)\(.*?^\}$", re.MULTILINE | re.DOTALL)
+_JACOBIAN = re.compile(r"^static void jacobian\(.*?^\}$", re.MULTILINE | re.DOTALL)
 _SHOWN = re.compile(r"(?<=[;{}])\s*y->(\w+)(?:\[[^]]*\])* = [^;{}]*;")
 _DEFINITION = re.compile(r"(?<=[;{}])\s*const (?:real|condition) (\w+) = [^;{}]*;")
 _NAME = re.compile(r"\b[A-Za-z_]\w*")
 
 
-def without_unread(model: str, slots: Collection[int]) -> str:
-    """The text of a `model.c` without comments, without what only outputs other than those with these slots need."""
+def without_unread(model: str, slots: Collection[int], jacobian: bool) -> str:
+    """The text of a `model.c` without comments, without what only outputs other than those with these slots need.
+
+    `jacobian`: whether its solver needs that function, which takes long to compile over numbers with operators.
+    """
+    if not jacobian:
+        model = _JACOBIAN.sub("", model)
     found = _OUTPUTS.search(model)
     if found is None:
         return model

@@ -134,6 +134,7 @@ class PointSlopes:
                 stop_time=end,
                 interval=options.interval_of(case),
                 threads=self.threads,
+                mode="forward",
             )
         )
         self._spent, self.points = self._spent + took, self.points + 1

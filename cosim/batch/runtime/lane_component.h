@@ -117,6 +117,9 @@ static unsigned not_finite(
 }
 
 #if IS_CONTINUOUS
+#ifdef ADJOINTS
+__attribute__((noinline)) /* once is enough to compile */
+#endif
 static void rhs(void *component, double t, const lanes *x, lanes *dx) {
 #if N_STATES
     const FmuArguments at = arguments((Component *)component, t, x);

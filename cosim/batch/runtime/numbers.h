@@ -71,7 +71,7 @@ INLINE int noted(int moving, int side) {
 
 /* ------------------------------------------------------------------ comparisons */
 
-#define COMPARED(is)                                                                                       \
+#define COMPARED(is)                                                                                         \
     OPERATION int operator is(const Number &x, const Number &y) { return noted(depends(x, y), x.v is y.v); } \
     OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y); }             \
     OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v); }
