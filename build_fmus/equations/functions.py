@@ -33,8 +33,8 @@ _INPUTS = {
     "fwd": ("t", "x", "u", "p", "dx", "du", "dp"),
     "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
 }
-# What copies and gradients need, and no other functions.
-_IN_LANES = ("fixed", *random_profiles.FUNCTIONS, "start", "out", "rhs", "jac", "programs", "tick")
+# What copies and gradients need, and no other functions but the Jacobian of a solver that solves with it.
+_IN_LANES = ("fixed", *random_profiles.FUNCTIONS, "start", "out", "rhs", "programs", "tick")
 _ARGUMENT_CODE = {"t": "&at->t", "c": "profiles(at)"}  # of others: at->NAME
 
 
@@ -87,13 +87,14 @@ class Functions:
             target = Target("f", len(fixed), self.structs["f"], sources)
             parts.insert(0, _Part("prepare", "values that depend on parameters only", "fixed", ((0, target),)))
         others = [component.functions[p.function] for p in parts if read[p.function] is None]
-        vectors = all(read[p.function] is not None for p in parts if p.function in _IN_LANES)
+        shared = self._shared
+        vectors = all(read[p.function] is not None for p in parts if p.function in shared)
         code, entries = casadi_code(others) if others else ("", {})
         if code:
             self.sections.append(f"{_head('operations in the code of CasADi')}\n{code}\n")
         for part in parts:
             results = read[part.function]
-            where = self.in_lanes if vectors and part.function in _IN_LANES else self.sections
+            where = self.in_lanes if vectors and part.function in shared else self.sections
             where.append(self._calls(part, entries) if results is None else self._section(part, results))
             self.names.append(part.name)
         for pair in component.profiles:
@@ -113,6 +114,10 @@ class Functions:
         shown = [s.definition() for s in self.structs.values()]
         constants = [f"{_head('constants')}\n", *self._tables.code] if self._tables.code else []
         return "\n\n".join([*shown, *constants])
+
+    @property
+    def _shared(self) -> tuple[str, ...]:
+        return (*_IN_LANES, "jac") if self._component.solver == "ros2" else _IN_LANES
 
     # ------------------------------------------------------------------ what there is to write
 
@@ -240,7 +245,7 @@ class Functions:
         for node in nodes:
             given = node.operation != ca.OP_INPUT or node.data[0] == "p"
             fixed.append(given and all(fixed[a] for a in node.arguments))
-        open_ = [r.node for name in _IN_LANES for r in read.get(name) or () if name not in random_profiles.FUNCTIONS]
+        open_ = [r.node for name in self._shared for r in read.get(name) or () if name not in random_profiles.FUNCTIONS]
         seen: set[int] = set()
         while open_:
             n = open_.pop()

@@ -5,7 +5,6 @@
 - `structs`: the plan of all copies for the engine, and the failures;
 - `source`: the sources that an FMU carries, and why it is not vectorizable;
 - `library`: the compiled library, for one kind of processor;
-- `unread`: equations without those of outputs that nothing reads;
 - `adjoint`: a run and the way back, for derivatives by many parameters.
 
 In `runtime/` are the vectors (`lanes.h`), the generated functions over them (`lane_equations.h`), steps and samples

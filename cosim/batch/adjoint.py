@@ -248,7 +248,19 @@ class AdjointRun(Batch):
             raise CosimError(str(self._structs.failure(0)))
         self._taken[number] = [each.copy() for each in self._sides]
         now = active | (self._indices() != 0)
-        return None if (now == active).all() else now
+        return None if (now == active).all() else self._closed(now)
+
+    def _closed(self, active: Which) -> Which:
+        """With all states and outputs of components of which one is active: the next segments would find them."""
+        exchange, *parts = np.split(active, self._borders)
+        plans = {plan.component: plan for plan in self._plan.components}
+        for m, own in zip(self._components, parts, strict=True):
+            source = self._lanes[m].source
+            behind_inputs = own[source.size("parameters") + source.size("inputs") : len(own) - source.size("fixed")]
+            if behind_inputs.any():
+                behind_inputs[:] = True
+                exchange[plans[m].first : plans[m].first + plans[m].n_outputs] = True
+        return active
 
     def _indices(self) -> Indices:
         """On the tape, of all that can depend on the parameters; 0 where it does not."""

@@ -18,7 +18,6 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.source import MUSL, LaneSource
 from cosim.batch.source import RUNTIME as OF_FMUS
-from cosim.batch.unread import without_unread
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
@@ -158,8 +157,6 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
     files["model.c"] = source.files["model.c"]
-    if target.directions:
-        files["model.c"] = without_unread(source.model, outputs, source.solver == "FMU_ROS2").encode()
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],

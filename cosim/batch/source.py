@@ -128,7 +128,8 @@ class LaneSource:
     def settings(self, outputs: tuple[int, ...]) -> list[str]:
         """Settings in C of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
         there = self.model.partition("#ifndef LANES")[0]
-        for name in ("start_states", "derivatives", "jacobian", "outputs", "program_data", "sample"):
+        jacobian = ["jacobian"] if self.solver == "FMU_ROS2" else []
+        for name in ("start_states", "derivatives", "outputs", "program_data", "sample", *jacobian):
             if name in self.fields and f"static void {name}(" not in there:
                 raise NoLanes(f"lanes cannot follow its sources: there is no function {name}")
         constants = {
