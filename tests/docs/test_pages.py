@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pages import PAGES, ROOT, blocks, headings, help_of, links, same, transcripts, words
 from pyarrow import parquet as pq
@@ -79,7 +80,15 @@ def test_a_gradient(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None
     found, trust = names["found"], names["trust"]
     assert len(found.parameters) == 5  # type: ignore[attr-defined]
     assert abs(trust.deviation).max() < 1e-6  # type: ignore[attr-defined]
-    assert "car.suspension.front.damper" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "car.suspension.front.damper" in printed
+    (table,) = (t for t in blocks(ROOT / "docs" / "how-to" / "gradients.md", "text") if t.startswith("  0.90"))
+    assert printed.endswith(table)
+    slopes, differences = (np.array(names[n]) for n in ("slopes", "differences"))  # they contradict each other
+    assert (slopes > 8.0).all()
+    assert (differences < 0.0).all()
+    wide = names["there"].trust(0.02)  # type: ignore[attr-defined]
+    assert abs(wide.deviation).max() > 0.3
 
 
 @pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
