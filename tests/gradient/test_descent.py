@@ -18,7 +18,7 @@ from cosim.study.descent import descend
 from cosim.study.design import Design, axis
 from cosim.study.loading import load
 from cosim.study.optimise import OptimisationError
-from cosim.study.slopes import PointSlopes, Slopes, local_slopes
+from cosim.study.slopes import PointSlopes, Slopes, local_slopes, through
 from cosim.study.sweep import prepare, run_sweep
 from cosim.study.sweep_report import sweep_report
 
@@ -73,6 +73,18 @@ def test_a_front_lies_between_its_ends() -> None:
     assert x.max() > 0.98
     assert np.diff(np.sort(x)).max() < 0.5
     assert [t.values["y"] for t in found.front] == pytest.approx([10.0] * len(found.front), rel=0.05)
+
+
+def test_slopes_lead_through_a_design() -> None:
+    def design(values: Mapping[str, Any]) -> dict[str, float]:
+        return {"x": values["a"] * values["b"], "y": np.exp(values["b"])}
+
+    at = {"a": 0.3, "b": 2.0}
+    found, inner = through(bowls, design)(at), bowls(design(at))
+    chain = np.array([[at["b"], at["a"]], [0.0, np.exp(at["b"])]])
+    assert found.row == inner.row
+    for name, slopes in inner.slopes.items():
+        np.testing.assert_allclose(found.slopes[name], slopes @ chain, rtol=1e-8)
 
 
 def test_trials_are_counted() -> None:
