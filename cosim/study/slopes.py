@@ -137,7 +137,7 @@ class PointSlopes:
                 stop_time=end,
                 interval=options.interval_of(case),
                 threads=self.threads,
-                mode="forward",
+                mode="forward",  # derivatives of the samples
             )
         )
         self._spent, self.points = self._spent + took, self.points + 1
