@@ -39,6 +39,7 @@ test: $(VENV)/.test
 
 # Also runs the studies once more and compares every verdict; a study uses all cores by itself.
 test-full: test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[jax]' || echo "the extra [jax] cannot be installed here"
 	$(BIN)/python -m pytest -m full
 
 # Reads the measured courses (OpenCRG) in the folder that SUSPENSION_ROADS names; they are no part of the repository.

@@ -20,6 +20,8 @@ EXTRAS = {
     "sensitivity": ("SALib",),
 }
 """Name of an extra of the distribution -> modules of others that come with it."""
+OUTSIDE = {"jax": ("jax",), "torch": ("torch",)}
+"""Likewise, of extras that are no part of [all]."""
 
 BUILDING, WRITING = "building FMUs", "writing a report"  # what needs the first two, in messages
 
@@ -30,7 +32,7 @@ class MissingExtraError(ImportError):
 
 def missing(extra: str) -> bool:
     """Whether a module of an extra is not installed."""
-    return any(find_spec(module) is None for module in EXTRAS[extra])
+    return any(find_spec(module) is None for module in (EXTRAS | OUTSIDE)[extra])
 
 
 def require(extra: str, what: str) -> None:

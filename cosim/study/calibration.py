@@ -60,7 +60,8 @@ class SystemResponse:
         stop_time, interval: of a run, and between samples [s].
         lanes: as in `cosim.Execution`.
         gradient: derivatives are those of the run (`System.gradient`), not differences of runs. They are exact where
-            the response is smooth; across its kinks the differences, which begin with large steps, see further.
+            the response is smooth. Where single samples jump, as at touch-downs of a tire, differences take the jump
+            for a slope, and their intervals are too narrow.
     """
 
     def __init__(

@@ -120,7 +120,7 @@ class _Search:
         return np.array(found)
 
     def trial(self, u: Array) -> tuple[Array, Array, Array, Array] | None:
-        """Objectives to be minimized (m,), their slopes (m, n), bounds' room (k,) and its slopes; None: it failed."""
+        """Objectives to be minimized (m,), their slopes (m, n), bounds' margin (k,) and its slopes; None: it failed."""
         key = u.tobytes()
         if key in self._seen:
             return self._seen[key]
@@ -153,15 +153,15 @@ class _Search:
         slopes = np.array([s * found.slopes[n] * per for n, s in numbers])
         size = [abs(b) or 1.0 for _, b, _ in self.bounds]
         rows = list(zip(self.bounds, size, strict=True))
-        room = np.array([s * (b - found.row[n]) / z for (n, b, s), z in rows])
-        room_slopes = np.array([-s * found.slopes[n] * per / z for (n, _, s), z in rows]).reshape(len(rows), len(per))
+        margin = np.array([s * (b - found.row[n]) / z for (n, b, s), z in rows])
+        margin_slopes = np.array([-s * found.slopes[n] * per / z for (n, _, s), z in rows]).reshape(len(rows), len(per))
         missed = [
             f"{n} is {found.row[n]:.6g}, beyond {b:g}"
-            for (n, b, _), r in zip(self.bounds, room, strict=True)
+            for (n, b, _), r in zip(self.bounds, margin, strict=True)
             if r < -MET
         ]
         self.trials.append(Trial(len(self.trials), values, dict(found.row), "; ".join(missed)))
-        self._seen[key] = f, slopes, room, room_slopes
+        self._seen[key] = f, slopes, margin, margin_slopes
         return self._seen[key]
 
     def descend(self, weight: Array, most: int) -> None:
@@ -171,7 +171,7 @@ class _Search:
         size = np.ptp(values, axis=0)
         size = np.where(size > 0, size, np.where(values[0] != 0, np.abs(values[0]), 1.0))
         share = weight / size
-        penalty = np.array([np.maximum(-room, 0.0).sum() if len(room) else 0.0 for *_, room in known])
+        penalty = np.array([np.maximum(-margin, 0.0).sum() if len(margin) else 0.0 for *_, margin in known])
         begin = known[int(np.argmin(values @ share + 1e3 * penalty))][0]
         worst = float((values @ share).max())
         self._until = len(self.trials) + most
@@ -182,18 +182,18 @@ class _Search:
                 return worst + 10.0 * float(weight.sum()), np.zeros(len(u))
             return float(found[0] @ share), share @ found[1]
 
-        def room(u: Array) -> Array:
+        def margin(u: Array) -> Array:
             found = self.trial(np.clip(u, 0.0, 1.0))
             return np.full(len(self.bounds), -1.0) if found is None else found[2]
 
-        def room_slopes(u: Array) -> Array:
+        def margin_slopes(u: Array) -> Array:
             found = self.trial(np.clip(u, 0.0, 1.0))
             return np.zeros((len(self.bounds), len(u))) if found is None else found[3]
 
         method = "SLSQP" if self.bounds else "L-BFGS-B"
         more: dict[str, Any] = {}
         if self.bounds:
-            more["constraints"] = [{"type": "ineq", "fun": room, "jac": room_slopes}]
+            more["constraints"] = [{"type": "ineq", "fun": margin, "jac": margin_slopes}]
         with contextlib.suppress(_SpentError):
             optimize.minimize(
                 total,

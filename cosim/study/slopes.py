@@ -8,7 +8,7 @@ and backward. So any experiment has derivatives, with as many runs as points.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Any
@@ -53,6 +53,7 @@ class PointSlopes:
         fmus: its FMUs.
         execution: how systems are executed.
         threads: of a run with derivatives; None: all cores.
+        names: axes by which derivatives are taken; None: all.
 
     Raises:
         GradientError: an axis is an option of the cases.
@@ -62,6 +63,7 @@ class PointSlopes:
     fmus: FmuSet
     execution: Execution = field(default_factory=Execution)
     threads: int | None = None
+    names: Sequence[str] | None = None
     points: int = field(default=0, init=False)
     """How many were computed."""
     remarks: list[str] = field(default_factory=list, init=False)
@@ -72,7 +74,8 @@ class PointSlopes:
 
     def __post_init__(self) -> None:
         refuse_tolerance(self.execution)
-        self._names = [a.name for a in self.sweep.design.axes]
+        self._axes = [a.name for a in self.sweep.design.axes]
+        self._names = self._axes if self.names is None else list(self.names)
         own = {name for name, _ in self.sweep.parameters}
         for name in self._names:
             if name not in own:
@@ -101,7 +104,7 @@ class PointSlopes:
 
     def case(self, values: Mapping[str, Any]) -> Any:
         """The case of a point."""
-        named = {a: values[n] for a, n in zip(self.sweep.attributes, self._names, strict=True)}
+        named = {a: values[n] for a, n in zip(self.sweep.attributes, self._axes, strict=True)}
         return self.sweep.case(**{**self.sweep.base, **named})
 
     def present(self) -> dict[str, float]:
@@ -134,7 +137,7 @@ class PointSlopes:
                 stop_time=end,
                 interval=options.interval_of(case),
                 threads=self.threads,
-                mode="forward",
+                mode="forward",  # derivatives of the samples
             )
         )
         self._spent, self.points = self._spent + took, self.points + 1
@@ -165,6 +168,63 @@ class PointSlopes:
     def _measured(self, case: Any, recording: Any, system: Any) -> dict[str, float]:
         row: Row = self._runner.experiment.measured(Run(case, recording, system))
         return {n: float(v) for n, v in row.items() if isinstance(v, int | float)}
+
+
+@dataclass(frozen=True)
+class LocalSlopes:
+    """Derivatives at the medians of the axes of a sweep, beside the deviations of these.
+
+    Attributes:
+        at: medians, by axis.
+        deviations: standard deviations of the axes' distributions, by axis that has a derivative.
+        slopes: numbers there and their derivatives, in the order of `deviations`.
+    """
+
+    at: Values
+    deviations: Mapping[str, float]
+    slopes: Slopes
+
+    def relative(self, metric: str, axis: str) -> float | None:
+        """Relative change of a number by relative change of a parameter; None where one is 0 or has no derivative."""
+        if axis not in self.deviations or not self.slopes.row[metric] or not self.at[axis]:
+            return None
+        slope = float(self.slopes.slopes[metric][list(self.deviations).index(axis)])
+        return slope * float(self.at[axis]) / self.slopes.row[metric]
+
+    def spread(self, metric: str, axis: str) -> float | None:
+        """Standard deviation of a number from that of one parameter; None where there is no derivative."""
+        if axis not in self.deviations:
+            return None
+        slope = float(self.slopes.slopes[metric][list(self.deviations).index(axis)])
+        return abs(slope) * self.deviations[axis]
+
+    def covariance(self, metrics: Sequence[str]) -> Array:
+        """Of numbers (n, n), from independent deviations of the parameters: J diag(deviation^2) J'."""
+        scaled = np.array([self.slopes.slopes[m] for m in metrics]) * list(self.deviations.values())
+        found: Array = scaled @ scaled.T
+        return found
+
+
+QUANTILES = (np.arange(1000) + 0.5) / 1000
+
+
+def local_slopes(sweep: Sweep, fmus: FmuSet, execution: Execution | None = None) -> LocalSlopes:
+    """Derivatives at the medians of a sweep's axes, by those that are parameters of components with real values.
+
+    Raises:
+        GradientError: no axis is such a parameter, or one has no derivative.
+        CosimError: the run at the medians fails.
+    """
+    kinds = dict(sweep.parameters)
+    axes = [a for a in sweep.design.axes if kinds.get(a.name) == "real"]
+    if not axes:
+        raise GradientError(
+            "no parameter of this sweep has a derivative: vary COMPONENT.PARAMETER of the system with real values"
+        )
+    at = {a.name: a.at(np.array([0.5]))[0] for a in sweep.design.axes}
+    deviations = {a.name: float(np.std(a.at(QUANTILES))) for a in axes}
+    with PointSlopes(sweep, fmus, execution or Execution(), names=list(deviations)) as evaluate:
+        return LocalSlopes(at, deviations, evaluate(at))
 
 
 def through(evaluate: Callable[[Values], Slopes], design: Callable[[Values], Values]) -> Callable[[Values], Slopes]:

@@ -21,6 +21,7 @@ from cosim.study.commands import make_folder, on, refuse_none, run_case, tell_la
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
 from cosim.study.experiment import Baseline, Experiment
 from cosim.study.options import EXECUTION, MANY_RUNS, OUT, RETRY, case_options, command, execution, fmu_options, fmu_set
+from cosim.study.slopes import local_slopes
 from cosim.study.sweep import HISTORIES, RunningStats, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
 
@@ -67,6 +68,12 @@ DESIGN = (
         is_flag=True,
         help="also save the time histories of every run, as Parquet files next to the table",
     ),
+    click.Option(
+        ["--gradient"],
+        is_flag=True,
+        help="also list derivatives at the medians of the parameters, by one run with derivatives, and the standard"
+        " deviations of metrics that follow from the parameters' distributions",
+    ),
     click.Option(["--yes"], is_flag=True, help=f"do not ask before more than {MANY} runs"),
 )
 
@@ -94,6 +101,7 @@ def sweep_command(experiment: Experiment) -> Command:
             force=given["force"],
             execution=execution(given),
             histories=given["histories"],
+            gradient=given["gradient"],
         )
 
     return command(
@@ -111,9 +119,18 @@ def sweep_command(experiment: Experiment) -> Command:
 
 
 def write_sweep(
-    sweep: Sweep, fmus: Any, out: Path, *, worst: str | None = None, cluster: str | None = None, **options: Any
+    sweep: Sweep,
+    fmus: Any,
+    out: Path,
+    *,
+    worst: str | None = None,
+    cluster: str | None = None,
+    gradient: bool = False,
+    **options: Any,
 ) -> Path:
     """Run a sweep under a progress bar, and write its table and page; `options` as for `cosim.study.run_sweep`.
+
+    `gradient`: the page also lists local derivatives, see `cosim.study.slopes.local_slopes`.
 
     Raises:
         CosimError: every run failed; table and page are there.
@@ -123,6 +140,7 @@ def write_sweep(
 
     ranking = None if worst is None else Worst.of(worst)
     folder = make_folder(fmus.results(out, sweep.experiment.name) / "sweep")
+    local = local_slopes(sweep, fmus, options.get("execution")) if gradient else None
     with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running_stats):
         try:
             table = run_sweep(
@@ -148,7 +166,7 @@ def write_sweep(
         console.print(f"{missing} histories are missing in {folder / HISTORIES}: can all workers write to this folder?")
     path = table.write(folder / "table.parquet")
     page = write_report(
-        sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution")), folder
+        sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution"), local=local), folder
     )
     console.print(f"table: {path}")
     console.print(f"report: {page}")

@@ -23,6 +23,7 @@ from cosim.study.experiment import Metric, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance
 from cosim.study.runner import Runner
+from cosim.study.slopes import LocalSlopes
 from cosim.study.sweep import Sweep, SweepTable
 from cosim.study.swept import swept
 
@@ -69,6 +70,7 @@ def sweep_report(
     worst: Worst | None = None,
     folder: Path | None = None,
     execution: Execution | None = None,
+    local: LocalSlopes | None = None,
 ) -> Report:
     """The page.
 
@@ -78,6 +80,7 @@ def sweep_report(
         worst: by default the first metric, furthest from 0.
         folder: of the table, in which the histories of the runs lie, if they were kept.
         execution: of the worst runs, if they are made again.
+        local: derivatives at the medians, beside the sensitivities.
 
     Raises:
         DesignError: no run has such a metric.
@@ -92,7 +95,11 @@ def sweep_report(
         worst = worst or Worst(next(iter(metrics)), "furthest from 0")
         if worst.metric not in table.metrics:
             raise DesignError(unknown("metric", worst.metric, table.metrics))
-        sections += [_distributions(table, metrics, drawn), _scatter(table, drawn, worst), _sensitivity(table, drawn)]
+        sections += [
+            _distributions(table, metrics, drawn),
+            _scatter(table, drawn, worst),
+            _sensitivity(table, drawn, local),
+        ]
         sections.append(_worst(table, fmus, worst, metrics, folder, execution))
     if lost:
         rows: list[list[Scalar]] = [[i, *_cells(sweep, i), m] for i, m in list(table.failures.items())[:100]]
@@ -373,7 +380,7 @@ def ranks(values: Array) -> Array:
     return mean[which]
 
 
-def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
+def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes | None = None) -> Section:
     rows: list[list[Scalar]] = []
     whole = not table.failures and all(np.isfinite(table.metrics[k]).all() for k in drawn)
     method = table.sweep.design.method
@@ -409,7 +416,51 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
         paragraphs += [
             "Spearman's rank correlation. --method saltelli gives Sobol indices, --method morris elementary effects."
         ]
-    return Section("Sensitivity", paragraphs, tables=[Table("sensitivity", "Sensitivity", columns, rows)])
+    tables = [Table("sensitivity", "Sensitivity", columns, rows)]
+    if local is not None:
+        keys = [k for k in drawn if k in local.slopes.row]
+        tables = _with_local(columns, rows, table, drawn, local, keys)
+        paragraphs.append(
+            "Derivatives are those of the run with the medians of all parameters: the change of the metric in per cent"
+            " by a change of the parameter of 1 %. The deviation by tolerance is the standard deviation that follows"
+            f" from that of the parameter ({', '.join(f'{n} {d:.3g}' for n, d in local.deviations.items())}) to first"
+            " order; that of all is for independent parameters."
+        )
+    return Section("Sensitivity", paragraphs, tables=tables)
+
+
+def _with_local(
+    columns: list[str],
+    rows: list[list[Scalar]],
+    table: SweepTable,
+    drawn: Mapping[str, Metric],
+    local: LocalSlopes,
+    keys: Sequence[str],
+) -> list[Table]:
+    """The sensitivities with columns of local derivatives, and correlations of metrics."""
+    places = [(k, m, a.name) for k, m in drawn.items() for a in table.sweep.design.axes]
+    found: list[list[Scalar]] = []
+    empty: list[Scalar] = [None] * (len(columns) - 2)
+    for row, (k, m, axis) in zip(rows, places, strict=True):
+        spread = local.spread(k, axis) if k in keys else None
+        more: list[Scalar] = [
+            local.relative(k, axis) if k in keys else None,
+            None if spread is None else spread * m.factor,
+        ]
+        found.append([*row, *more])
+        if k in keys and axis == table.sweep.design.axes[-1].name:
+            found.append([m.text, "all", *empty, None, float(np.sqrt(local.covariance([k])[0, 0])) * m.factor])
+    covariance = local.covariance(keys)
+    size = np.sqrt(np.diag(covariance))
+    correlated: list[list[Scalar]] = [
+        [drawn[a].text, *(float(c / (s * t)) if s * t else None for c, t in zip(line, size, strict=True))]
+        for a, line, s in zip(keys, covariance, size, strict=True)
+    ]
+    headings = ["metric", *(drawn[k].text for k in keys)]
+    return [
+        Table("sensitivity", "Sensitivity", [*columns, "derivative [%/%]", "deviation by tolerance"], found),
+        Table("correlations", "Correlations of metrics by tolerance, to first order", headings, correlated),
+    ]
 
 
 # ----------------------------------------------------------------------------------------------------------- worst

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pages import PAGES, ROOT, blocks, headings, help_of, links, same, transcripts, words
 from pyarrow import parquet as pq
@@ -79,7 +80,15 @@ def test_a_gradient(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None
     found, trust = names["found"], names["trust"]
     assert len(found.parameters) == 5  # type: ignore[attr-defined]
     assert abs(trust.deviation).max() < 1e-6  # type: ignore[attr-defined]
-    assert "car.suspension.front.damper" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "car.suspension.front.damper" in printed
+    (table,) = (t for t in blocks(ROOT / "docs" / "how-to" / "gradients.md", "text") if t.startswith("  0.90"))
+    assert printed.endswith(table)
+    slopes, differences = (np.array(names[n]) for n in ("slopes", "differences"))  # they contradict each other
+    assert (slopes > 8.0).all()
+    assert (differences < 0.0).all()
+    wide = names["there"].trust(0.02)  # type: ignore[attr-defined]
+    assert abs(wide.deviation).max() > 0.3
 
 
 @pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
@@ -232,6 +241,9 @@ def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFix
     assert len(found.trials) == 24  # type: ignore[attr-defined]
     assert 1 < len(found.front) < 24  # type: ignore[attr-defined]
     assert not fit.underfits  # type: ignore[attr-defined]
+    tuned = names["tuned"]
+    assert tuned.best.row["acceleration"] < 0.4 * tuned.trials[0].row["acceleration"]  # type: ignore[attr-defined]
+    assert tuned.best.row["tire"] < 1.9002e-3  # type: ignore[attr-defined]
     pairs = {frozenset(pair[:2]) for pair in fit.correlated}  # type: ignore[attr-defined]
     assert frozenset({"car.body.mass", "car.suspension.stiffness"}) in pairs
     assert "Identifiable only in combination" in capsys.readouterr().out
@@ -245,6 +257,23 @@ def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # n
     published, other = (front["drive"](w) for w in (front["PUBLISHED"]["comfort"], firm))
     assert other["grip"] < published["grip"]
     assert other["comfort"] > published["comfort"]
+
+
+def test_a_surface_of_weights_is_that_of_runs(workplace: Path) -> None:  # noqa: ARG001
+    """With a coarser lattice than the example's: at its own places the values and slopes are those of runs."""
+    example = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_surface.py"))
+    places = np.array([[0.3, 0.4], [0.6, 0.4]])
+    with example["wired"]() as system:
+        found = [example["slopes"](system, p) for p in places]
+        of = example["interpolated"](places, np.array([f for f, _ in found]), np.array([s for _, s in found]))
+        for place, (_, slopes) in zip(places, found, strict=True):
+            np.testing.assert_allclose(of(place[None])[0], example["run"](system, place), atol=1e-9)
+            for k in range(2):
+                h = 1e-4 * np.eye(2)[k]
+                up, down = (example["run"](system, place + s * h) for s in (1, -1))
+                np.testing.assert_allclose(slopes[:, k], (up - down) / 2e-4, atol=1e-5)
+                up, down = (of((place + s * h)[None])[0] for s in (1, -1))
+                np.testing.assert_allclose(slopes[:, k], (up - down) / 2e-4, atol=1e-6)
 
 
 def test_the_learning_example_learns_and_compares(

@@ -18,8 +18,9 @@ from cosim.study.descent import descend
 from cosim.study.design import Design, axis
 from cosim.study.loading import load
 from cosim.study.optimise import OptimisationError
-from cosim.study.slopes import PointSlopes, Slopes
-from cosim.study.sweep import prepare
+from cosim.study.slopes import PointSlopes, Slopes, local_slopes, through
+from cosim.study.sweep import prepare, run_sweep
+from cosim.study.sweep_report import sweep_report
 
 SPACE = {"x": (-2.0, 2.0), "y": (1.0, 100.0, "log")}
 
@@ -72,6 +73,18 @@ def test_a_front_lies_between_its_ends() -> None:
     assert x.max() > 0.98
     assert np.diff(np.sort(x)).max() < 0.5
     assert [t.values["y"] for t in found.front] == pytest.approx([10.0] * len(found.front), rel=0.05)
+
+
+def test_slopes_lead_through_a_design() -> None:
+    def design(values: Mapping[str, Any]) -> dict[str, float]:
+        return {"x": values["a"] * values["b"], "y": np.exp(values["b"])}
+
+    at = {"a": 0.3, "b": 2.0}
+    found, inner = through(bowls, design)(at), bowls(design(at))
+    chain = np.array([[at["b"], at["a"]], [0.0, np.exp(at["b"])]])
+    assert found.row == inner.row
+    for name, slopes in inner.slopes.items():
+        np.testing.assert_allclose(found.slopes[name], slopes @ chain, rtol=1e-8)
 
 
 def test_trials_are_counted() -> None:
@@ -136,6 +149,31 @@ def test_slopes_of_metrics_are_those_of_differences(ride: Path) -> None:
                 assert found.slopes[metric][k] == pytest.approx((up[metric] - down[metric]) / (2.0 * h), rel=1e-4)
         assert evaluate.points == 5
         assert evaluate.run_equivalents > 1.0
+
+
+def test_deviations_by_tolerance_are_those_of_a_sweep(ride: Path) -> None:
+    axes = tuple(
+        axis(t) for t in (f"{DAMPING}=normal(12e3,120)", f"{STIFFNESS}=2.38e5:2.42e5", "car.body.mass=normal(2800,40)")
+    )
+    sweep = prepare(load(str(ride)), FmuSet(), Design(axes, samples=256))
+    local = local_slopes(sweep, FmuSet())
+    table = run_sweep(sweep, FmuSet(), ride.parent / "runs")
+    names = ["car.body.az rms", "car.tire.deflection rms", "car.body.az max"]
+    found = np.cov([table.metrics[n] for n in names])
+    np.testing.assert_allclose(np.diag(local.covariance(names)), np.diag(found), rtol=0.06)
+    np.testing.assert_allclose(local.covariance(names), found, rtol=0.06, atol=0.06 * np.abs(found).max())
+    section = next(s for s in sweep_report(table, FmuSet(), local=local).sections if s.title == "Sensitivity")
+    rows = [r for r in section.tables[0].rows if r[0] == "car.body.az rms"]
+    assert [r[1] for r in rows] == [DAMPING, STIFFNESS, "car.body.mass", "all"]
+    assert np.sqrt(sum(r[-1] ** 2 for r in rows[:3])) == pytest.approx(rows[3][-1])
+    with PointSlopes(sweep, FmuSet(), names=["car.body.mass"]) as evaluate:
+        first, last = (evaluate({**local.at, "car.body.mass": m}).row["car.body.az rms"] for m in (2772.0, 2828.0))
+    assert rows[2][-2] == pytest.approx((last - first) / (0.02 * first), rel=0.02)
+
+
+def test_a_sweep_of_options_has_no_derivatives(ride: Path, sentence) -> None:  # noqa: ARG001
+    done = CliRunner().invoke(app, ["sweep", "ride.py", "--vary", "height=0.01,0.02", "--samples", "2", "--gradient"])
+    sentence(str(done.exception))
 
 
 def run(*arguments: str, good: bool = True) -> str:

@@ -166,10 +166,12 @@ def test_extras_are_those_of_the_distribution() -> None:
             found |= set().union(*map(modules, inner[1].split(","))) if name == NAME and inner else {name}
         return found
 
-    assert {extra: modules(extra) for extra in extras.EXTRAS} == {e: set(m) for e, m in extras.EXTRAS.items()}
+    every = extras.EXTRAS | extras.OUTSIDE
+    assert {extra: modules(extra) for extra in every} == {e: set(m) for e, m in every.items()}
     with pytest.raises(ModuleNotFoundError, match="no_such_module"), extras.needed("build", "this"):
         importlib.import_module("no_such_module")
     assert modules("all") == set().union(*extras.EXTRAS.values()) <= modules("test")
+    assert not modules("test") & set().union(*extras.OUTSIDE.values())
 
 
 # ------------------------------------------------------------------------------------------------------ what installs

@@ -126,7 +126,7 @@ def test_numbers_have_their_source() -> None:
 def test_installation_lists_the_extras_and_supported_pythons() -> None:
     text = INSTALL.read_text(encoding="utf-8")
     listed = re.findall(r"^\| `\[(\w+)\]` \|", text, re.MULTILINE)
-    assert sorted(listed) == sorted([*extras.EXTRAS, "all", "zig"])
+    assert sorted(listed) == sorted([*extras.EXTRAS, *extras.OUTSIDE, "all", "zig"])
     assert set(listed) <= PROJECT["optional-dependencies"].keys()
     supported = [m[1] for c in PROJECT["classifiers"] if (m := re.search(r":: Python :: (3\.\d+)$", c))]
     assert f"Python {', '.join(supported[:-1])} or {supported[-1]}" in text
