@@ -27,7 +27,7 @@ SEGMENTS = 64  # of a run: as many states are saved, and the tape of one is kept
 LOOKS = 4  # segments that run first, to see what depends on the parameters
 WIDTHS = (1, 2, 4, 8)  # results side by side (adjoints.h)
 _SPARE = 4096  # TAPE_SPARE
-_ROOM = 1 << 16  # entries that a tape has room for at first
+_ENTRIES = 1 << 16  # entries that a tape has space for at first
 
 Numbers = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.uint64]
@@ -59,7 +59,7 @@ class Tape:
 
     @property
     def full(self) -> bool:
-        """Whether there was no room for all entries."""
+        """Whether there was no space for some entries."""
         return bool(self.struct.n > self.struct.mask or self.struct.n_operands >= self.struct.most)
 
 
@@ -94,7 +94,7 @@ class AdjointRun(Batch):
         if self.scalar:
             why = "; ".join(f"'{name}' has no adjoint ({why})" for name, why in self.scalar.items())
             raise NoAdjointError(f"{why}: take mode='forward'")
-        self._begun = self._tape = Tape(_ROOM)
+        self._begun = self._tape = Tape(_ENTRIES)
         while True:
             self._begun.begin(self._n)
             self.reset()
@@ -226,7 +226,7 @@ class AdjointRun(Batch):
         end = self._end if state is self._states[-1] else self._states[number + 1].tick
         indices = np.cumsum(active, dtype=np.uint64) * active
         if self._tape is self._begun:
-            self._use(Tape(_ROOM))
+            self._use(Tape(_ENTRIES))
         while True:
             self._whole[0, :, 0] = state.exchange
             for m, (header, values) in zip(self._components, state.components, strict=True):

@@ -76,7 +76,7 @@ def test_the_number_of_segments_does_not_matter(
     names = ["car.*.mass", "car.body.z"]
     found = quarter_car.gradient(METRICS, names, stop_time="0.4 s", mode="adjoint")
     monkeypatch.setattr(adjoint, "SEGMENTS", segments)
-    monkeypatch.setattr(adjoint, "_ROOM", 1 << 9)  # a tape that must grow
+    monkeypatch.setattr(adjoint, "_ENTRIES", 1 << 9)  # a tape that must grow
     again = quarter_car.gradient(METRICS, names, stop_time="0.4 s", mode="adjoint")
     np.testing.assert_allclose(again.jacobian, found.jacobian, rtol=1e-13)
     assert again.changes == found.changes

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cffi
 import numpy as np
@@ -105,7 +106,7 @@ CASES
 #endif
 }
 """
-Compute = Callable[[str, Sequence[float]], np.ndarray]
+Compute = Callable[[str, Any], Any]
 
 
 def compiled(kind: str, folder: Path) -> Compute:
@@ -128,7 +129,7 @@ def compiled(kind: str, folder: Path) -> Compute:
     if kind == "ADJOINTS":
         code.cosim_use_tape(tape.struct)
 
-    def compute(name: str, x: Sequence[float], _keep: Tape = tape) -> np.ndarray:
+    def compute(name: str, x: Any, _keep: Tape = tape) -> Any:
         result = ffi.new("double[3]")
         code.compute(list(OPERATIONS).index(name), ffi.new("double[2]", list(x)), result)
         return np.array(list(result))

@@ -42,7 +42,7 @@ struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies 
     MEMBER Adjoint(double x) : v(x), index(0) {}
     MEMBER Adjoint(double x, uint64_t of) : v(x), index(of) {}
     template <class E> MEMBER Adjoint(const Expression<E> &e) : v(e.self().v) {
-        static_assert(E::OPERANDS <= TAPE_SPARE, "a statement has more operands than the tape has room for");
+        static_assert(E::OPERANDS <= TAPE_SPARE, "a statement has more operands than the tape has space for");
         /* Without branches: the compiler then keeps both counts in registers from one statement to the next. */
         Tape *const t = tape;
         const TapeCount begin = t->n_operands < t->most ? t->n_operands : t->most;
