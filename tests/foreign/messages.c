@@ -96,8 +96,10 @@ static int64_t *whole(Model *m, Reference r) {
     for (size_t i = 0; i < n; i++)                                                                 \
         for (int j = 0; j < (vr[i] >= LIST_IN ? N : 1); j++, value++) TO = FROM;                   \
     return F(OK)
-ACCESS(Int64, int64_t, show(M); EACH_WHOLE(*value, whole(M, vr[i])[j]), if (M->locked) return F(Error); EACH_WHOLE(whole(M, vr[i])[j], *value))
-ACCESS(UInt64, uint64_t, show(M); EACH(value[i] = vr[i] == UNSIGNED ? M->u : M->u_in), if (M->locked) return F(Error); EACH(M->u_in = value[i]))
+ACCESS(Int64, int64_t, show(M); EACH_WHOLE(*value, whole(M, vr[i])[j]),
+    if (M->locked) return F(Error); EACH_WHOLE(whole(M, vr[i])[j], *value))
+ACCESS(UInt64, uint64_t, show(M); EACH(value[i] = vr[i] == UNSIGNED ? M->u : M->u_in),
+    if (M->locked) return F(Error); EACH(M->u_in = value[i]))
 fmi3Status fmi3GetBinary(Instance c, const Reference vr[], size_t n, size_t sizes[], fmi3Binary values[], size_t k) {
     show(M);
     values[0] = M->data, sizes[0] = M->n;

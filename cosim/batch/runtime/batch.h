@@ -68,7 +68,7 @@ typedef struct {
 
 /* How numbers follow from others (adjoints.h). Entry i is a number: operands ends[i - 1] to ends[i] are the indices of
  * those that it follows from, `slopes` its derivatives by them. A tape that is full has at least `most` operands, or
- * more entries than `mask`, a power of two less one; behind `most` there is space for the operands of one more entry. */
+ * more entries than `mask`, a power of two less one; behind `most` there is space for the operands of one entry. */
 enum { TAPE_SPARE = 4096 };
 typedef unsigned long long TapeCount; /* no uint64_t: to a compiler an index in memory is never one of the counts */
 typedef struct {
