@@ -12,8 +12,12 @@ from same import bits
 
 from cosim import System
 from cosim.batch import adjoint
+from cosim.experiments.bench import EXPERIMENT as BENCH
+from cosim.experiments.bench.runs import Case as BenchCase
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import Case as GpcCase
+from cosim.experiments.hmmwv import EXPERIMENT as HMMWV
+from cosim.experiments.hmmwv.runs import Case as HmmwvCase
 from cosim.experiments.preview_lq import EXPERIMENT as RIDE
 from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
@@ -132,6 +136,29 @@ def test_rules_of_exchange(built_fmus: BuiltFmus, rule: Mapping[str, Any]) -> No
         system.connect("car.body.z", "second.road.height", **rule)
         system.connect("second.body.z", "car.road.height")
         both(system, METRICS, ["*.body.mass", "*.*.stiffness", "second.body.z"], stop_time="0.3 s")
+
+
+def test_quadratic_programs() -> None:
+    """Warm starts of the solver, OSQP, are restored where segments begin: the run keeps its bits."""
+    system = system_of(BENCH, BenchCase())
+    metrics = {"ride": Rms("plant.body.az"), "mean": Mean("plant.body.z")}
+    found, _ = both(system, metrics, ["plant.body.mass", "plant.wheel.mass"], stop_time=0.4, interval="2 ms")
+    assert found.changes["controller"] > 0
+
+
+def test_a_stiff_solver(built_fmus: BuiltFmus) -> None:
+    system = System()
+    system.add("actuator", built_fmus.path("HydraulicActuator", 3), step="1 ms")
+    system["actuator"].set({"valve.voltage": 1.0, "piston.velocity": 0.01})
+    names = ["actuator.fluid.bulk_modulus", "actuator.valve.time_constant", "actuator.piston.velocity"]
+    both(system, {"force": Rms("actuator.force"), "end": Final("actuator.flow")}, names, stop_time="0.2 s")
+
+
+@pytest.mark.full
+def test_a_car_with_actuators_under_preview_control() -> None:
+    system = system_of(HMMWV, HmmwvCase())
+    names = ["car.body.mass", "actuator_fl.cylinder.area", "tracking_rr.*"]
+    both(system, {"ride": Rms("car.body.az"), "mean": Mean("car.body.z")}, names, stop_time=1.0, interval="2 ms")
 
 
 def test_components_without_an_adjoint_are_named() -> None:
