@@ -15,7 +15,6 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -60,7 +59,6 @@ class System(Wiring):
     def __init__(self, *, allow_unconnected: bool = False) -> None:
         super().__init__(allow_unconnected=allow_unconnected)
         self._simulation: Simulation | None = None
-        self._lock = threading.RLock()  # for calls of the components, by its simulations and their saved states
         self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
         self._ssp: Path | None = None
 
@@ -163,7 +161,7 @@ class System(Wiring):
     def _begin(self, schedule: Schedule, start_time: TimeLike | None = None, **arguments: Any) -> Simulation:
         """A simulation of this system by a schedule of it; `arguments` are those of `Simulation`."""
         start = self.experiment[0] if start_time is None else start_time
-        self._simulation = Simulation(schedule, start, **arguments, lock=self._lock)
+        self._simulation = Simulation(schedule, start, **arguments, lock=self.lock)
         return self._simulation
 
     def end_simulation(self) -> None:
@@ -469,7 +467,7 @@ class System(Wiring):
     def close(self) -> None:
         """Free all instances and remove unpacked FMUs."""
         self.reset()
-        with self._lock, held():
+        with self.lock, held():
             for component in self.components.values():
                 component.implementation.close()
         for fmu in self._fmus.values():

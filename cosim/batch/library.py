@@ -42,7 +42,7 @@ unsigned cosim_processor(void);
 _PROFILES = """#include "model.c"
 
 const double *lane_profiles(const double *p) {
-    static double work[N_WORK];
+    static __thread double work[N_WORK];
     const FmuArguments at = {.p = p, .w = work};
     return profiles(&at);
 }

@@ -48,18 +48,20 @@ class _Metrics:
 
     def values(self, x: Array) -> Array:
         """Metrics (m,) of a run."""
-        system: Any = self._set(x)
-        recording = system.run(self.run.stop_time, record=Record(self.run.names, self.run.interval))
+        with self.run.system.lock:
+            system: Any = self._set(x)
+            recording = system.run(self.run.stop_time, record=Record(self.run.names, self.run.interval))
         metrics = self.run.metrics.values()
         return np.array([m.of([recording[n] for n in m.names])[0] for m in metrics])
 
     def jacobian(self, x: Array) -> tuple[Array, Array]:
         """Metrics (m,) and their derivatives (m, parameters) of a run."""
-        system: Any = self._set(x)
         run = self.run
-        found = system.gradient(
-            run.metrics, run.by, stop_time=run.stop_time, interval=run.interval, threads=run.threads
-        )
+        with run.system.lock:
+            system: Any = self._set(x)
+            found = system.gradient(
+                run.metrics, run.by, stop_time=run.stop_time, interval=run.interval, threads=run.threads
+            )
         return found.values, found.jacobian
 
 

@@ -117,7 +117,8 @@ class Gradient:
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
-        return self._run.compare(self, step)
+        with self._run.system.lock:
+            return self._run.compare(self, step)
 
     def __str__(self) -> str:
         lines = []
@@ -173,13 +174,14 @@ class GradientRun:
 
     def gradient(self) -> Gradient:
         """In the mode that was given, else the one that costs less."""
-        if self.mode == "adjoint" or (self.mode is None and len(self.by) > FORWARD):
-            try:
-                return self._adjoint()
-            except NoAdjointError as error:
-                if self.mode is not None:
-                    raise GradientError(str(error)) from error
-        return self._forward()
+        with self.system.lock:
+            if self.mode == "adjoint" or (self.mode is None and len(self.by) > FORWARD):
+                try:
+                    return self._adjoint()
+                except NoAdjointError as error:
+                    if self.mode is not None:
+                        raise GradientError(str(error)) from error
+            return self._forward()
 
     def _adjoint(self) -> Gradient:
         record = Record(self.names, self.interval)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -43,6 +44,8 @@ class Wiring:
         self.components = SystemComponents()
         self.connections: dict[str, Connection] = {}
         self.groups: dict[str, Group] = {}
+        self.lock = threading.RLock()
+        """For calls of the components, by simulations, their saved states and gradients."""
         self._fmus: dict[tuple[Path, str | None], FmuFile] = {}
 
     def __getitem__(self, name: str) -> SystemComponent:
