@@ -1,5 +1,5 @@
 /* Quadratic programs of a component with derivatives (qp.h): values as qp.c finds them, derivatives of a solution from
- * its optimality conditions at the rows that are active there, those with a multiplier:
+ * its optimality conditions at the rows that are active there, those with a multiplier and those whose bounds are one:
  *     H dz + A' dy = -dq,   A dz = db,   dy = 0 for all other rows.
  * Where active rows depend on each other, and where the solver has stopped at its limit of iterations, there is no
  * derivative: it is NaN. Which rows are active is a side taken (numbers.h). */
@@ -18,18 +18,25 @@ static size_t most_unknowns(void) {
 }
 
 static size_t programs_bytes(void) {
-    return qp_aligned(fmu_qp_functions.scratch_size()) + 2 * most_unknowns() * most_unknowns() * sizeof(double);
+    const size_t n = most_unknowns();
+    return qp_aligned(fmu_qp_functions.scratch_size()) + (2 * n + 1) * n * sizeof(double);
 }
 
 /* Rows of n numbers, and behind each as many of the unit matrix, which become the inverse: elimination with row
- * exchanges. Returns whether there is one. */
-static int invert(double *a, size_t n) {
+ * exchanges. Returns whether there is one: a pivot that is only rounding of its column counts as zero. `largest`:
+ * memory for n numbers. */
+static int invert(double *a, size_t n, double *largest) {
     const size_t width = 2 * n;
+    for (size_t k = 0; k < n; k++) {
+        largest[k] = 0.0;
+        for (size_t i = 0; i < n; i++)
+            if (size_of(a[i * width + k]) > largest[k]) largest[k] = size_of(a[i * width + k]);
+    }
     for (size_t k = 0; k < n; k++) {
         double *const top = a + k * width, *best = top;
         for (size_t i = k + 1; i < n; i++)
             if (size_of(a[i * width + k]) > size_of(best[k])) best = a + i * width;
-        if (!(size_of(best[k]) > 0.0)) return 0;
+        if (!(size_of(best[k]) > 16.0 * (double)n * DBL_EPSILON * largest[k])) return 0;
         for (size_t j = k; best != top && j < width; j++) {
             const double other = top[j];
             top[j] = best[j];
@@ -46,13 +53,22 @@ static int invert(double *a, size_t n) {
     return 1;
 }
 
+/* Whether a row holds the solution. One whose bounds are equal may have no multiplier; a row of zeros holds nothing. */
+static int is_active(const double *row, int n, double multiplier, const lanes *lower, const lanes *upper) {
+    int any = multiplier != 0.0;
+    for (int j = 0; j < n && !any && lower->v == upper->v; j++) any = row[j] != 0.0;
+    return any;
+}
+
 /* Derivatives of the solution of one program. `a`: memory for the system. */
 static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *a) {
     const int n = qp->n, m = qp->m;
     const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
+#define IS_ACTIVE(i) \
+    is_active(c->constraints + (size_t)(i) * (size_t)n, n, solution[n + (i)].v, &lower[i], &upper[i])
     int active = 0;
-    for (int i = 0; i < m; i++) active += solution[n + i].v != 0.0;
+    for (int i = 0; i < m; i++) active += IS_ACTIVE(i);
     const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
     if (solved) {
@@ -61,21 +77,21 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
         for (size_t j = 0; j < (size_t)n; j++)
             memcpy(a + j * width, c->hessian + j * (size_t)n, (size_t)n * sizeof *a);
         for (int i = 0, r = n; i < m; i++) {
-            if (solution[n + i].v == 0.0) continue;
+            if (!IS_ACTIVE(i)) continue;
             for (size_t j = 0; j < (size_t)n; j++)
                 a[(size_t)r * width + j] = a[j * width + (size_t)r] = c->constraints[(size_t)i * (size_t)n + j];
             r++;
         }
-        solved = invert(a, size);
+        solved = invert(a, size, a + size * width);
     }
     for (int k = 0, row = 0; k < n + m; k++) {
-        if (k >= n && solution[k].v == 0.0) continue;
+        if (k >= n && !IS_ACTIVE(k - n)) continue;
         const double value = solution[k].v, *const of = a + (size_t)row * width + size;
         lanes *const result = &solution[k];
         for (int j = 0; j < n; j++) *result = chain(value, 1.0, *result, solved ? -of[j] : NAN, q[j]);
         for (int i = 0, r = n; i < m; i++) {
             const double multiplier = solution[n + i].v;
-            if (multiplier == 0.0) continue;
+            if (!IS_ACTIVE(i)) continue;
             *result = chain(value, 1.0, *result, solved ? of[r] : NAN, multiplier > 0.0 ? upper[i] : lower[i]);
             r++;
         }

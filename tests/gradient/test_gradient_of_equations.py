@@ -1,0 +1,62 @@
+"""Derivatives of quadratic programs whose rows are equations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from built import OBJECTS
+
+from build_fmus.compile import resolve_platforms
+from build_fmus.component import Component
+from build_fmus.package import build_fmu
+from build_fmus.qp import Backend, Daqp, Osqp
+from cosim import System
+from cosim.gradient import Final, GradientError
+
+METRICS = {"first": Final("law.command[1]"), "price": Final("law.price[1]")}
+INPUTS = ["law.total[1]", "law.total[2]", "law.wanted[1]", "law.wanted[2]"]
+BACKENDS = [Daqp(), Osqp(rho=1.0, eps=1e-10)]
+H = np.array([[3.0, 0.7, 0.3], [0.7, 2.0, -0.4], [0.3, -0.4, 1.0]])
+ROWS = np.array([[0.3, 0.7, 0.1], [0.0, 0.0, 0.0]])
+
+
+def law(folder: Path, rows: np.ndarray, backend: Backend) -> System:
+    """Commands of which some sums are given."""
+    c = Component("Sums", kind="discrete", description="sums", source="none", sample_time=0.01)
+    total, wanted = (c.input(n, "1", n, shape=(3,), min=-9.0, max=9.0) for n in ("total", "wanted"))
+    sums = ca.mtimes(ca.DM(rows), total)
+    s = c.quadratic_program(
+        "solver", hessians=[H], constraints=[rows], linear=-(H @ wanted), lower=sums, upper=sums, backend=backend
+    )
+    c.output("command", s.z, "1", "commands")
+    c.output("price", s.multipliers, "1", "multipliers")
+    path = folder / "Sums.fmu"
+    path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), OBJECTS))
+    system = System(allow_unconnected=True)
+    system.add("law", path, step="10 ms")
+    return system
+
+
+@pytest.mark.parametrize("mode", ["forward", "adjoint"])
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("wanted", [0.0, 0.5], ids=["at rest", "with a multiplier"])
+def test_an_equation_holds_whatever_its_multiplier(tmp_path: Path, backend: Backend, mode: str, wanted: float) -> None:
+    with law(tmp_path, ROWS, backend) as system:
+        system["law"].set({"wanted[1]": wanted})
+        found = system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
+        np.testing.assert_allclose(found.jacobian, found.trust().near, atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["forward", "adjoint"])
+@pytest.mark.parametrize("seed", range(3))
+def test_equations_that_depend_on_each_other_have_no_derivative(tmp_path: Path, mode: str, seed: int) -> None:
+    """Also where their dependence is only found up to rounding."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(2, 3))
+    with law(tmp_path, np.vstack([rows, rng.normal(size=2) @ rows]), Osqp(rho=1.0, eps=1e-10)) as system:
+        system["law"].set({"wanted[1]": 0.5, "total[1]": 0.1})
+        with pytest.raises(GradientError, match="is not finite"):
+            system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
