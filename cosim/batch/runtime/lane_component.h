@@ -170,6 +170,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
             fail(m, of & ~failed, SINGULAR, column, ti, &X[column]);
             return failed | of;
         }
+#if N_STATES
         mask within = ~(mask){0};
         for (int j = 0; j < N_STATES; j++) within &= (mask)(lanes_size(X[j]) <= bounds[j]);
         const unsigned beyond = lanes_bits(~within) & of & ~failed;
@@ -180,6 +181,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
             noted |= now;
         }
         failed |= beyond;
+#endif
     }
     const double reached = t + h;
     *(double *)&m->time = reached;

@@ -105,11 +105,11 @@ NOINLINE Tangent operator/(double x, const Tangent &y) { return chain(x / y.v, -
 INLINE Tangent &operator+=(Tangent &x, const Tangent &y) { return x = x + y; }
 INLINE Tangent &operator*=(Tangent &x, const Tangent &y) { return x = x * y; }
 
-/* Whether a number is not the same, beyond rounding and at all. */
+/* Whether a number is not the same, beyond rounding and at all. A derivative may be of any size. */
 INLINE int lanes_moved(const Tangent &was, const Tangent &now) {
     const double *const a = (const double *)was.d, *const b = (const double *)now.d;
     int r = fabs(now.v - was.v) > 1e-12 * fmax(fabs(was.v), 1.0);
-    for (int i = 0; i < TANGENTS; i++) r |= fabs(b[i] - a[i]) > 1e-12 * fmax(fabs(a[i]), 1.0);
+    for (int i = 0; i < TANGENTS; i++) r |= fabs(b[i] - a[i]) > 1e-12 * fabs(a[i]);
     return r;
 }
 INLINE int lanes_changed(const Tangent &was, const Tangent &now) { return memcmp(&was, &now, sizeof was) != 0; }
