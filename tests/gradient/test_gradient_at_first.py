@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import System
-from cosim.gradient import Final, Mean
+from cosim.gradient import Final, Mean, Metric
 
 
 @pytest.mark.parametrize("mode", ["forward", "adjoint"])
@@ -33,6 +34,6 @@ def test_a_small_derivative_goes_all_the_way_at_once(tmp_path: Path, mode: str, 
             system.add(name, path, step="10 ms")
         for source, target in (("first.there", "gain.u"), ("gain.y", "first.back"), ("first.further", "last.u")):
             system.connect(source, target)
-        metrics = {"mean": Mean("last.y"), "end": Final("last.y")}
+        metrics: Mapping[str, Metric] = {"mean": Mean("last.y"), "end": Final("last.y")}
         found = system.gradient(metrics, "first.level", stop_time="50 ms", mode=mode)
     np.testing.assert_allclose(found.jacobian[:, 0], 4.0 * size, rtol=1e-12)
