@@ -55,7 +55,7 @@ class Tape:
     def begin(self, independents: int) -> None:
         """Forget all but the numbers 1 to `independents`, which depend on nothing."""
         self.struct.n, self.struct.n_operands = independents, 0
-        self.ends[independents] = 0
+        self.ends[independents & int(self.struct.mask)] = 0
 
     @property
     def full(self) -> bool:

@@ -86,6 +86,12 @@ def test_the_number_of_segments_does_not_matter(
     assert again.changes == found.changes
 
 
+def test_a_tape_grows_with_what_is_active(quarter_car: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At first it has space for fewer numbers than depend on the parameters."""
+    monkeypatch.setattr(adjoint, "_ENTRIES", 4)
+    both(quarter_car, METRICS, ["car.*mass", "car.*.stiffness", "car.body.z"], stop_time="0.1 s")
+
+
 def test_more_metrics_than_go_side_by_side(quarter_car: System) -> None:
     metrics: dict[str, Metric] = {f"power {p}": Peak("car.body.az", power=float(p)) for p in range(2, 12)}
     found, _ = both(quarter_car, metrics, "car.*.mass", stop_time="0.2 s", interval="3 ms")
