@@ -147,7 +147,7 @@ def test_rules_of_exchange(built_fmus: BuiltFmus, rule: Mapping[str, Any]) -> No
 def test_quadratic_programs() -> None:
     """Warm starts of the solver, OSQP, are restored where segments begin: the run keeps its bits."""
     system = system_of(BENCH, BenchCase())
-    metrics = {"ride": Rms("plant.body.az"), "mean": Mean("plant.body.z")}
+    metrics: Mapping[str, Metric] = {"ride": Rms("plant.body.az"), "mean": Mean("plant.body.z")}
     found, _ = both(system, metrics, ["plant.body.mass", "plant.wheel.mass"], stop_time=0.4, interval="2 ms")
     assert found.changes["controller"] > 0
 
