@@ -147,7 +147,8 @@ def test_an_fmu_without_derivatives_is_followed_by_differences() -> None:
 @pytest.mark.parametrize(
     ("experiment", "case", "stop", "limit"),
     [
-        (HMMWV, HmmwvCase(), 0.25, 1e-8),  # with four hydraulic actuators, whose solver is ros2
+        # With four hydraulic actuators, whose solver is ros2.
+        pytest.param(HMMWV, HmmwvCase(), 0.25, 1e-8, marks=pytest.mark.full),
         pytest.param(THREE_AXLE, ThreeAxleCase(), 0.6, 1e-8, marks=pytest.mark.full),  # DAQP
         # Its program is solved until its residual is small, not until nothing changes.
         (BENCH, BenchCase(), 0.4, 1e-4),
