@@ -20,6 +20,7 @@ from cosim.engine.plan import ComponentPlan, Plan
 from cosim.system.components import SystemComponent
 
 HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)
+_STATE_BEYOND, _OUTPUT_NOT_FINITE, _SINGULAR = 1, 3, 4  # why a lane failed (lane_component.h)
 _INPUT_REFUSED, _STOPPED, _PROBE_FAILED = 101, 102, 104  # BATCH_...
 _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
@@ -239,14 +240,14 @@ class Structs:
             )
             return f"component '{component.name}': value {value:.9g} for {row.name} {why}"
         kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
-        role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
+        role = "FMU_OUTPUT" if kind == _OUTPUT_NOT_FINITE else "FMU_STATE"
         name = lanes.source.name_of(role, slot)
-        if kind == 4:
+        if kind == _SINGULAR:
             return (
                 f"component '{component.name}': the matrix of solver ros2 is singular or not finite at time"
                 f" {when:.9g} s (state {name}); try another solver.step"
             )
-        if kind != 1:
+        if kind != _STATE_BEYOND:
             return f"component '{component.name}': {name} is not finite at time {when:.9g} s"
         return (
             f"component '{component.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its"

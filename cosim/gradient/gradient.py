@@ -42,6 +42,7 @@ from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
 FORWARD = DIRECTIONS  # parameters up to which the forward way costs less than the adjoint (benchmarks/gradients.py)
+_WHY = "a root, a quotient or a norm has no slope there, or a quadratic program was not solved"
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
 
 
@@ -200,8 +201,8 @@ class GradientRun:
         bad = np.argwhere(~np.isfinite(jacobian))
         if len(bad):
             raise GradientError(
-                f"the derivative of {list(self.metrics)[bad[0][0]]} by {self.by[bad[0][1]]} is not finite: a root, a"
-                " quotient or a norm has no slope somewhere; mode='forward' says where"
+                f"the derivative of {list(self.metrics)[bad[0][0]]} by {self.by[bad[0][1]]} is not finite, and"
+                f" mode='forward' says where: {_WHY}"
             )
         nothing = np.empty((0, len(self.names), len(self.by)))
         return Gradient(
@@ -300,8 +301,7 @@ class GradientRun:
             sample, variable, parameter = bad[0]
             raise GradientError(
                 f"the derivative of {recording.names[variable]} by {self.by[parameter]} is not finite at"
-                f" t = {recording.time[sample]:.9g} s: a root, a quotient or a norm has no slope there, or a quadratic"
-                " program was not solved"
+                f" t = {recording.time[sample]:.9g} s: {_WHY}"
             )
 
 

@@ -59,7 +59,6 @@ INLINE FmuArguments arguments(Component *m, double t, const lanes *x) {
 #include "programs.h"
 /* Scratch of the quadratic programs lies behind the component. */
 enum { SCRATCH = (sizeof(Component) + 63) / 64 * 64 };
-INLINE size_t scratch_bytes(void) { return programs_bytes(); }
 
 static void solve_at(Component *m, double t, int trial) {
     const FmuArguments at = arguments(m, t, X);
@@ -70,7 +69,7 @@ static void solve_at(Component *m, double t, int trial) {
 }
 #else
 enum { SCRATCH = sizeof(Component) };
-INLINE size_t scratch_bytes(void) { return 0; }
+INLINE size_t programs_bytes(void) { return 0; }
 INLINE void solve_at(Component *m, double t, int trial) { (void)m, (void)t, (void)trial; }
 #endif
 
@@ -229,7 +228,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return (SCRATCH + scratch_bytes() + sizeof(lanes) - 1) / sizeof(lanes); }
+EXPORT size_t cosim_lanes_rows(void) { return (SCRATCH + programs_bytes() + sizeof(lanes) - 1) / sizeof(lanes); }
 
 #if HAS_PROFILES
 const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
@@ -264,7 +263,7 @@ EXPORT void cosim_lanes_prepare(void *memory) {
 #if N_QP_DATA
     memset(m->kept, 0, sizeof m->kept);
     memset(m->memory, 0, sizeof m->memory);
-    memset((char *)m + SCRATCH, 0, scratch_bytes());
+    memset((char *)m + SCRATCH, 0, programs_bytes());
     fmu_qp_functions.setup((char *)m + SCRATCH);
 #endif
 #if N_FIXED

@@ -65,10 +65,10 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
     const int n = qp->n, m = qp->m;
     const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
-#define IS_ACTIVE(i) \
-    is_active(c->constraints + (size_t)(i) * (size_t)n, n, solution[n + (i)].v, &lower[i], &upper[i])
-    int active = 0;
-    for (int i = 0; i < m; i++) active += IS_ACTIVE(i);
+    int rows[N_QP_SOLUTION], active = 0;
+    for (int i = 0; i < m; i++)
+        if (is_active(c->constraints + (size_t)i * (size_t)n, n, solution[n + i].v, &lower[i], &upper[i]))
+            rows[active++] = i;
     const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
     if (solved) {
@@ -76,26 +76,19 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
         for (size_t j = 0; j < size; j++) a[j * width + size + j] = 1.0;
         for (size_t j = 0; j < (size_t)n; j++)
             memcpy(a + j * width, c->hessian + j * (size_t)n, (size_t)n * sizeof *a);
-        for (int i = 0, r = n; i < m; i++) {
-            if (!IS_ACTIVE(i)) continue;
+        for (size_t r = (size_t)n; r < size; r++)
             for (size_t j = 0; j < (size_t)n; j++)
-                a[(size_t)r * width + j] = a[j * width + (size_t)r] = c->constraints[(size_t)i * (size_t)n + j];
-            r++;
-        }
+                a[r * width + j] = a[j * width + r] = c->constraints[(size_t)rows[r - (size_t)n] * (size_t)n + j];
         solved = invert(a, size, a + size * width);
     }
-    for (int k = 0, row = 0; k < n + m; k++) {
-        if (k >= n && !IS_ACTIVE(k - n)) continue;
-        const double value = solution[k].v, *const of = a + (size_t)row * width + size;
-        lanes *const result = &solution[k];
+    for (int k = 0; k < n + active; k++) {
+        lanes *const result = &solution[k < n ? k : n + rows[k - n]];
+        const double value = result->v, *const of = a + (size_t)k * width + size;
         for (int j = 0; j < n; j++) *result = chain(value, 1.0, *result, solved ? -of[j] : NAN, q[j]);
-        for (int i = 0, r = n; i < m; i++) {
-            const double multiplier = solution[n + i].v;
-            if (!IS_ACTIVE(i)) continue;
-            *result = chain(value, 1.0, *result, solved ? of[r] : NAN, multiplier > 0.0 ? upper[i] : lower[i]);
-            r++;
+        for (int r = 0; r < active; r++) {
+            const lanes *const bound = solution[n + rows[r]].v > 0.0 ? upper : lower;
+            *result = chain(value, 1.0, *result, solved ? of[n + r] : NAN, bound[rows[r]]);
         }
-        row++;
     }
 }
 
