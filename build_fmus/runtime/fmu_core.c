@@ -692,6 +692,9 @@ static FmuStatus adjoint(FmuInstance *self, const char *function, const FmuParti
                 const FmuVariable *v = &M->variables[of->unknowns[u]];
                 for (int j = 0; j < v->size; j++) sum += *weight++ * sensitivity_of(self, v)[j];
             }
+            if (!isfinite(sum))
+                return fmu_fail(self, FMU_ERROR, "%s: the adjoint derivative by %s is not finite at time %.9g s",
+                    function, known->name, self->state->time);
             *sensitivity++ = sum;
         }
     }
@@ -702,10 +705,10 @@ FmuStatus fmu_partial_derivative(FmuInstance *self, const char *function, const 
     size_t n_sensitivity) {
     const size_t n_unknowns = of->is_adjoint ? of->n_seed : n_sensitivity;
     const size_t n_knowns = of->is_adjoint ? n_sensitivity : of->n_seed;
-    if ((of->n_unknowns && !of->unknowns) || (of->n_knowns && !of->knowns) || (of->n_seed && !of->seed) ||
-        (n_sensitivity && !sensitivity))
-        return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
-    const FmuStatus status = check_partial(self, function, of, n_unknowns, n_knowns);
+    FmuStatus status = fmu_check_arrays(self, function, of->unknowns, of->n_unknowns, of->seed, of->n_seed);
+    if (status == FMU_OK)
+        status = fmu_check_arrays(self, function, of->knowns, of->n_knowns, sensitivity, n_sensitivity);
+    if (status == FMU_OK) status = check_partial(self, function, of, n_unknowns, n_knowns);
     if (status != FMU_OK) return status;
     return of->is_adjoint ? adjoint(self, function, of, sensitivity) : directional(self, function, of, sensitivity);
 }

@@ -185,6 +185,10 @@ def test_the_adjoint_is_the_transpose(pair: tuple[Library, Library]) -> None:
         found = a.directional([v[n] for n in unknowns], [v[n] for n in knowns], weights, adjoint=True)
         exact = [a.column(unknowns, k) @ weights for k in knowns]
         np.testing.assert_allclose(found, exact, rtol=1e-12)
+        for known in [k for k in knowns if np.abs(a.column(unknowns, k)).max() > 2.0][:1]:  # the sum overflows
+            with pytest.raises(Refused):
+                a.directional([v[n] for n in unknowns], [v[known]], [1e308] * len(unknowns), adjoint=True)
+            assert known in a.last_message
 
 
 @applies_to(discrete)
