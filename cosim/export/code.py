@@ -83,7 +83,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
-    return only_numbers(schedule, what, "use other components", parameters=True) if page else schedule
+    return only_numbers(schedule, what, "use other components") if page else schedule
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ def _follows(m: SystemComponent, places: Sequence[Variable], p: ComponentPlan) -
     found = following(inputs, dict(enumerate(places)), lines)
     held = {i: (i, int(p.index[i]), 0, 0, 0.0, 0.0) for i, _ in found.driven}
     return {
-        "required": list(dict.fromkeys(v.reference for v in inputs)),
+        "required": [*by_reference(inputs)],
         "references": found.references,
         "n": found.n,
         "lines": [_extrapolation(lines.get(i, held[i])) for i, _ in found.driven],

@@ -56,7 +56,7 @@ struct FmuInstance {
     FmuBase base;
     State *state;
     double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
-    double *passed;                /* parameters that were passed on */
+    double *passed;                /* values of calculated parameters that were passed on */
     Engine engine;
     EngineComponent *bound;
     Component *components;
@@ -571,9 +571,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     }
     const PlanComponent *p = &P->components[i];
     double when;
-    if (p->follows && !call && P->updates->failed(m, &when))
-        (void)fmu_fail(self, FMU_ERROR, "component '%s': inputs that follow inside its step cannot be set at %.9g s",
-            p->name, when);
+    const char *const refused = p->follows && !call ? P->updates->why(m, &when) : NULL;
+    if (refused) (void)fmu_fail(self, FMU_ERROR, "component '%s': it %s, at %.9g s", p->name, refused, when);
     const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
     const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
     if (t && t->exact) {
@@ -619,7 +618,8 @@ static FmuStatus pass_parameters(FmuInstance *self) {
             if (round && x == self->passed[k]) continue;
             if (!(isfinite(x) && x >= p->min && x <= p->max)) {
                 self->state->mode = MODE_ERROR;
-                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is not a value that it may have", p->name, x);
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is outside of its range: change the parameters "
+                    "that it is calculated from", p->name, x);
             }
             changed = true;
             self->passed[k] = x;
