@@ -151,7 +151,24 @@ def test_a_value_that_the_parameter_cannot_have_is_refused(fmus: dict[int, Path]
         with raises(WiringError):
             run(system)
     assert refused(path) == (
-        "c.p would be 180, which is outside of its range: change the parameters that it is calculated from"
+        "c.p would be 180, a value that it cannot have: change the parameters that it is calculated from"
+    )
+
+
+@pytest.mark.parametrize("factor", [0.3, 1e12])
+def test_a_value_that_is_no_integer_of_the_type_is_refused(
+    fmus: dict[int, Path], tmp_path: Path, factor: float, raises
+) -> None:
+    """4 times the factor, in a run and in an exported FMU."""
+    with System() as system:
+        for name in ("a", "b"):
+            system.add(name, fmus[2], step="1 ms")
+        system.connect("b.next", "a.n", linear=(factor, 0.0))
+        path = system.export_fmu(tmp_path / "Scaled.fmu")
+        with raises(WiringError):
+            run(system)
+    assert refused(path) == (
+        f"a.n would be {4 * factor:g}, a value that it cannot have: change the parameters that it is calculated from"
     )
 
 

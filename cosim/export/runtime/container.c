@@ -616,9 +616,10 @@ static FmuStatus pass_parameters(FmuInstance *self) {
                 return component_failed(self, p->from.component, "getting a calculated parameter", status);
             const double x = p->scale * values[p->from.index] + p->offset;
             if (round && x == self->passed[k]) continue;
-            if (!(isfinite(x) && x >= p->min && x <= p->max)) {
+            const bool whole = p->to.kind != KIND_FLOAT64 && p->to.kind != KIND_FLOAT32;
+            if (!(isfinite(x) && x >= p->min && x <= p->max && (!whole || x == floor(x)))) {
                 self->state->mode = MODE_ERROR;
-                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is outside of its range: change the parameters "
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, a value that it cannot have: change the parameters "
                     "that it is calculated from", p->name, x);
             }
             changed = true;
