@@ -179,6 +179,11 @@ class Batch(Copies):
         if self._seeds:
             self._target = self._with_derivatives()
         schedule = system.schedule(*([] if self._interval is None else [self._interval]))
+        for c in schedule.parameters:
+            raise WiringError(
+                f"{c.source_name} -> {c.target_name} passes on a calculated parameter, which {self._words[0]} does not:"
+                " set the parameter instead, and take this connection out"
+            )
         self._schedule = only_numbers(schedule, *self._words)
         self._refuse(self._schedule.loops)
         self._sources: dict[SystemComponent, LaneSource] = {}

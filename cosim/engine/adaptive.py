@@ -91,8 +91,7 @@ def for_tolerance(schedule: Schedule) -> Schedule:
             f"{delayed.source_name} -> {delayed.target_name} has a delay of one step, which has no length of its own in"
             " a run with a tolerance: leave the delay out, or run the system without a tolerance"
         )
-    how = "a run with a tolerance", "run the system without a tolerance"
-    schedule = only_numbers(schedule, *how, parameters=True)
+    schedule = only_numbers(schedule, "a run with a tolerance", "run the system without a tolerance")
     return replace(
         schedule,
         groups=tuple(Group("", (m,)) for m in schedule.continuous),

@@ -106,13 +106,13 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
 
 
 def _read_constants(exchange: Exchange) -> None:
-    """Parameters and inputs that nobody drives, as far as they are recorded or watched."""
+    """Read the parameters and unconnected inputs that are recorded or watched."""
     for (m, variable), slot in exchange.layout.constants.items():
         exchange.values[slot] = float(m.implementation.get([variable])[0])
 
 
 def _pass_parameters(connections: Sequence[Connection]) -> None:
-    """Set parameters to those that other components calculate, until none changes: one may follow from another.
+    """Set parameters to the values that other components calculate, until none changes: one may follow from another.
 
     Raises WiringError for values that a parameter cannot have, and for parameters that follow from each other.
     """
@@ -121,9 +121,9 @@ def _pass_parameters(connections: Sequence[Connection]) -> None:
         before = dict(known)
         for c in connections:
             (value,) = c.source.implementation.get([c.output])
-            if known.get(c.target_name) == (value,):
+            if known.get(c.target_name) == value:  # never None
                 continue
-            known[c.target_name] = (value,)
+            known[c.target_name] = value
             given = value if (c.scale, c.offset) == (1.0, 0.0) else c.scale * value + c.offset
             try:
                 (given,) = c.target.expand(c.input.name, given).values()

@@ -47,19 +47,18 @@ uint32_t intermediate_step(void *steps, double t, double h, bool no_set_prior, b
     for (uint32_t i = 0; i < s->n_lines; i++) {
         const EngineExtrapolation *const x = &s->lines[i];
         const double scale = s->scale ? s->scale[x->input] : 1.0, offset = s->scale ? s->offset[x->input] : 0.0;
-        double now, change = 0.0;
+        double now, rate = 0.0;
         if (x->period == 0.0) now = s->values[x->now]; /* it is held */
         else if (s->begin) {
-            change = s->slopes[x->now] * scale;
-            now = s->begin[x->now] + s->slopes[x->now] * (t - *s->since);
+            rate = s->slopes[x->now];
+            now = s->begin[x->now] + rate * (t - *s->since);
         } else {
-            now = s->values[x->now];
-            change = now - s->values[x->before];
-            now += change * ((t + x->shift - s->values[x->sample_time]) / x->period);
-            change = change / x->period * scale;
+            const double last = s->values[x->now], change = last - s->values[x->before];
+            rate = change / x->period;
+            now = last + change * ((t + x->shift - s->values[x->sample_time]) / x->period);
         }
         start[s->element[i]] = now * scale + offset;
-        slope[s->element[i]] = change;
+        slope[s->element[i]] = rate * scale;
     }
     intermediate_begin(u);
     const uint32_t status = s->step(u->instance, t, h, no_set_prior, event, terminate, early, last);

@@ -462,7 +462,7 @@ class Simulation:
 
     @cached_property
     def _driven(self) -> dict[tuple[SystemComponent, Variable], Connection]:
-        return {(c.target, c.input): c for c in (*self.schedule.connections, *self.schedule.parameters)}
+        return {(c.target, c.input): c for c in self.schedule.value_connections}
 
     @cached_property
     def _wiring(self) -> Wiring:

@@ -178,7 +178,7 @@ def wiring_of(schedule: Schedule) -> Wiring:
         "components": {m.name: [m.kind, str(m.step), str(m.offset)] for m in schedule.components},
         "connections": [
             [c.source_name, c.target_name, c.delay, c.extrapolate, c.scale, c.offset]
-            for c in (*schedule.connections, *schedule.parameters)
+            for c in schedule.value_connections
         ],
         "groups": [[g.method, [m.name for m in g.components]] for g in schedule.groups],
     }

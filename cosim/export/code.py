@@ -13,7 +13,7 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import RECORDABLE, TEXTS, Variable
+from cosim.core.description import INTEGER_RANGE, RECORDABLE, TEXTS, Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR, INTERMEDIATE
 from cosim.engine.loops import RepeatedStep
@@ -83,7 +83,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
-    return only_numbers(schedule, what, "use other components", parameters=True) if page else schedule
+    return only_numbers(schedule, what, "use other components") if page else schedule
 
 
 @dataclass(frozen=True)
@@ -307,6 +307,9 @@ class SystemCode:
             for m, v in ((c.source, c.output), (c.target, c.input))
         ]
         low, high = Exported(c.target, c.input, "parameter", None).limits
+        if c.input.type != "real":
+            least, most = INTEGER_RANGE.get(c.input.fmi_type, (0, 1))
+            low, high = max(low, float(least)), min(high, float(most))
         numbers = {"scale": c.scale, "offset": c.offset, "min": low, "max": high}
         return {"name": c.target_name, "source": ends[0], "target": ends[1]} | {
             k: c_number(x) for k, x in numbers.items()
@@ -364,7 +367,7 @@ def _follows(m: SystemComponent, places: Sequence[Variable], p: ComponentPlan) -
     found = following(inputs, dict(enumerate(places)), lines)
     held = {i: (i, int(p.index[i]), 0, 0, 0.0, 0.0) for i, _ in found.driven}
     return {
-        "required": list(dict.fromkeys(v.reference for v in inputs)),
+        "required": [*by_reference(inputs)],
         "references": found.references,
         "n": found.n,
         "lines": [_extrapolation(lines.get(i, held[i])) for i, _ in found.driven],

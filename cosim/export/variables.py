@@ -63,7 +63,7 @@ def choose(
     FMU has.
     """
     components = SystemComponents((m.name, m) for m in schedule.components)
-    driven = {c.target_name: c for c in (*schedule.connections, *schedule.parameters)}
+    driven = {c.target_name: c for c in schedule.value_connections}
     found = [
         *_chosen(components, parameters, "parameter", driven),
         *_chosen(components, inputs if inputs is not None else "*", "input", driven),

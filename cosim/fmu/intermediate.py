@@ -83,8 +83,7 @@ class IntermediateUpdates:
     @property
     def callback(self) -> Intermediate:
         """What the FMU is instantiated with."""
-        references = list(dict.fromkeys(v.reference for v in self._inputs))
-        return self._address(self._function("update")), self._address(self._steps), references
+        return self._address(self._function("update")), self._address(self._steps), [*by_reference(self._inputs)]
 
     @property
     def step(self) -> tuple[Any, Any]:

@@ -27,7 +27,6 @@ Solver = Literal["auto", "explicit", "implicit"]
 SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
 LARGEST_TOLERANCE = 1e-8  # unless the user says otherwise
 _DIFFERENCE = 6e-6  # of a central difference, relative to the value or its nominal one: cube root of the precision
-_UPDATES = 1000  # of discrete states, in one event iteration
 LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
 
 
@@ -194,19 +193,20 @@ class Integration:
         """
         component, ffi, n = self._component, self._ffi, len(self._about.states)
         if self._isolated is not None or not self._about.can_save:
-            why = "is isolated" if self._about.can_save else "cannot save its state"
-            raise CosimError(f"its FMU offers no directional derivatives, and {why}, so there are no differences")
+            why = "is isolated: add it without isolation" if self._about.can_save else "cannot save its state"
+            raise CosimError(f"its FMU offers no directional derivatives; differences are not possible, as it {why}")
         discrete = next((v.name for v in inputs if v.variability == "discrete"), None)
         if discrete is not None:
             raise CosimError(
-                f"its FMU offers no directional derivatives, and there are no differences by its discrete input"
+                f"its FMU offers no directional derivatives; differences are not possible for its discrete input"
                 f" {discrete}: name other inputs"
             )
         x, slopes = ffi.new("double[]", n), ffi.new("double[]", n)
         variables = [*self._about.states, *inputs]
-        state = component.save()
+        state, report = component.save(), bytes(ffi.buffer(self._report))
         try:
-            self._leave_events()
+            self.begin(self._memory.time)  # its event iteration
+            component._must(self._names[8])
             component._must(self._names[2], x, n)
             present = [*x, *map(float, component.get(inputs))]
 
@@ -224,21 +224,11 @@ class Integration:
         finally:
             component.restore(state)
             component.forget(state)
+            ffi.buffer(self._report)[:] = report
         jacobian = np.array(columns).reshape(len(variables), n + len(outputs)).T
         if not np.isfinite(jacobian).all():
             raise CosimError("its derivatives or outputs are not finite beside its present state")
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
-
-    def _leave_events(self) -> None:
-        """From event mode to continuous time."""
-        flags, when = self._ffi.new("bool[5]"), self._ffi.new("double*")
-        info = self._ffi.new("int[8]")  # fmi2EventInfo
-        three = self._setup.version == 3
-        for _ in range(_UPDATES):
-            self._component._must(self._names[7], *((*(flags + k for k in range(5)), when) if three else (info,)))
-            if not (flags[0] if three else info[0]):
-                break
-        self._component._must(self._names[8])
 
     def saved(self) -> bytes:
         """What continues from step to step, apart from the state of the FMU."""

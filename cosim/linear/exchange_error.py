@@ -167,7 +167,7 @@ def exchange_error(
         for m in wiring.components.values()
         if not m.discrete and any(m in (c.source, c.target) for c in _couplings(wiring))
     ]
-    fixed = [m for m in coupled if not _is_divisible(m)]
+    divisible = [m for m in coupled if _is_divisible(m)]
     couplings = _pairs(wiring) if contributions else {}
     total, done = (4 + len(couplings) if coupled else 1), 0
 
@@ -188,17 +188,18 @@ def exchange_error(
         with _fine_solvers(coupled):
             runs = []
             for divisor in (1, 2, 4):
-                with _divided(coupled, fixed, divisor):
+                with _divided(divisible, divisor):
                     runs.append(measured())
             held = {}
-            with _divided(coupled, fixed, 2):
+            with _divided(divisible, 2):
                 for name, connections in couplings.items():
                     with _held(wiring, connections, coupled):
                         held[name] = measured()
     _require_same_times([given, *runs, *held.values()])
     signals = [_signal(n, given, runs, held) for n in given.names]
     signals.sort(key=lambda s: (not _is_real(wiring, s.name), -s.relative, s.name))
-    return ExchangeError(tuple(signals), {m.name: m.step for m in coupled}, tuple(m.name for m in fixed))
+    fixed = tuple(m.name for m in coupled if m not in divisible)
+    return ExchangeError(tuple(signals), {m.name: m.step for m in coupled}, fixed)
 
 
 def _is_real(wiring: Wiring, name: str) -> bool:
@@ -262,13 +263,12 @@ def _is_divisible(component: SystemComponent) -> bool:
 
 
 @contextmanager
-def _divided(components: Sequence[SystemComponent], fixed: Sequence[SystemComponent], divisor: int) -> Iterator[None]:
-    """Steps of the components divided, but for those of which they are fixed."""
+def _divided(components: Sequence[SystemComponent], divisor: int) -> Iterator[None]:
+    """Divides the steps of the components."""
     before = {m: m.step for m in components}
     try:
         for m in components:
-            if m not in fixed:
-                m.step /= divisor
+            m.step /= divisor
         yield
     finally:
         for m, step in before.items():
@@ -281,10 +281,8 @@ def _fine_solvers(components: Sequence[SystemComponent]) -> Iterator[None]:
     before = {m: dict(m.values) for m in components}
     try:
         for m in components:
-            variable = m.description.parameters.get(SOLVER_STEP)
-            if variable is not None:
-                present = float(m.values.get(SOLVER_STEP, variable.start))
-                m.set({SOLVER_STEP: min(present, float(m.step) / 4)})
+            if SOLVER_STEP in m.description.parameters:
+                m.set({SOLVER_STEP: min(float(m.start(SOLVER_STEP)), float(m.step) / 4)})
         yield
     finally:
         for m, values in before.items():

@@ -148,7 +148,7 @@ class _Found:
                 known = self.component.description.parameters[name]
                 if known.unit is not None and known.unit.name == "m":
                     self.lengths.add(self.name(name))
-                return float(self.component.values.get(name, known.start))
+                return float(self.component.start(name))
         if default is None:
             raise KeyError(names[0])
         return default
@@ -292,7 +292,7 @@ class _Found:
                 continue
             own = connection.output.name.removeprefix("road.").removesuffix(".height")
             ahead = self.road.description.parameters.get(f"wheel.{own}.x")
-            at = float(self.road.values.get(ahead.name, ahead.start)) if ahead else self.x.get(corner, 0.0)
+            at = float(self.road.start(ahead.name)) if ahead else self.x.get(corner, 0.0)
             side: Side = "left" if not corner or self.side(corner) > 0 else "right"
             y = self.side(corner) * self.half_track(corner) if corner else 0.0
             yield Ground(side, y, self.road.name, f"{self.road.name}.x", connection.source_name, at)

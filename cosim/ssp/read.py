@@ -179,7 +179,9 @@ class _Reader:
             with self.named_in(f"line {steps[0].connection.line}"):
                 if how is not None and how.table:
                     if target.causality == "parameter":
-                        raise WiringError(f"{start} -> {end}: cosim does not map integers on the way to a parameter")
+                        raise WiringError(
+                            f"{start} -> {end}: a mapping of integers cannot set a parameter; set its value instead"
+                        )
                     if origin.type != "integer" or target.type != "integer":
                         raise WiringError(
                             f"{start} -> {end}: integers are mapped, but it is {origin.fmi_type} to {target.fmi_type}"

@@ -69,7 +69,7 @@ def export_ssp(
 def files_of(schedule: Schedule, version: str) -> dict[SystemComponent, FmuFile]:
     """The file of every component, in the version of FMI that the SSP takes.
 
-    Raises SspError naming a component without such a file.
+    Raises SspError for a component without such a file, and for connected clocks.
     """
     for c in schedule.ticks:
         raise SspError(
@@ -114,7 +114,7 @@ def _file_of(m: SystemComponent, fmu: FmuFile, schedule: Schedule, major: str) -
 
 def _require_same(m: SystemComponent, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
     """The other version of a component's FMU has what the system uses."""
-    every = (*schedule.connections, *schedule.parameters)
+    every = schedule.value_connections
     used = {c.output for c in every if c.source is m} | {c.input for c in every if c.target is m}
     used |= {m.description.variables[n] for n in m.values}
     for v in sorted(used, key=lambda v: v.name):
@@ -186,8 +186,7 @@ class _Exporter:
         short = identifiers(p.stem for p in files)
         several = len({p.stem for p in files}) < len(files)
         self.sources = {p: f"resources/{(_short(stems[str(p)], p) if several else short[p.stem])}.fmu" for p in files}
-        self.connections = [*self.schedule.connections, *self.schedule.parameters]
-        self.driven = {c.target_name: c for c in self.connections}
+        self.driven = {c.target_name: c for c in self.schedule.value_connections}
         self.open_ids = identifiers(self.open)
 
     def _variable(self, full: str) -> Variable:
@@ -412,7 +411,7 @@ class _Exporter:
         """Connections of the file; arrays whose elements are all connected in order are connected as a whole."""
         found: list[_Wire] = []
         whole: dict[tuple[Name, Name], list[Connection]] = {}
-        for c in self.connections:
+        for c in self.schedule.value_connections:
             (start, si), (end, ei) = self._declared(c.source, c.output), self._declared(c.target, c.input)
             if si and ei:
                 whole.setdefault(((c.source, start), (c.target, end)), []).append(c)

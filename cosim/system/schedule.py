@@ -39,6 +39,11 @@ class Schedule:
         return tuple(m for group in self.groups for m in group.components)
 
     @property
+    def value_connections(self) -> tuple[Connection, ...]:
+        """Connections to inputs and to parameters, without those of clocks."""
+        return self.connections + self.parameters
+
+    @property
     def components(self) -> tuple[SystemComponent, ...]:
         """All components in the order of execution, the discrete ones first."""
         return self.discrete + self.continuous
@@ -153,18 +158,11 @@ def _check_ticks(ticks: Sequence[Connection], groups: Iterable[Group]) -> None:
             raise WiringError(f"{names}: components with connected clocks need one step and offset: {steps}")
 
 
-def only_numbers(schedule: Schedule, what: str, remedy: str, *, parameters: bool = False) -> Schedule:
+def only_numbers(schedule: Schedule, what: str, remedy: str) -> Schedule:
     """The schedule for those who exchange doubles: 64-bit integers are rounded.
 
-    Raises WiringError for a text, which `what` does not exchange, with a `remedy`, and for a calculated parameter that
-    is passed on, unless `parameters`.
+    Raises WiringError for a text, which `what` does not exchange, with a `remedy`.
     """
-    if schedule.parameters and not parameters:
-        c = schedule.parameters[0]
-        raise WiringError(
-            f"{c.source_name} -> {c.target_name} passes on a calculated parameter, which {what} does not: set the"
-            " parameter instead, and take this connection out"
-        )
     text = next((c for c in (*schedule.connections, *schedule.ticks) if c.output.type not in RECORDABLE), None)
     if text is not None:
         kind = text.output.fmi_type

@@ -200,8 +200,8 @@ class Wiring:
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
         communication step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
         source's, instead of the conversion of units. `max_size`: bytes that a String or Binary may have; default what
-        the FMUs declare (`maxSize`), else 1024. A calculated parameter can be connected to a
-        parameter, which gets its value in initialization. Raises WiringError naming what does not fit.
+        the FMUs declare (`maxSize`), else 1024. A calculated parameter can be connected to a parameter, which gets its
+        value in initialization. Raises WiringError naming what does not fit.
         """
         from_component, output = self.components.split(source)
         to_component, input_ = self.components.split(target)

@@ -107,19 +107,15 @@ def test_an_exported_fmu_passes_them_on_alike(
 
 
 @pytest.mark.parametrize(
-    ("fmi", "ends", "message"),
-    [
-        (3, ("b.greeting", "c.name"), "is a String"),
-        (3, ("b.lock", "c.key"), "is a Binary"),
-    ],
+    ("ends", "message"), [(("b.greeting", "c.name"), "is a String"), (("b.lock", "c.key"), "is a Binary")]
 )
 def test_an_exported_fmu_passes_on_numbers_only(
-    fmus: dict[int, Path], tmp_path: Path, fmi: int, ends: tuple[str, str], message: str
+    fmus: dict[int, Path], tmp_path: Path, ends: tuple[str, str], message: str
 ) -> None:
     with chain(fmus[3], texts=False) as system:
         system.connect(*ends)
         with pytest.raises(WiringError, match=f"{ends[0]} -> {ends[1]} {message}"):
-            system.export_fmu(tmp_path / "Chain.fmu", fmi=fmi)
+            system.export_fmu(tmp_path / "Chain.fmu", fmi=3)
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -154,7 +150,26 @@ def test_a_value_that_the_parameter_cannot_have_is_refused(fmus: dict[int, Path]
         path = system.export_fmu(tmp_path / "Large.fmu")
         with raises(WiringError):
             run(system)
-    assert refused(path) == "c.p would be 180, which is not a value that it may have"
+    assert refused(path) == (
+        "c.p would be 180, a value that it cannot have: change the parameters that it is calculated from"
+    )
+
+
+@pytest.mark.parametrize("factor", [0.3, 1e12])
+def test_a_value_that_is_no_integer_of_the_type_is_refused(
+    fmus: dict[int, Path], tmp_path: Path, factor: float, raises
+) -> None:
+    """4 times the factor, in a run and in an exported FMU."""
+    with System() as system:
+        for name in ("a", "b"):
+            system.add(name, fmus[2], step="1 ms")
+        system.connect("b.next", "a.n", linear=(factor, 0.0))
+        path = system.export_fmu(tmp_path / "Scaled.fmu")
+        with raises(WiringError):
+            run(system)
+    assert refused(path) == (
+        f"a.n would be {4 * factor:g}, a value that it cannot have: change the parameters that it is calculated from"
+    )
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def playback(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Play
         configure(system, passive(case))
         looks = infer_scene(system)
         car = system["car"]
-        constant = {f"car.{n}": car.values.get(n, v.start) for n, v in car.description.parameters.items()}
+        constant = {f"car.{n}": car.start(n) for n in car.description.parameters}
     assert looks is not None
     recorded = {name: np.asarray(values, dtype=float) for name, values in drawn["frames"].items()}
     series: dict[str, Any] = constant | {"car.body.roll": 0.0, **recorded, "car.trench.start": row["trench_start"]}

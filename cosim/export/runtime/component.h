@@ -115,7 +115,7 @@ typedef struct {
 typedef struct {
     bool (*make)(Component *m); /* before it is instantiated */
     uint32_t (*bind)(Component *m, const EngineComponent *e, const double *values);
-    bool (*failed)(const Component *m, double *time); /* in the last step, inputs could not be set then */
+    const char *(*why)(const Component *m, double *time); /* inputs could not be set in the last step; or NULL */
 } Updates;
 extern const Updates updates;
 

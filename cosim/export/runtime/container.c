@@ -56,7 +56,7 @@ struct FmuInstance {
     FmuBase base;
     State *state;
     double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
-    double *passed;                /* parameters that were passed on */
+    double *passed;                /* values of calculated parameters that were passed on */
     Engine engine;
     EngineComponent *bound;
     Component *components;
@@ -571,9 +571,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     }
     const PlanComponent *p = &P->components[i];
     double when;
-    if (p->follows && !call && P->updates->failed(m, &when))
-        (void)fmu_fail(self, FMU_ERROR, "component '%s': inputs that follow inside its step cannot be set at %.9g s",
-            p->name, when);
+    const char *const refused = p->follows && !call ? P->updates->why(m, &when) : NULL;
+    if (refused) (void)fmu_fail(self, FMU_ERROR, "component '%s': it %s, at %.9g s", p->name, refused, when);
     const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
     const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
     if (t && t->exact) {
@@ -617,9 +616,11 @@ static FmuStatus pass_parameters(FmuInstance *self) {
                 return component_failed(self, p->from.component, "getting a calculated parameter", status);
             const double x = p->scale * values[p->from.index] + p->offset;
             if (round && x == self->passed[k]) continue;
-            if (!(isfinite(x) && x >= p->min && x <= p->max)) {
+            const bool whole = p->to.kind != KIND_FLOAT64 && p->to.kind != KIND_FLOAT32;
+            if (!(isfinite(x) && x >= p->min && x <= p->max && (!whole || x == floor(x)))) {
                 self->state->mode = MODE_ERROR;
-                return fmu_fail(self, FMU_ERROR, "%s would be %g, which is not a value that it may have", p->name, x);
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, a value that it cannot have: change the parameters "
+                    "that it is calculated from", p->name, x);
             }
             changed = true;
             self->passed[k] = x;

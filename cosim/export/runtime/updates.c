@@ -47,10 +47,12 @@ static uint32_t bind(Component *m, const EngineComponent *e, const double *value
     return fmi3OK;
 }
 
-static bool failed(const Component *m, double *time) {
+static const char *why(const Component *m, double *time) {
     const IntermediateReport *const r = &((const IntermediateStep *)m->updates)->update.report;
     *time = r->time;
-    return r->end != INTERMEDIATE_FINE;
+    return r->end == INTERMEDIATE_BAD_TIME     ? "asks for inputs outside of its step"
+           : r->end == INTERMEDIATE_SET_FAILED ? "refuses inputs inside its step"
+                                               : NULL;
 }
 
-const Updates updates = {make, bind, failed};
+const Updates updates = {make, bind, why};
