@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from built import FMUS, BuiltFmus
+from built import BuiltFmus
+from rides import RIDES, system_of
 from same import bits
 
 from cosim import System
@@ -21,25 +22,12 @@ from cosim.experiments.hmmwv.runs import Case as HmmwvCase
 from cosim.experiments.preview_lq import EXPERIMENT as RIDE
 from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
-from cosim.study import FmuSet, Runner
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
     pytest.mark.usefixtures("built_fmus"),
 ]
-METRICS: Mapping[str, Metric] = {
-    "mean": Mean("car.body.z"),
-    "rms": Rms("car.body.az"),
-    "peak": Peak("car.body.az"),
-    "J": QuadraticCost({"car.body.az": 1.0, "car.body.z": 1e4}),
-    "end": Final("car.body.z"),
-}
-RIDES: Mapping[str, Metric] = {**METRICS, "J": QuadraticCost({"car.body.az": 1.0, "car.body.pitch": 10.0})}
-
-
-def system_of(experiment: Any, case: Any) -> System:
-    system: System = Runner(experiment, FmuSet(FMUS)).system(case)
-    return system
+METRICS: Mapping[str, Metric] = {**RIDES, "J": QuadraticCost({"car.body.az": 1.0, "car.body.z": 1e4})}
 
 
 def both(system: System, metrics: Mapping[str, Metric], parameters: Any, **arguments: Any) -> tuple[Gradient, Gradient]:
@@ -157,7 +145,7 @@ def test_a_stiff_solver(built_fmus: BuiltFmus) -> None:
     system.add("actuator", built_fmus.path("HydraulicActuator", 3), step="1 ms")
     system["actuator"].set({"valve.voltage": 1.0, "piston.velocity": 0.01})
     names = ["actuator.fluid.bulk_modulus", "actuator.valve.time_constant", "actuator.piston.velocity"]
-    metrics = {"force": Rms("actuator.force"), "end": Final("actuator.flow")}
+    metrics: Mapping[str, Metric] = {"force": Rms("actuator.force"), "end": Final("actuator.flow")}
     found, _ = both(system, metrics, names, stop_time="0.2 s")
     assert np.abs(found.trust().deviation).max() < 1e-8
 

@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from built import FMUS, OBJECTS, BuiltFmus
+from built import OBJECTS, BuiltFmus
+from rides import RIDES, system_of
 from same import bits
 
 from build_fmus.compile import ObjectCache, resolve_platforms
@@ -29,23 +30,11 @@ from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.experiments.three_axle import EXPERIMENT as THREE_AXLE
 from cosim.experiments.three_axle.runs import Case as ThreeAxleCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
-from cosim.study import FmuSet, Runner
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
     pytest.mark.usefixtures("built_fmus"),
 ]
-RIDE_METRICS: Mapping[str, Metric] = {
-    "rms": Rms("car.body.az"),
-    "peak": Peak("car.body.az"),
-    "J": QuadraticCost({"car.body.az": 1.0, "car.body.pitch": 10.0}),
-    "end": Final("car.body.z"),
-}
-
-
-def system_of(experiment: Any, case: Any) -> System:
-    system: System = Runner(experiment, FmuSet(FMUS)).system(case)
-    return system
 
 
 @pytest.fixture(scope="module")
@@ -120,13 +109,13 @@ def deviates(found: Gradient, parameter: str, limit: float) -> None:
 @pytest.mark.parametrize("parameter", ["car.body.mass", "car.suspension.fl.stiffness", "car.body.z"])
 def test_a_ride_car_under_preview_agrees_with_differences(parameter: str) -> None:
     system = system_of(RIDE, RideCase())
-    deviates(system.gradient(RIDE_METRICS, parameter, stop_time=1.5, interval="10 ms"), parameter, 1e-8)
+    deviates(system.gradient(RIDES, parameter, stop_time=1.5, interval="10 ms"), parameter, 1e-8)
 
 
 def test_a_full_car_under_gpc_agrees_with_differences() -> None:
     system = system_of(GPC, GpcCase())
     names = ["controller.gain.preview[1,1]", "car.tire.stiffness"]
-    found = system.gradient(RIDE_METRICS, names, stop_time=2.5, interval="10 ms")
+    found = system.gradient(RIDES, names, stop_time=2.5, interval="10 ms")
     trust = found.trust()
     assert np.abs(trust.deviation).max() < 1e-8
     assert (trust.smooth == trust.stop).all()  # no comparison had another outcome in the neighboring runs
@@ -135,9 +124,9 @@ def test_a_full_car_under_gpc_agrees_with_differences() -> None:
 
 def test_an_fmu_without_derivatives_is_followed_by_differences() -> None:
     system = system_of(RIDE, RideCase())
-    exact = system.gradient(RIDE_METRICS, "car.body.mass", stop_time=1.0, interval="10 ms")
+    exact = system.gradient(RIDES, "car.body.mass", stop_time=1.0, interval="10 ms")
     system.isolate("controller")
-    found = system.gradient(RIDE_METRICS, "car.body.mass", stop_time=1.0, interval="10 ms")
+    found = system.gradient(RIDES, "car.body.mass", stop_time=1.0, interval="10 ms")
     system.close()
     assert found.by_difference == {"controller": "it is isolated in a process of its own"}
     np.testing.assert_array_equal(found.values, exact.values)
@@ -201,9 +190,9 @@ def test_a_gradient_is_of_the_values_it_was_computed_at(quarter_car: System) -> 
 
 def test_many_parameters_are_shared_among_copies() -> None:
     system = system_of(RIDE, RideCase())
-    many = system.gradient(RIDE_METRICS, "car.*.stiffness", stop_time=0.5, interval="10 ms", threads=2)
+    many = system.gradient(RIDES, "car.*.stiffness", stop_time=0.5, interval="10 ms", threads=2)
     names = ["car.*.mass", "car.*.damping", *many.parameters]
-    more = system.gradient(RIDE_METRICS, names, stop_time=0.5, interval="10 ms", mode="forward")
+    more = system.gradient(RIDES, names, stop_time=0.5, interval="10 ms", mode="forward")
     assert len(more.parameters) > 16
     same = [list(more.parameters).index(n) for n in many.parameters]
     np.testing.assert_array_equal(bits(more.tangents[:, :, same]), bits(many.tangents))
