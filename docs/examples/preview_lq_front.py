@@ -54,7 +54,7 @@ def drive(weights: PreviewLqWeights) -> dict[str, float]:
         path = Path(folder) / "Tried.fmu"
         path.write_bytes(build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path("results/objects"))))
         with System() as system:
-            system.add("speed", "fmus/fmi3/SpeedProfile.fmu", parameters={"start.speed": SPEED})
+            system.add("speed", "fmus/fmi3/SpeedProfile.fmu", parameters={"start.speed": SPEED, "start.x": 0.0})
             system.add("road", "fmus/fmi3/RoadHoleBump.fmu")
             system.add("car", "fmus/fmi3/RideCarSedan.fmu", step="1 ms")
             system.add("law", path, parameters={"mode": 2})
