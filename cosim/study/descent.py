@@ -14,7 +14,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -81,8 +80,7 @@ def descend(
 
 def _weights(count: int) -> Iterator[Array]:
     """Each objective alone, then sums between."""
-    ends = np.eye(count)
-    yield from (1.0 - SMALL * (count > 1)) * ends + SMALL * (count > 1) * (1.0 - ends)
+    yield from np.where(np.eye(count, dtype=bool), 1.0 - SMALL * (count > 1), SMALL)
     divisions = DIVISIONS.get(count, 2)
     for shares in itertools.product(range(divisions + 1), repeat=count):
         if sum(shares) == divisions and max(shares) < divisions:
@@ -171,7 +169,7 @@ class _Search:
         size = np.ptp(values, axis=0)
         size = np.where(size > 0, size, np.where(values[0] != 0, np.abs(values[0]), 1.0))
         share = weight / size
-        penalty = np.array([np.maximum(-margin, 0.0).sum() if len(margin) else 0.0 for *_, margin in known])
+        penalty = np.array([np.maximum(-margin, 0.0).sum() for *_, margin in known])
         begin = known[int(np.argmin(values @ share + 1e3 * penalty))][0]
         worst = float((values @ share).max())
         self._until = len(self.trials) + most
@@ -191,9 +189,6 @@ class _Search:
             return np.zeros((len(self.bounds), len(u))) if found is None else found[3]
 
         method = "SLSQP" if self.bounds else "L-BFGS-B"
-        more: dict[str, Any] = {}
-        if self.bounds:
-            more["constraints"] = [{"type": "ineq", "fun": margin, "jac": margin_slopes}]
         with contextlib.suppress(_SpentError):
             optimize.minimize(
                 total,
@@ -201,6 +196,6 @@ class _Search:
                 jac=True,
                 method=method,
                 bounds=[(0.0, 1.0)] * len(begin),
+                constraints=[{"type": "ineq", "fun": margin, "jac": margin_slopes}] if self.bounds else (),
                 options=TOLERANCE[method],
-                **more,
             )

@@ -60,17 +60,14 @@ SEARCH = (
         help="follow derivatives of the run (L-BFGS-B, or SLSQP with bounds) from the present values of the parameters;"
         " trials of earlier commands are not used",
     ),
-    click.Option(
-        ["--at-most"],
-        multiple=True,
-        metavar="METRIC=VALUE",
-        help="with --gradient: upper bound of a metric (repeatable)",
-    ),
-    click.Option(
-        ["--at-least"],
-        multiple=True,
-        metavar="METRIC=VALUE",
-        help="with --gradient: lower bound of a metric (repeatable)",
+    *(
+        click.Option(
+            [name],
+            multiple=True,
+            metavar="METRIC=VALUE",
+            help=f"with --gradient: {which} bound of a metric (repeatable)",
+        )
+        for name, which in (("--at-most", "upper"), ("--at-least", "lower"))
     ),
 )
 
