@@ -136,7 +136,7 @@ class _Search:
             return None
         for name in (*self.objectives, *(n for n, *_ in self.bounds)):
             if name not in found.row:
-                raise OptimisationError(f"{unknown('number', name, found.row)}: no trial has a value of it")
+                raise OptimisationError(unknown("number", name, found.row))
             if not (math.isfinite(found.row[name]) and np.isfinite(found.slopes[name]).all()):
                 raise OptimisationError(f"{name} is {found.row[name]}, and has no derivative at {values}")
         per = np.array(

@@ -418,8 +418,7 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlo
         ]
     tables = [Table("sensitivity", "Sensitivity", columns, rows)]
     if local is not None:
-        keys = [k for k in drawn if k in local.slopes.row]
-        tables = _with_local(columns, rows, table, drawn, local, keys)
+        tables = _with_local(columns, rows, table, drawn, local)
         paragraphs.append(
             "Derivatives are those of the run with the medians of all parameters: the change of the metric in per cent"
             " by a change of the parameter of 1 %. The deviation by tolerance is the standard deviation that follows"
@@ -435,9 +434,9 @@ def _with_local(
     table: SweepTable,
     drawn: Mapping[str, Metric],
     local: LocalSlopes,
-    keys: Sequence[str],
 ) -> list[Table]:
     """The sensitivities with columns of local derivatives, and correlations of metrics."""
+    keys = [k for k in drawn if k in local.slopes.row]
     places = [(k, m, a.name) for k, m in drawn.items() for a in table.sweep.design.axes]
     found: list[list[Scalar]] = []
     empty: list[Scalar] = [None] * (len(columns) - 2)
