@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib import metadata
@@ -230,7 +231,6 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     hidden = [v for v in states if not v.exposed]
     continuous, solver = component.kind == "continuous", component.solver
     points = _operating_points(component) if continuous else []
-    size = component.size
     start = _start(component, functions.structs)
     tables = [_table("FmuVariable", "variables", map(_variable, refs)), start]
     numbers = []
@@ -253,14 +253,12 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
         rows = (_fields(name=c_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
         tables.append(_table("FmuHidden", "hidden", rows))
         fields |= {"hidden": "hidden", "n_hidden": len(hidden)}
-    fields |= {f"n_{r}s": size(r) for r in ("parameter", "input", "state", "output")}  # type: ignore[arg-type]
-    fields |= {"n_work": functions.n_work, "n_fixed": len(functions.known)}
+    fields |= {f"n_{k}": n for k, n in _sizes(component).items()}
     fields |= {"start": "(const double *)&start" if start else None}
     fields |= {name: name for name in functions.names if name not in random_profiles.FUNCTIONS}
     if continuous and states:
-        for name, values in (("nominals", [v.nominal or 1.0 for v in states]), ("bounds", [_bound(v) for v in states])):
-            each = (_number(x) for v, x in zip(states, values, strict=True) for _ in range(v.size))
-            numbers.append(_numbers("double", name, each))
+        for name, each in (("nominals", lambda v: v.nominal or 1.0), ("bounds", _bound)):
+            numbers.append(_numbers("double", name, map(_number, _of_each(states, each))))
             fields[name] = name
     if solver == "semi_implicit" and states:
         numbers.append(_numbers("int", "velocity_of", map(str, component.velocity_of)))
@@ -278,9 +276,6 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
         fields |= {"check_messages": "check_messages", "n_checks": len(component.check_messages)}
     if component.programs:
         fields["qp"] = "&fmu_qp_functions"
-        fields |= {
-            f"n_qp_{k}": sum(getattr(q, f"n_{k}") for q in component.programs) for k in ("data", "solution", "memory")
-        }
     given = [f"    .{k} = {v}," for k, v in fields.items() if v not in (0, None)]
     return "\n".join(
         [
@@ -306,9 +301,46 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     )
 
 
+def lane_table(component: Model, code: bytes, *, arrays: bool, token: str) -> bytes:
+    """What lanes have to know of `code`, which is `generate_c` of the same arguments: `sources/lanes.json`."""
+    functions, states = written_functions(component), component.of("state")
+    continuous = component.kind == "continuous"
+    return json.dumps(
+        {
+            "token": token,
+            "code": hashlib.sha256(code).hexdigest(),
+            "continuous": continuous,
+            "solver": component.solver,
+            "sample_time": component.sample_time or 0.0,
+            "functions": functions.names,
+            "sizes": _sizes(component),
+            "bounds": _of_each(states, _bound) if continuous else [],
+            "variables": [(v.role, v.slot, 1 if arrays else v.size) for v in component.variables],
+            "hidden": [(v.name, v.slot, v.size) for v in states if not v.exposed],
+        },
+        separators=(",", ":"),
+    ).encode()
+
+
+def _sizes(component: Model) -> dict[str, int]:
+    """Lengths of the runtime's vectors."""
+    functions = written_functions(component)
+    return {
+        **{f"{role}s": component.size(role) for role in ("parameter", "input", "state", "output")},
+        "work": functions.n_work,
+        "fixed": len(functions.known),
+        **{f"qp_{k}": sum(getattr(q, f"n_{k}") for q in component.programs) for k in ("data", "solution", "memory")},
+    }
+
+
+def _of_each(states: Iterable[Variable], of: Callable[[Variable], float]) -> list[float]:
+    """A number of each state, for all elements."""
+    return [of(v) for v in states for _ in range(v.size)]
+
+
 def _first_instance(component: Model) -> str:
-    sizes = [component.size(role) for role in ("parameter", "input", "state", "state", "output")]  # type: ignore[arg-type]
-    numbers = sum(sizes) + sum(q.n_memory for q in component.programs)
+    n = _sizes(component)
+    numbers = sum(n[k] for k in ("parameters", "inputs", "states", "states", "outputs", "qp_memory"))
     return "\n".join(
         [
             "static struct {",

@@ -64,6 +64,7 @@ def _pack(
     sources = [n for n in files if n.endswith(".c")]
     token = generate.identity(component, arrays=arrays, clocks=clocks)
     content: dict[str, bytes] = {f"sources/{name}": data for name, data in files.items()}
+    content["sources/lanes.json"] = generate.lane_table(component, files["model.c"], arrays=arrays, token=token)
     content["modelDescription.xml"] = description_xml.model_description(
         component, fmi, token=token, sources=sources, arrays=arrays, clocks=clocks
     )

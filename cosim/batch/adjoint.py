@@ -116,12 +116,12 @@ class AdjointRun(Batch):
     def _lasting(self, m: SystemComponent) -> npt.NDArray[np.intp]:
         """Rows of the values of an instance, of solutions, and of what depends on its parameters only."""
         lanes = self._lanes[m]
-        end, further = lanes.library.cosim_lanes_numbers(), sum(map(lanes.source.size, ("qp_solution", "fixed")))
+        end, further = lanes.library.cosim_lanes_numbers(), sum(lanes.source.sizes[k] for k in ("qp_solution", "fixed"))
         return np.r_[HEADER : HEADER + lanes.source.n_values, end - further : end]
 
     def _warm_starts(self, m: SystemComponent) -> Numbers:
         at = self._lanes[m].library.cosim_lanes_memory() // 8
-        return self._lanes[m].whole[0].reshape(-1)[at : at + self._lanes[m].source.size("qp_memory")]
+        return self._lanes[m].whole[0].reshape(-1)[at : at + self._lanes[m].source.sizes["qp_memory"]]
 
     def _sides_of(self, m: SystemComponent) -> Indices:
         at = self._lanes[m].library.cosim_lanes_sides() // 8
@@ -158,7 +158,7 @@ class AdjointRun(Batch):
             record_interval=self._interval,
             stop_time=self.stop_time,
         )
-        counts = [self._lanes[m].source.n_values + self._lanes[m].source.size("qp_memory") for m in self._components]
+        counts = [self._lanes[m].source.n_values + self._lanes[m].source.sizes["qp_memory"] for m in self._components]
         with simulation:
             for tick, following in pairwise(bounds):
                 data = [m.implementation.serialize() for m in self._components]  # type: ignore[attr-defined]
@@ -256,7 +256,7 @@ class AdjointRun(Batch):
         plans = {plan.component: plan for plan in self._plan.components}
         for m, own in zip(self._components, parts, strict=True):
             source = self._lanes[m].source
-            behind_inputs = own[source.size("parameters") + source.size("inputs") : len(own) - source.size("fixed")]
+            behind_inputs = own[source.sizes["parameters"] + source.sizes["inputs"] : len(own) - source.sizes["fixed"]]
             if behind_inputs.any():
                 behind_inputs[:] = True
                 exchange[plans[m].first : plans[m].first + plans[m].n_outputs] = True

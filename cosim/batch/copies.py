@@ -202,7 +202,7 @@ class Batch(Copies):
             *((c.source, c.output) for c in system.connections.values()),
         ]
         for m, v in read:
-            if m in self._sources and self._sources[m].rows[v.reference].role == "FMU_DERIVATIVE":
+            if m in self._sources and self._sources[m].place(v)[0] == "derivative":
                 del self._sources[m]
                 self._fixed_reasons[m] = f"its derivative {v.name} is read"
         for m, name in self._seeds:
@@ -412,7 +412,7 @@ class Batch(Copies):
     def _check_limits(self, given: Array, running: npt.NDArray[np.bool_]) -> None:
         """As those of `Simulation.set`."""
         for i, (m, v) in enumerate(self._inputs):
-            low, high = (b if b is not None else s for b, s in ((v.minimum, -np.inf), (v.maximum, np.inf)))
+            low, high = v.limits
             suspect = (given[:, i] < low) | (given[:, i] > high) | (v.must_equal is not None)
             for copy in np.flatnonzero(suspect & running):
                 try:

@@ -158,12 +158,11 @@ class Copies:
             values |= {n: each for (owner, n), each in given.items() if owner is m}
             for name, each in values.items():
                 variable = m.description.variables[name]
-                row = lanes.source.rows[variable.reference]
-                column = np.array(each, dtype=float)
-                real = row.type == "FMU_FLOAT64"
+                column, (least, most) = np.array(each, dtype=float), variable.limits
+                real = variable.type == "real"
                 within = np.isfinite(column) if real else column == np.floor(column)
-                if row.role != "FMU_INPUT" or not real:
-                    within &= (column >= row.least) & (column <= row.most)
+                if variable.causality != "input" or not real:
+                    within &= (column >= least) & (column <= most)
                 refused[: self.copies] |= ~within
                 self._put(lanes.memory, lanes.row(variable), column)
         for copy in range(self.copies, len(self._alive)):
@@ -224,8 +223,8 @@ class Copies:
 
     def _check_range(self, m: SystemComponent, v: Variable, by: float) -> None:
         """Refuse a value that has no neighbor on one side."""
-        value = float(m.start(v.name) or 0.0) + by
-        if (v.minimum is not None and value < v.minimum) or (v.maximum is not None and value > v.maximum):
+        least, most = v.limits
+        if not least <= float(m.start(v.name) or 0.0) + by <= most:
             raise CosimError(
                 f"{m.name}.{v.name} is at the end of its range, so it has neighbors on one side only:"
                 f" {', '.join(sorted(c.name for c in self._probed))} can be followed by differences alone; move it a"
@@ -274,7 +273,7 @@ class Copies:
         """Have an FMU check what only it can: relations of parameters, and its solver with these parameters."""
         port, clone = self._exchange.layout.ports[m], self._clones[m][0]
         own, defaults = lanes.values(), self._defaults(m)
-        n, rows = lanes.source.size("parameters"), [lanes.row(v) for v in port.inputs]
+        n, rows = lanes.source.sizes["parameters"], [lanes.row(v) for v in port.inputs]
         for i, variable in enumerate(port.inputs):
             if variable.must_equal is not None:
                 column = lanes.memory[:, rows[i], :].ravel()
@@ -357,15 +356,8 @@ class Copies:
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.ports[m].outputs
-            shown = tuple(
-                sorted(
-                    {
-                        source.rows[v.reference].slot + v.index
-                        for v in outputs
-                        if source.rows[v.reference].role == "FMU_OUTPUT"
-                    }
-                )
-            )
+            places = map(source.place, outputs)
+            shown = tuple(sorted({slot for role, slot in places if role == "output"}))
             spare = self._spare.get(m)
             if spare is None or len(spare.whole) < groups:
                 library = lane_library(source, shown, self._target) if spare is None else spare.library

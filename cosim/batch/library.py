@@ -160,7 +160,7 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],
-            "profiles.c": f"#define N_WORK {source.fields['n_work']}\n{_PROFILES}".encode(),
+            "profiles.c": f"#define N_WORK {source.sizes['work']}\n{_PROFILES}".encode(),
         }
         sources += ["profiles.c", "random_profiles.c"]
     return _compiled(files | {name: code}, tuple(sources), f"lanes_{target.name}")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import re
+import hashlib
+import json
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
 from build_fmus import compile as building
+from cosim.core.description import Variable
 from cosim.fmu.file import FmuFile
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
@@ -20,12 +23,6 @@ _SAME = (
     "integrators.c",
     "saved_state.h",
 )  # of which lanes carry out the operations
-_MODEL = re.compile(r"const FmuModel fmu_model = \{\n(.*?)\n\};", re.DOTALL)
-_FIELD = re.compile(r"^ *\.(\w+) = (.+),$", re.MULTILINE)
-_ROW = re.compile(r"^ *\{(\.name = .*)\},$", re.MULTILINE)
-_IN_ROW = re.compile(r"\.(\w+) = (\"(?:[^\"\\]|\\.)*\"|[^,]+)")
-_NUMBERS = re.compile(r"static const (?:double|int) (bounds|velocity_of)\[\] = \{[^}]*\};\n")
-_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 
 
 class NoLanes(Exception):  # noqa: N818
@@ -33,50 +30,37 @@ class NoLanes(Exception):  # noqa: N818
 
 
 @dataclass(frozen=True)
-class Row:
-    """A variable of the FMU, at its value reference: in which vector, where, and its limits."""
-
-    name: str
-    type: str
-    role: str
-    slot: int
-    size: int
-    least: float
-    most: float
-
-
-@dataclass(frozen=True)
 class LaneSource:
-    """What lanes of an FMU are made of.
+    """What lanes of an FMU are made of (`build_fmus.generate.lane_table`).
 
     Attributes:
-        model: text of its `model.c` without comments.
-        fields: of the runtime's FmuModel that are not 0, as text.
-        rows: its variables, by value reference.
+        continuous: whether the component is continuous.
+        solver: its name.
+        sample_time: of a discrete component [s].
+        functions: the C functions there are.
+        sizes: lengths of its vectors.
+        bounds: by state, the magnitude beyond which it has blown up.
+        places: role and slot of its variables, by value reference: in which vector, and where.
+        hidden: (name, slot, size) of the states that are no variables.
         files: C files and headers by path below `sources/`.
     """
 
-    model: str = field(repr=False)
-    fields: dict[str, str]
-    rows: tuple[Row, ...] = field(repr=False)
+    continuous: bool
+    solver: str
+    sample_time: float
+    functions: list[str]
+    sizes: dict[str, int]
+    bounds: list[float] = field(repr=False)
+    places: tuple[tuple[str, int], ...] = field(repr=False)
+    hidden: list[tuple[str, int, int]] = field(repr=False)
     files: dict[str, bytes] = field(repr=False)
-
-    @property
-    def continuous(self) -> bool:
-        """Whether the component is continuous."""
-        return "is_continuous" in self.fields
-
-    @property
-    def solver(self) -> str:
-        """Its name in C."""
-        return self.fields.get("solver", "FMU_RK4")
 
     @property
     def one_at_a_time(self) -> str:
         """Why copies cannot lie side by side; empty where they can."""
-        if "qp" in self.fields:
+        if self.sizes["qp_solution"]:
             return "it solves quadratic programs"
-        return "its solver (ros2) chooses pivots, each copy its own" if self.solver == "FMU_ROS2" else ""
+        return "its solver (ros2) chooses pivots, each copy its own" if self.solver == "ros2" else ""
 
     @property
     def profiles(self) -> bool:
@@ -92,62 +76,42 @@ class LaneSource:
     @property
     def checks(self) -> bool:
         """Whether its initialization checks more than ranges: relations of parameters, or its solver."""
-        return self.continuous or "checks" in self.fields
+        return self.continuous or "checks" in self.functions
 
-    def size(self, role: str) -> int:
-        """Length of the vector of a role: parameters, inputs, states, outputs."""
-        return int(self.fields.get(f"n_{role}", "0"))
+    def place(self, variable: Variable) -> tuple[str, int]:
+        """Role and slot of a variable of the FMU."""
+        role, slot = self.places[variable.reference]
+        return role, slot + variable.index
 
     def first(self, role: str) -> int:
         """Where the vector of a role begins among the values of an instance."""
-        counts = [self.size(r) for r in ("parameters", "inputs", "states", "states")]
-        return sum(counts[: ("FMU_PARAMETER", "FMU_INPUT", "FMU_STATE", "FMU_DERIVATIVE", "FMU_OUTPUT").index(role)])
+        counts = [self.sizes[r] for r in ("parameters", "inputs", "states", "states")]
+        return sum(counts[: ("parameter", "input", "state", "derivative", "output").index(role)])
 
     @property
     def n_values(self) -> int:
         """Number of values of an instance, from its parameters to its outputs."""
-        return self.first("FMU_OUTPUT") + self.size("outputs")
+        return self.first("output") + self.sizes["outputs"]
 
-    def name_of(self, role: str, slot: int) -> str:
-        """Name of a variable, or of a hidden state, by its slot."""
-        for r in self.rows:
-            if r.role == role and r.slot <= slot < r.slot + r.size:
-                return r.name
-        for text in re.findall(r"FmuHidden hidden\[\] = \{\n(.*?)\n\};", self.model, re.DOTALL):
-            for found in _ROW.findall(text):
-                row = dict(_IN_ROW.findall(found))
-                if int(row["slot"]) <= slot < int(row["slot"]) + int(row["size"]):
-                    return row["name"].strip('"')
-        return ""
-
-    def bound(self, state: int) -> float:
-        """Magnitude beyond which a state has blown up."""
-        text = next(m[0] for m in _NUMBERS.finditer(self.model) if m[1] == "bounds")
-        return float(text[text.index("{") + 1 : text.index("}")].split(",")[state])
+    def name_of(self, role: str, slot: int, variables: Iterable[Variable]) -> str:
+        """Name of one of these variables, or of a hidden state, by its slot."""
+        named = [(v.declared or v.name, self.place(v)) for v in variables]
+        hidden = ((n, ("state", k)) for n, at, size in self.hidden for k in range(at, at + size))
+        return next((n for n, place in (*named, *hidden) if place == (role, slot)), "")
 
     def settings(self, outputs: tuple[int, ...]) -> list[str]:
-        """Settings in C of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
-        there = self.model.partition("#ifndef LANES")[0]
-        jacobian = ["jacobian"] if self.solver == "FMU_ROS2" else []
-        for name in ("start_states", "derivatives", "outputs", "program_data", "sample", *jacobian):
-            if name in self.fields and f"static void {name}(" not in there:
-                raise NoLanes(f"lanes cannot follow its sources: there is no function {name}")
+        """Settings in C of its lanes, of which the outputs with these slots are read."""
+        tables = {"nominals": bool(self.bounds), "velocity_of": self.solver == "semi_implicit" and bool(self.bounds)}
         constants = {
-            "N_PARAMETERS": self.size("parameters"),
-            "N_INPUTS": self.size("inputs"),
-            "N_STATES": self.size("states"),
-            "N_OUTPUTS": self.size("outputs"),
-            "N_WORK": self.size("work"),
-            "N_FIXED": self.size("fixed"),
-            **{f"N_QP_{k.upper()}": self.size(f"qp_{k}") for k in ("data", "solution", "memory")},
+            **{f"N_{k.upper()}": n for k, n in self.sizes.items()},
             "N_SHOWN": len(outputs),
             "IS_CONTINUOUS": int(self.continuous),
-            "HAS_START": int("start_states" in self.fields),
+            "HAS_START": int("start_states" in self.functions),
             "HAS_PROFILES": int(self.profiles),
-            "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
-            "SOLVER": self.solver,
-            "IS_ROS2": int(self.solver == "FMU_ROS2"),
-            **{k.upper(): k if k in self.fields else "NULL" for k in ("nominals", "velocity_of")},
+            "SAMPLE_TIME": self.sample_time,
+            "SOLVER": f"FMU_{self.solver.upper()}",
+            "IS_ROS2": int(self.solver == "ros2"),
+            **{k.upper(): k if there else "NULL" for k, there in tables.items()},
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
         }
         return [
@@ -163,22 +127,21 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     files = _sources(fmu.path)
     if "model.c" not in files:
         raise NoLanes("it has no sources" if not files else "it is a system in one FMU")
-    model = _COMMENT.sub(" ", files["model.c"].decode())
-    found = _MODEL.search(model)
-    if found is None:
-        raise NoLanes("its sources are those of another version of build-fmus")
-    fields = dict(_FIELD.findall(found[1]))
-    if fields.get("token", "").strip('"') != fmu.description.token:
-        raise NoLanes("its sources are not those of its binary")
-    if "is_continuous" not in fields and "sample" not in fields:
+    other = NoLanes("its sources are those of another version of build-fmus: build it again")
+    try:
+        table = json.loads(files["lanes.json"])
+        if table.pop("token") != fmu.description.token:
+            raise NoLanes("its sources are not those of its binary")
+        if table.pop("code") != hashlib.sha256(files["model.c"]).hexdigest():
+            raise NoLanes("its sources have been changed")
+        places = tuple((role, slot + k) for role, slot, n in table.pop("variables") for k in range(n))
+        source = LaneSource(**table, places=places, files=files)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise other from None
+    if not source.continuous and "sample" not in source.functions:
         raise NoLanes("it has no equations")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
-        raise NoLanes("its sources are those of another version of build-fmus: build it again")
-    rows = tuple(map(_row, _ROW.findall(model.partition("variables[] = {")[2].partition("\n};")[0])))
-    if len(rows) != int(fields.get("n_variables", "0")):
-        raise NoLanes("its sources are those of another version of build-fmus")
-    source = LaneSource(model, fields, rows, files)
-    source.settings(tuple(range(source.size("outputs"))))
+        raise other
     return source
 
 
@@ -189,21 +152,6 @@ def _expected(names: frozenset[str]) -> dict[str, bytes]:
     return {
         n: (_THIRD_PARTY / n).read_bytes() for n in names if n.startswith("musl/") and (_THIRD_PARTY / n).exists()
     } | {n: (RUNTIME / n).read_bytes() for n in own}
-
-
-def _row(text: str) -> Row:
-    row = dict(_IN_ROW.findall(text))
-    limits = {"INFINITY": "inf", "-INFINITY": "-inf"}
-    least, most = (row.get(k, d).strip() for k, d in (("min", "-inf"), ("max", "inf")))
-    return Row(
-        row["name"].strip('"'),
-        row.get("type", "FMU_FLOAT64"),
-        row["role"],
-        int(row["slot"]),
-        int(row["size"]),
-        float(limits.get(least, least)),
-        float(limits.get(most, most)),
-    )
 
 
 def _sources(path: Path) -> dict[str, bytes]:

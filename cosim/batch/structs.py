@@ -22,7 +22,7 @@ from cosim.system.components import SystemComponent
 HEADER = 8  # rows of a group's memory before the values of its instances (lane_component.h)
 _STATE_BEYOND, _OUTPUT_NOT_FINITE, _SINGULAR = 1, 3, 4  # why a lane failed (lane_component.h)
 _INPUT_REFUSED, _STOPPED, _PROBE_FAILED = 101, 102, 104  # BATCH_...
-_TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
+_TYPES = {"real": 0, "integer": 1, "boolean": 2}
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Lanes:
 
     def row(self, variable: Variable) -> int:
         """Where a variable is."""
-        found = self.source.rows[variable.reference]
-        return HEADER + self.source.first(found.role) + found.slot + variable.index
+        role, slot = self.source.place(variable)
+        return HEADER + self.source.first(role) + slot
 
     def values(self) -> npt.NDArray[np.float64]:
         """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
@@ -170,16 +170,15 @@ class Structs:
         m.begin = ffi.cast("BatchStep", lanes.library.cosim_lanes_begin)
         m.memory, m.stride = self._address("char*", lanes.whole), lanes.whole[0].nbytes
         m.sides = lanes.library.cosim_lanes_sides()
-        rows = lanes.source.rows
         m.to = self._array("uint32_t", [lanes.row(v) for v in port.inputs])
         setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in port.outputs]))
-        types = [_TYPES[rows[v.reference].type] for v in port.inputs]
+        types = [_TYPES[v.type] for v in port.inputs]
         m.to_type = self._array("uint8_t", types)
-        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in port.outputs])
+        m.from_type = self._array("uint8_t", [_TYPES[v.type] for v in port.outputs])
         largest = float(np.finfo(float).max)
-        limited = [rows[v.reference] if kind else None for v, kind in zip(port.inputs, types, strict=True)]
-        m.least = self._array("double", [max(r.least, -largest) if r else -largest for r in limited])
-        m.most = self._array("double", [min(r.most, largest) if r else largest for r in limited])
+        limited = [v.limits if kind else (-largest, largest) for v, kind in zip(port.inputs, types, strict=True)]
+        m.least = self._array("double", [max(least, -largest) for least, _ in limited])
+        m.most = self._array("double", [min(most, largest) for _, most in limited])
         m.checked = any(types) or plan.scale is not None or bool(plan.extrapolations)
 
     def _new(self, *what: Any) -> Any:
@@ -233,15 +232,13 @@ class Structs:
         lanes, port = self._lanes[component], self._exchange.layout.ports[component]
         memory = lanes.memory[group, :, lane]
         if found.result == _INPUT_REFUSED:
-            row = lanes.source.rows[port.inputs[found.call].reference]
-            value = float(memory[lanes.row(port.inputs[found.call])])
-            why = (
-                "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
-            )
-            return f"component '{component.name}': value {value:.9g} for {row.name} {why}"
+            variable = port.inputs[found.call]
+            value, (least, most) = float(memory[lanes.row(variable)]), variable.limits
+            why = f"is outside its range [{least:.9g}, {most:.9g}]" if np.isfinite(value) else "is not finite"
+            return f"component '{component.name}': value {value:.9g} for {variable.declared or variable.name} {why}"
         kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
-        role = "FMU_OUTPUT" if kind == _OUTPUT_NOT_FINITE else "FMU_STATE"
-        name = lanes.source.name_of(role, slot)
+        role = "output" if kind == _OUTPUT_NOT_FINITE else "state"
+        name = lanes.source.name_of(role, slot, component.description.variables.values())
         if kind == _SINGULAR:
             return (
                 f"component '{component.name}': the matrix of solver ros2 is singular or not finite at time"
@@ -251,7 +248,7 @@ class Structs:
             return f"component '{component.name}': {name} is not finite at time {when:.9g} s"
         return (
             f"component '{component.name}': state {name} diverged at time {when:.9g} s: it is {value:g}, beyond its"
-            f" bound {lanes.source.bound(slot):g}; check inputs and parameters, or reduce solver.step"
+            f" bound {lanes.source.bounds[slot]:g}; check inputs and parameters, or reduce solver.step"
         )
 
 

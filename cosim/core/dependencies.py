@@ -58,4 +58,4 @@ def _changed(variable: Variable, present: Any) -> Any:
     if variable.type == "boolean":
         return not present
     step = 1 if variable.type == "integer" else _STEP * max(1.0, abs(present))
-    return present - step if variable.maximum is not None and present + step > variable.maximum else present + step
+    return present - step if present + step > variable.limits[1] else present + step

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import inf
 from typing import Any
 
 from build_fmus.base.checks import did_you_mean
@@ -69,6 +70,12 @@ class Variable:
     def unit_name(self) -> str:
         """Name of the unit, "" for a variable without a unit."""
         return self.unit.name if self.unit else ""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and largest value; infinite where it has no limit."""
+        least, most = self.minimum, self.maximum
+        return -inf if least is None else least, inf if most is None else most
 
     def accepts(self, value: float) -> bool:
         """Whether an input may have this value: where it must equal a constant that one, or 0 (not connected)."""

@@ -277,7 +277,7 @@ class SystemCode:
         if e.causality == "output":
             slot, scale, offset = layout.readable[e.name]
             return {**found, "slot": slot, "scale": c_number(scale), "shift": c_number(offset)}
-        low, high = e.limits
+        low, high = e.variable.limits
         return {
             **found,
             "slot": layout.constants.get((e.component, e.variable), -1),
@@ -306,7 +306,7 @@ class SystemCode:
             ]
             for m, v in ((c.source, c.output), (c.target, c.input))
         ]
-        low, high = Exported(c.target, c.input, "parameter", None).limits
+        low, high = c.input.limits
         if c.input.type != "real":
             least, most = INTEGER_RANGE.get(c.input.fmi_type, (0, 1))
             low, high = max(low, float(least)), min(high, float(most))

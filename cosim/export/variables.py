@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,12 +41,6 @@ class Exported:
     def tunable(self) -> bool:
         """Whether it is a tunable parameter."""
         return self.causality == "parameter" and self.variable.variability == "tunable"
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Range of its values."""
-        low, high = self.variable.minimum, self.variable.maximum
-        return (-math.inf if low is None else low), (math.inf if high is None else high)
 
 
 def choose(

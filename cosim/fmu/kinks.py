@@ -114,5 +114,5 @@ def _kink(
 
 def _allowed(known: Variable, value: float) -> bool:
     """Whether a known can be moved there: beyond its limits an input acts no more."""
-    low, high = (known.minimum, known.maximum) if known.causality == "input" else (None, None)
-    return (low is None or value >= low) and (high is None or value <= high)
+    low, high = known.limits
+    return known.causality != "input" or low <= value <= high

@@ -8,7 +8,6 @@ the file alone, so the verdict is kept by the hash of the file and of everything
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
@@ -269,8 +268,7 @@ def _of_variable(
     element: Any, variables: list[Variable], known: dict[str, dict[str, list[int]]], major: str
 ) -> Iterator[str]:
     first = variables[0]
-    low = -math.inf if first.minimum is None else first.minimum
-    high = math.inf if first.maximum is None else first.maximum
+    low, high = first.limits
     if not low <= high:
         yield f"min is {low:g} and max is {high:g}"
     elif first.type in ("real", "integer"):

@@ -366,10 +366,10 @@ class _Updates:
         self, here: Array, result: Callable[[int, float], Array], column: int, value: float, variable: Variable | None
     ) -> Array:
         h = _STEP * max(1.0, abs(value))
-        low, high = (None, None) if variable is None else (variable.minimum, variable.maximum)
-        if low is not None and value - h < low:  # at a limit the derivative is that of the inside
+        low, high = (-np.inf, np.inf) if variable is None else variable.limits
+        if value - h < low:  # at a limit the derivative is that of the inside
             return (result(column, h) - here) / h
-        if high is not None and value + h > high:
+        if value + h > high:
             return (here - result(column, -h)) / h
         slope, apart = _differences(here, result, column, h)
         scale = max(np.abs(slope).max(initial=0.0), np.abs(here).max(initial=0.0), 1.0)

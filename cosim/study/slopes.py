@@ -154,10 +154,9 @@ class PointSlopes:
         """Derivatives of all metrics by one parameter."""
         name, at = self._names[k], float(found.at[k])
         component, _, variable = name.partition(".")
-        described = self._runner.system(self.case(values))[component].description.find(variable, component)
+        least, most = self._runner.system(self.case(values))[component].description.find(variable, component).limits
         h = STEP * (abs(at) or 1.0)
-        low = at - h if described.minimum is None else max(at - h, described.minimum)
-        high = at + h if described.maximum is None else min(at + h, described.maximum)
+        low, high = max(at - h, least), min(at + h, most)
         rows = []
         for x in (low, high):
             case = self.case({**values, name: x})

@@ -338,7 +338,7 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
 
 def _variable(e: Exported, reference: int) -> dict[str, Any]:
     v = e.variable
-    low, high = (None if not math.isfinite(x) else x for x in e.limits)
+    low, high = (None if not math.isfinite(x) else x for x in e.variable.limits)
     return {
         "name": e.name,
         "role": e.causality,
@@ -415,7 +415,7 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
     factor, offset = (d.factor, d.offset) if d else (1.0, 0.0)
     low, high = (
         given if given is not None else limit if math.isfinite(limit) else None
-        for given, limit in zip((control.minimum, control.maximum), e.limits, strict=True)
+        for given, limit in zip((control.minimum, control.maximum), e.variable.limits, strict=True)
     )
     shown = [None if x is None else float(f"{x * factor + offset:.9g}") for x in (low, high)]
     step: float | str = "any"
