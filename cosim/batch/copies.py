@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.initial_states import Copies
+from cosim.batch.lane_source import LaneSource, NoLanes, lane_source
 from cosim.batch.library import PART, Target, choose_target
-from cosim.batch.source import LaneSource, NoLanes, lane_source
 from cosim.batch.structs import CopyFailure
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.batch.lane_source import LaneSource
 from cosim.batch.library import PART, Target, interface, lane_library
-from cosim.batch.source import LaneSource
 from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned, beside
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError

@@ -16,8 +16,8 @@ import cffi
 from build_fmus.base import safe_files
 from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
-from cosim.batch.source import MUSL, LaneSource
-from cosim.batch.source import RUNTIME as OF_FMUS
+from cosim.batch.lane_source import MUSL, LaneSource
+from cosim.batch.lane_source import RUNTIME as OF_FMUS
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT

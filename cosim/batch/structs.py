@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.batch.lane_source import LaneSource
 from cosim.batch.library import Target, batch_library, interface
-from cosim.batch.source import LaneSource
 from cosim.core.component import EndRequested
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError

@@ -12,7 +12,7 @@ from built import FMUS
 
 from cosim import System
 from cosim.batch import Batch
-from cosim.batch.source import NoLanes, lane_source
+from cosim.batch.lane_source import NoLanes, lane_source
 from cosim.fmu.file import FmuFile
 
 pytestmark = pytest.mark.usefixtures("built_fmus")

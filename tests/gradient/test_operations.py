@@ -14,7 +14,7 @@ import pytest
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.batch import library
 from cosim.batch.adjoint import Tape
-from cosim.batch.source import MUSL, RUNTIME
+from cosim.batch.lane_source import MUSL, RUNTIME
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
