@@ -313,6 +313,7 @@ def lane_table(component: Model, code: bytes, *, arrays: bool, token: str) -> by
             "solver": component.solver,
             "sample_time": component.sample_time or 0.0,
             "functions": functions.names,
+            "vectorized": functions.vectorized,
             "sizes": _sizes(component),
             "bounds": _of_each(states, _bound) if continuous else [],
             "variables": [(v.role, v.slot, 1 if arrays else v.size) for v in component.variables],

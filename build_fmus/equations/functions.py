@@ -62,6 +62,7 @@ class Functions:
     Attributes:
         declarations: structs, and constant arrays.
         in_lanes, sections: one for each function, in the order of reading; those that copies in lanes have, and others.
+        vectorized: whether copies in lanes have all that they call.
         names: of the C functions there are, which are those of the runtime's fields.
         n_work: numbers that they work in.
     """
@@ -88,7 +89,7 @@ class Functions:
             parts.insert(0, _Part("prepare", "values that depend on parameters only", "fixed", ((0, target),)))
         others = [component.functions[p.function] for p in parts if read[p.function] is None]
         shared = self._shared
-        vectors = all(read[p.function] is not None for p in parts if p.function in shared)
+        self.vectorized = vectors = all(read[p.function] is not None for p in parts if p.function in shared)
         code, entries = casadi_code(others) if others else ("", {})
         if code:
             self.sections.append(f"{_head('operations in the code of CasADi')}\n{code}\n")

@@ -38,6 +38,7 @@ class LaneSource:
         solver: its name.
         sample_time: of a discrete component [s].
         functions: the C functions there are.
+        vectorized: whether lanes can call them.
         sizes: lengths of its vectors.
         bounds: by state, the magnitude beyond which it has blown up.
         places: role and slot of its variables, by value reference: in which vector, and where.
@@ -49,6 +50,7 @@ class LaneSource:
     solver: str
     sample_time: float
     functions: list[str]
+    vectorized: bool
     sizes: dict[str, int]
     bounds: list[float] = field(repr=False)
     places: tuple[tuple[str, int], ...] = field(repr=False)
@@ -140,6 +142,8 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         raise other from None
     if not source.continuous and "sample" not in source.functions:
         raise NoLanes("it has no equations")
+    if not source.vectorized:
+        raise NoLanes("it has operations that lanes do not have, such as solving linear equations")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
         raise other
     return source

@@ -58,6 +58,11 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(
             assert list(batch.scalar) == ["plant"]
 
 
+def test_operations_that_lanes_do_not_have_are_said(raises) -> None:
+    with raises(NoLanes):
+        lane_source(FmuFile(FMUS / "fmi3" / "PreviewLqTunable.fmu"))
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
