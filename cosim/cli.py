@@ -143,7 +143,8 @@ def _options(command: Command) -> str:
 )
 @click.option("--copy", type=PATH, metavar="FOLDER", help="copy the FMU into this folder, and show nothing else")
 @click.option("--fmi", type=click.IntRange(2, 3), default=3, help="the FMI version that is copied, of a name")
-def fmu(file: Path, strict: bool, limit: tuple[str, ...], copy: Path | None, fmi: int) -> None:
+@click.option("--step-derivatives", is_flag=True, help="the copy also carries derivatives of its step, for C programs")
+def fmu(file: Path, strict: bool, limit: tuple[str, ...], copy: Path | None, fmi: int, step_derivatives: bool) -> None:
     """Show what is in an FMU, ready to wire, and where it deviates from the FMI standard."""
     from cosim.fmu.describe import describe, wiring
     from cosim.fmu.file import FmuFile
@@ -153,8 +154,17 @@ def fmu(file: Path, strict: bool, limit: tuple[str, ...], copy: Path | None, fmi
     if copy is not None:
         found = find(file, (fmi,))
         copy.mkdir(parents=True, exist_ok=True)
-        show(Text(str(shutil.copy(found, copy / found.name))))
+        to = copy / found.name
+        if step_derivatives:
+            from cosim.gradient.step import copy_with_step_derivatives
+
+            copy_with_step_derivatives(found, to)
+        else:
+            shutil.copy(found, to)
+        show(Text(str(to)))
         return
+    if step_derivatives:
+        raise ValueError("--step-derivatives is for a copy: give --copy FOLDER")
     opened = FmuFile(file, limits=Limits.of(limit), quiet=True)
     show(describe(opened))
     if strict:

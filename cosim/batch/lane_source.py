@@ -13,6 +13,7 @@ from pathlib import Path
 from build_fmus import compile as building
 from cosim.core.description import Variable
 from cosim.fmu.file import FmuFile
+from cosim.fmu.own_states import fnv1a
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
 MUSL = _THIRD_PARTY / "musl"
@@ -34,6 +35,7 @@ class LaneSource:
     """What lanes of an FMU are made of (`build_fmus.generate.lane_table`).
 
     Attributes:
+        token: instantiation token.
         continuous: whether the component is continuous.
         solver: its name.
         sample_time: of a discrete component [s].
@@ -46,6 +48,7 @@ class LaneSource:
         files: C files and headers by path below `sources/`.
     """
 
+    token: str
     continuous: bool
     solver: str
     sample_time: float
@@ -112,6 +115,7 @@ class LaneSource:
             "HAS_PROFILES": int(self.profiles),
             "SAMPLE_TIME": self.sample_time,
             "SOLVER": f"FMU_{self.solver.upper()}",
+            "MODEL": f"0x{fnv1a(self.token.encode()):x}ull",
             "IS_ROS2": int(self.solver == "ros2"),
             **{k.upper(): k if there else "NULL" for k, there in tables.items()},
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
@@ -132,7 +136,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     other = NoLanes("its sources are those of another version of build-fmus: build it again")
     try:
         table = json.loads(files["lanes.json"])
-        if table.pop("token") != fmu.description.token:
+        if table["token"] != fmu.description.token:
             raise NoLanes("its sources are not those of its binary")
         if table.pop("code") != hashlib.sha256(files["model.c"]).hexdigest():
             raise NoLanes("its sources have been changed")

@@ -23,8 +23,10 @@ from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 PART = 8  # derivatives that one vector holds, and numbers to which they are aligned (tangents.h)
+STEP_DIRECTIONS = 16  # along which the derivatives of a step are computed together
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
+STEP_HEADER = _HERE / "step_derivatives.h"
 _EXPORTED = """
 void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end, bool final);
 void cosim_batch_settle(Batch *b, BatchWorker *w);
@@ -120,7 +122,7 @@ def interface() -> cffi.FFI:
 @lru_cache
 def _processor() -> int:
     source = (_HERE / "processor.c").read_bytes()
-    return int(_compiled({"processor.c": source}, ("processor.c",), "processor").cosim_processor())
+    return int(_loaded_from({"processor.c": source}, ("processor.c",), "processor").cosim_processor())
 
 
 @lru_cache
@@ -129,7 +131,7 @@ def batch_library(target: Target) -> Any:
     own = ("engine.c", "algebraic_loop.c")
     name, code = _over(target, "batch", [], ["VALUEs.h", "batch.c"])
     sources = {name: code, **{n: engine.HEADER.with_name(n).read_bytes() for n in own}}
-    return _compiled(sources, (name, *own), f"batch_{target.name}")
+    return _loaded_from(sources, (name, *own), f"batch_{target.name}")
 
 
 def _over(target: Target, name: str, settings: Sequence[str], included: Sequence[str]) -> tuple[str, bytes]:
@@ -142,11 +144,23 @@ def _over(target: Target, name: str, settings: Sequence[str], included: Sequence
 
 
 def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
-    """Lanes of an FMU, of which outputs with these slots are read.
+    """Lanes of an FMU, of which outputs with these slots are read. Raises CosimError without a compiler."""
+    return _loaded_from(*_lane_files(source, outputs, target, ()))
 
-    Raises NoLanes, and CosimError without a compiler.
-    """
-    included = ["VALUE_equations.h", "lane_profiles.h", "model.c", "lane_component.h"]
+
+def step_library(source: LaneSource) -> Path:
+    """The library of step_derivatives.h for an FMU, for every processor. Raises CosimError without a C++ compiler."""
+    outputs = tuple(range(source.sizes["outputs"]))
+    return _compiled(
+        *_lane_files(source, outputs, TARGETS["baseline"].with_tangents(STEP_DIRECTIONS), ["step_component.h"])
+    )
+
+
+def _lane_files(
+    source: LaneSource, outputs: tuple[int, ...], target: Target, further: Sequence[str]
+) -> tuple[dict[str, bytes], tuple[str, ...], str]:
+    """Files of a library, those that are compiled, and its name."""
+    included = ["VALUE_equations.h", "lane_profiles.h", "model.c", "lane_component.h", *further]
     name, code = _over(target, "component", source.settings(outputs), included)
     files = {n: d for n, d in source.files.items() if n.startswith("musl/") or n.endswith(".h")}
     if target.directions:
@@ -163,19 +177,25 @@ def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -
             "profiles.c": f"#define N_WORK {source.sizes['work']}\n{_PROFILES}".encode(),
         }
         sources += ["profiles.c", "random_profiles.c"]
-    return _compiled(files | {name: code}, tuple(sources), f"lanes_{target.name}")
+    return files | {name: code}, tuple(sources), f"lanes_{target.name}"
 
 
 _loaded: dict[bytes, Any] = {}  # by the digest of what a library is compiled from
 
 
-def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:
-    """A library of these files, compiled once per machine and content, and looked for once per process."""
+def _loaded_from(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:
+    """A library of these files, looked for once per process."""
     digest = hashlib.sha256(repr((name, sources)).encode())
     for path, data in sorted(files.items()):
         digest.update(f"{path} {len(data)} ".encode() + data)
-    if (known := _loaded.get(digest.digest())) is not None:
-        return known
+    known = _loaded.get(digest.digest())
+    if known is None:
+        known = _loaded[digest.digest()] = interface().dlopen(str(_compiled(files, sources, name)))
+    return known
+
+
+def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Path:
+    """A library of these files, compiled once per machine and content."""
     try:
         toolchain = find_toolchain(host())
         with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as temporary:
@@ -184,9 +204,7 @@ def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -
                 (folder / path).parent.mkdir(exist_ok=True)
                 (folder / path).write_bytes(data)
             include = [folder, _HERE, engine.HEADER.parent, ENVIRONMENT.parent, OF_FMUS]
-            library = ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
-        found = _loaded[digest.digest()] = interface().dlopen(str(library))
-        return found
+            return ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
     except (CompileError, OSError) as error:
         said = str(error).splitlines()
         why = next((line for line in said if "error" in line), said[0])

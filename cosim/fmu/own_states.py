@@ -65,8 +65,8 @@ class StateLayout:
         """With header and checksum; up to the states it seldom changes, and need not be hashed again."""
         border = VALUES_AT - _HEAD + 8 * self.begin
         if block[:border] != self._prefix[0]:
-            self._prefix = block[:border], _fnv1a(block[:border])
-        return _with_checksum(data, block, _fnv1a(block[border:], self._prefix[1]))
+            self._prefix = block[:border], fnv1a(block[:border])
+        return _with_checksum(data, block, fnv1a(block[border:], self._prefix[1]))
 
 
 def find_states(
@@ -101,7 +101,7 @@ def _marked(data: bytes, begin: int, bit: int) -> bytes:
     head = bytearray(data[_HEAD:VALUES_AT])
     _ffi.from_buffer("State *", head).outputs_valid = 1
     block = bytes(head) + doubles.tobytes()
-    return _with_checksum(data, block, _fnv1a(block))
+    return _with_checksum(data, block, fnv1a(block))
 
 
 def saved_values(data: bytes, count: int) -> tuple[Array, Array]:
@@ -120,13 +120,16 @@ def _with_checksum(data: bytes, block: bytes, checksum: int) -> bytes:
     return bytes(head) + block
 
 
-def _fnv1a(data: bytes, value: int = _FNV_START) -> int:
-    """Checksum of whole words of 8 bytes, as `fmu_base.c` has it."""
-    words = np.frombuffer(data, dtype=np.uint64)
+def fnv1a(data: bytes, value: int = _FNV_START) -> int:
+    """Checksum of words of 8 bytes, then of the bytes left, as `fmu_base.c` has it."""
+    words = np.frombuffer(data, dtype=np.uint64, count=len(data) // 8)
     words = words ^ (words >> np.uint64(32))
     done = 0
     for at in np.flatnonzero(words).tolist():  # most of a state is zeros
         value = (value * pow(_FNV_FACTOR, at - done, _FNV_MASK + 1)) & _FNV_MASK
         value = ((value ^ int(words[at])) * _FNV_FACTOR) & _FNV_MASK
         done = at + 1
-    return (value * pow(_FNV_FACTOR, len(words) - done, _FNV_MASK + 1)) & _FNV_MASK
+    value = (value * pow(_FNV_FACTOR, len(words) - done, _FNV_MASK + 1)) & _FNV_MASK
+    for byte in data[8 * len(words) :]:
+        value = ((value ^ byte) * _FNV_FACTOR) & _FNV_MASK
+    return value

@@ -1,0 +1,203 @@
+"""Derivatives of one step: the step is the FMU's own, bit by bit; the derivatives are those of its differences."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from built import FMUS
+from click.testing import CliRunner
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+
+from build_fmus.compile import find_toolchain, host
+from cosim.cli import app
+from cosim.core.errors import CosimError
+from cosim.fmu.own_states import VALUES_AT
+from cosim.gradient.step import FOLDER, StepDerivatives
+
+pytestmark = pytest.mark.usefixtures("built_fmus")
+
+CASES = {
+    "QuarterCarBench": (1e-3, 3),
+    "RideCarHmmwv": (1e-3, 2),
+    "FullCarHmmwvModified": (2e-3, 2),
+    "HydraulicActuator": (1e-3, 3),
+    "LqrBench": (0.05, 2),
+    "SemiActiveSkyhook": (0.01, 2),
+    "MpcHmmwv": (0.03, 2),
+}
+"""Length of a step [s], and how many were taken before."""
+CONSTANT = ("solver.step", "solver.residual", "solver.iterations")  # which are not differentiated
+
+
+class Instance:
+    """An FMU in FMPy, in step mode, with inputs that are not 0."""
+
+    def __init__(self, path: Path, folder: Path, *, at: float) -> None:
+        self.about = fmpy.read_model_description(path)
+        own = self.about.coSimulation.modelIdentifier
+        of: Any = FMU3Slave if self.about.fmiVersion == "3.0" else FMU2Slave
+        self.fmu = of(
+            guid=self.about.guid, unzipDirectory=fmpy.extract(path, folder), modelIdentifier=own, instanceName="one"
+        )
+        self.fmu.instantiate()
+        if self.about.fmiVersion == "3.0":
+            self.fmu.enterInitializationMode(startTime=at)
+        else:
+            self.fmu.setupExperiment(startTime=at)
+            self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        rng = np.random.default_rng(3)
+        for v in self.reals("input"):
+            scale = float(v.nominal or 1.0) * 1e-4
+            self.set(v.valueReference, (scale * rng.standard_normal(size_of(v))).tolist())
+
+    def reals(self, causality: str) -> list[Any]:
+        own = (v for v in self.about.modelVariables if v.causality == causality)
+        return [v for v in own if v.type in ("Real", "Float64")]
+
+    def set(self, reference: int, values: list[float]) -> None:
+        if self.about.fmiVersion == "3.0":
+            self.fmu.setFloat64([reference], values)
+        else:
+            self.fmu.setReal([reference], values)
+
+    def state(self) -> bytes:
+        state = self.fmu.getFMUState() if self.about.fmiVersion == "3.0" else self.fmu.getFMUstate()
+        if self.about.fmiVersion == "3.0":
+            return bytes(self.fmu.serializeFMUState(state))
+        return bytes(self.fmu.serializeFMUstate(state))
+
+    def read_outputs(self) -> None:
+        """Outputs of continuous FMUs are computed when they are read."""
+        for v in self.reals("output"):
+            if self.about.fmiVersion == "3.0":
+                self.fmu.getFloat64([v.valueReference], size_of(v))
+            else:
+                self.fmu.getReal([v.valueReference])
+
+    def close(self) -> None:
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+def size_of(variable: Any) -> int:
+    return int(np.prod([int(d.start) for d in variable.dimensions])) if variable.dimensions else 1
+
+
+def values(state: bytes) -> np.ndarray:
+    return np.frombuffer(state, dtype=float, offset=VALUES_AT)
+
+
+def moved(state: bytes, k: int, by: float) -> bytes:
+    numbers = values(state).copy()
+    numbers[k] += by
+    return state[:VALUES_AT] + numbers.tobytes()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", CASES)
+def test_a_step_is_the_fmus_own(tmp_path: Path, name: str, fmi: int) -> None:
+    path, (h, before) = FMUS / f"fmi{fmi}" / f"{name}.fmu", CASES[name]
+    step = StepDerivatives(path)
+    with closing(Instance(path, tmp_path, at=0.5)) as one:
+        for k in range(before):
+            one.fmu.doStep(0.5 + k * h, h)
+        found = step(one.state(), h)
+        one.fmu.doStep(0.5 + before * h, h)
+        one.read_outputs()
+        after = values(one.state())
+    n_states = len(step.states)
+    states, outputs = after[len(step.knowns) - n_states :], after[len(step.knowns) + n_states :]
+    assert found.after.tolist() == [*states[:n_states], *outputs[: len(step.unknowns) - n_states]]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_are_those_of_neighboring_steps(tmp_path: Path, name: str) -> None:
+    path, (h, before) = FMUS / "fmi3" / f"{name}.fmu", CASES[name]
+    step = StepDerivatives(path)
+    with closing(Instance(path, tmp_path, at=0.5)) as one:
+        for k in range(before):
+            one.fmu.doStep(0.5 + k * h, h)
+        state = one.state()
+    found = step(state, h)
+    x = np.abs(values(state)[: len(step.knowns)])
+    magnitude = np.abs(found.jacobian) @ x  # of the terms that are summed
+    smooth, exact = 0, name != "MpcHmmwv"  # its solver stops at a residual; between changes of rows it is linear
+    for k, known in enumerate(step.knowns):
+        size, along = (1e-5 if exact else 0.5) * (x[k] or 1e-3), np.eye(1, len(x), k)
+        here, *near = (step(moved(state, k, i * size), h, along) for i in (0, -2, -1, 1, 2))
+        np.testing.assert_array_equal(here.jacobian[:, 0], found.jacobian[:, k])
+        if known in CONSTANT or len({here.sides, *(s.sides for s in near)}) > 1:
+            continue
+        smooth += 1
+        change = (8 * (near[2].after - near[1].after) - (near[3].after - near[0].after)) / 12
+        right = size * found.jacobian[:, k]
+        compared = [u not in CONSTANT for u in step.unknowns]
+        allowed = 1e-6 * np.abs(right) + (1e-13 if exact else 1e-5) * (magnitude + np.abs(found.after)) + 1e-18
+        assert (np.abs(change - right) <= allowed)[compared].all(), known
+    assert smooth > 0.9 * len(x)
+
+
+def test_directions_are_followed_together(tmp_path: Path) -> None:
+    path = FMUS / "fmi3" / "QuarterCarBench.fmu"
+    step = StepDerivatives("QuarterCarBench")
+    with closing(Instance(path, tmp_path, at=0.0)) as one:
+        state = one.state()
+    seeds = np.random.default_rng(1).standard_normal((20, len(step.knowns)))  # more than go together
+    found = step(state, 1e-3, seeds)
+    np.testing.assert_allclose(found.jacobian, step(state, 1e-3).jacobian @ seeds.T, rtol=1e-12, atol=1e-12)
+
+
+def test_a_copied_fmu_carries_the_library_for_c(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["fmu", "LqrBench", "--copy", str(tmp_path), "--step-derivatives"])
+    assert result.exit_code == 0, result.output
+    path = tmp_path / "LqrBench.fmu"
+    folder = Path(fmpy.extract(path, tmp_path / "in"))
+    assert fmpy.validation.validate_fmu(str(path)) == []
+    (library,) = (folder / FOLDER).glob("*/*.*")
+    program = """
+    #include <stdio.h>
+    #include "step_derivatives.h"
+    int main(void) {
+        StepSizes s;
+        step_derivatives_sizes(&s);
+        printf("%u %u %u %u", s.parameters, s.inputs, s.states, s.outputs);
+        return 0;
+    }
+    """
+    (tmp_path / "main.c").write_text(program)
+    compiler, out = find_toolchain(host()), tmp_path / "main"
+    command = [*compiler.command, "-I", str(folder / FOLDER), str(tmp_path / "main.c"), str(library), "-o", str(out)]
+    subprocess.run(command, check=True)
+    said = subprocess.run(
+        [out], check=True, env={"LD_LIBRARY_PATH": str(library.parent)}, capture_output=True, text=True
+    )
+    assert said.stdout == "5 4 0 1"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: (b"", "1 ms", None),
+        lambda state: (state[:-8], "1 ms", None),
+        lambda state: (state[:16] + b"12345678" + state[24:], "1 ms", None),
+        lambda state: (moved(state, 0, np.nan), "1 ms", None),
+        lambda state: (state, 1e-3, np.zeros((1, 3))),
+        lambda state: (state, 1e-3, np.full((1, 14), np.inf)),
+        lambda state: (state, -1e-3, None),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, change: Callable[[bytes], Any], raises) -> None:
+    step = StepDerivatives("QuarterCarBench")
+    with closing(Instance(FMUS / "fmi3" / "QuarterCarBench.fmu", tmp_path, at=0.0)) as one:
+        given = change(one.state())
+    with raises(CosimError):
+        step(*given)
