@@ -15,6 +15,7 @@ from cosim.core.errors import WiringError
 RECORDABLE = ("real", "integer", "boolean")  # types of what is a number: it can be recorded
 TEXTS = ("String", "Binary")  # FMI types whose values are bytes
 WIDE = ("Int64", "UInt64")  # FMI types that doubles may not hold
+LONGEST_TEXT = 1024  # bytes of a String or Binary where nobody says more
 
 SIZED_INTEGERS = {
     f"{sign}Int{bits}": (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.core.component import Array, FmiCalls, Transfer
+from cosim.core.component import Array, FmiCalls
 from cosim.core.errors import LoopNotSolved, NotFinite
-from cosim.engine.library import interface, library
+from cosim.engine.library import engine_transfers, interface, library
 from cosim.engine.plan import ComponentPlan, Copy, DerivativePlan, LoopPlan, Setup, make_plan
 from cosim.engine.stops import Stop, StopWhen, Timed
 from cosim.recording.recording import LoopEffort
@@ -21,19 +21,6 @@ SlotStop = tuple[StopWhen, int, float, float]
 """A stop condition with slot, scale and offset of the variable that it reads."""
 
 _RELATIONS = {">=": "ENGINE_GE", ">": "ENGINE_GT", "<=": "ENGINE_LE", "<": "ENGINE_LT"}
-_TYPES = {
-    np.dtype(np.float64): "ENGINE_DOUBLE",
-    np.dtype(np.float32): "ENGINE_FLOAT",
-    np.dtype(np.int8): "ENGINE_INT8",
-    np.dtype(np.uint8): "ENGINE_UINT8",
-    np.dtype(np.int16): "ENGINE_INT16",
-    np.dtype(np.uint16): "ENGINE_UINT16",
-    np.dtype(np.int32): "ENGINE_INT32",
-    np.dtype(np.uint32): "ENGINE_UINT32",
-    np.dtype(np.int64): "ENGINE_INT64",
-    np.dtype(np.uint64): "ENGINE_UINT64",
-    np.dtype(np.bool_): "ENGINE_BOOL",
-}
 
 
 class BoundEngine:
@@ -299,24 +286,11 @@ class BoundEngine:
         if calls.version == 3:
             m.flags, m.last = ffi.cast("bool*", calls.flags), ffi.cast("double*", calls.last)
         m.foreign = calls.foreign
-        m.sets, m.n_sets = self._transfers(calls.version, calls.sets), len(calls.sets)
-        m.gets, m.n_gets = self._transfers(calls.version, calls.gets), len(calls.gets)
+        m.sets, m.n_sets = engine_transfers(calls.version, calls.sets, self._keep), len(calls.sets)
+        m.gets, m.n_gets = engine_transfers(calls.version, calls.gets, self._keep), len(calls.gets)
         m.direct = len(calls.sets) == len(calls.gets) == 1 and all(
             t.element is None for t in (*calls.sets, *calls.gets)
         )
-
-    def _transfers(self, version: int, transfers: Sequence[Transfer]) -> Any:
-        ffi = self._ffi
-        structs = self._array("EngineTransfer", [{} for _ in transfers])
-        for s, transfer in zip(structs if transfers else (), transfers, strict=True):
-            setattr(s, f"call{version}", ffi.cast(f"EngineValues{version}", transfer.call))
-            s.references, s.n_references = ffi.cast("uint32_t*", transfer.references), transfer.n_references
-            s.data, s.n_data = self._pointer("void*", transfer.data), len(transfer.data)
-            s.type = getattr(self._library, _TYPES[transfer.data.dtype])
-            if transfer.element is not None and transfer.place is not None:
-                s.n = len(transfer.place)
-                s.element, s.place = self._slots(transfer.element), self._slots(transfer.place)
-        return structs
 
     def _stop(self, condition: SlotStop) -> dict[str, Any]:
         stop, slot, scale, offset = condition

@@ -12,11 +12,11 @@ import numpy as np
 
 from cosim.core.errors import CosimError, NotFinite, WiringError
 from cosim.engine.adaptive import AdaptiveSteps
+from cosim.engine.clock_networks import clock_networks
 from cosim.engine.exchange import Exchange, Phase
 from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
-from cosim.fmu.clock_network import ClockNetwork, Tick, Wire
-from cosim.fmu.event_mode import EventMode
+from cosim.fmu.clocked_steps import ClockNetwork
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.renewal import renewed
 
@@ -75,11 +75,14 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
         )
     _check_constants(exchange, fresh)
-    networks = _clock_networks(exchange)
+    networks = [
+        ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
+        for p in clock_networks(exchange.schedule, lambda m: m.implementation.clocked.values)  # type: ignore[attr-defined]
+    ]
     for m in fresh:
         m.implementation.exit_initialization()
     for network in networks:
-        network.begin([e for m in fresh if (e := _events(m)) is not None and e.network is network])
+        network.begin()
     for m in fresh:
         exchange.ports[m].get_outputs()
     exchange.engine.publish()
@@ -136,37 +139,6 @@ def _pass_parameters(connections: Sequence[Connection]) -> None:
     raise WiringError(
         f"calculated parameters do not settle: some of {named} follow from each other; take one connection out"
     )
-
-
-def _events(component: SystemComponent) -> EventMode | None:
-    return getattr(component.implementation, "events", None)
-
-
-def _clock_networks(exchange: Exchange) -> list[ClockNetwork]:
-    """Components whose clocks are connected take their steps together from now on."""
-    schedule = exchange.schedule
-    of: dict[SystemComponent, list[SystemComponent]] = {}
-    for c in schedule.ticks:
-        together = list(dict.fromkeys([*of.get(c.source, [c.source]), *of.get(c.target, [c.target])]))
-        of.update(dict.fromkeys(together, together))
-    found = []
-    for components in {id(together): together for together in of.values()}.values():
-        fmus = {m: e for m in schedule.components if m in components and (e := _events(m)) is not None}
-        ticks = [
-            Tick(fmus[c.source], c.output.reference, fmus[c.target], c.input.reference)
-            for c in schedule.ticks
-            if c.target in fmus
-        ]
-        wires = [
-            Wire(fmus[c.source], c.output, fmus[c.target], c.input, c.scale, c.offset)
-            for c in schedule.connections
-            if c.source in fmus and c.target in fmus and c.input.clocks and not c.delay
-        ]
-        network = ClockNetwork(list(fmus.values()), ticks, wires)
-        for fmu in fmus.values():
-            fmu.network = network
-        found.append(network)
-    return found
 
 
 def _still_bound(exchange: Exchange, component: SystemComponent) -> bool:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import cffi
+import numpy as np
 
 from build_fmus.compile import PLATFORMS, CompileError, ObjectCache, find_toolchain, host
+from cosim.core.component import Transfer
 from cosim.core.errors import CosimError
 
 HEADER = Path(__file__).with_name("engine.h")
@@ -17,6 +20,7 @@ ADAPTIVE = Path(__file__).with_name("adaptive.h")
 TABLE = Path(__file__).with_name("table.h")
 INTEGRATOR = Path(__file__).with_name("integrator.h")
 EVENT_STEPS = Path(__file__).with_name("event_steps.h")
+CLOCKED_STEPS = Path(__file__).with_name("clocked_steps.h")
 EXACT_VALUES = Path(__file__).with_name("exact_values.h")
 INTERMEDIATE = Path(__file__).with_name("intermediate.h")
 ENVIRONMENT = Path(__file__).parents[1] / "fmu" / "environment.h"
@@ -29,6 +33,7 @@ SOURCES = tuple(
         "table",
         "integrator",
         "event_steps",
+        "clocked_steps",
         "exact_values",
         "intermediate",
         "library",
@@ -44,10 +49,29 @@ _STRUCTS = (
     "Integrator",
     "EventSteps",
     "EventInputs",
+    "ClockedFmu",
+    "ClockedSetup",
+    "ClockedGroup",
+    "ClockSetup",
+    "ClockWire",
     "ExactValues",
     "ExactItem",
     "IntermediateStep",
 )
+
+_TYPES = {
+    np.dtype(np.float64): "ENGINE_DOUBLE",
+    np.dtype(np.float32): "ENGINE_FLOAT",
+    np.dtype(np.int8): "ENGINE_INT8",
+    np.dtype(np.uint8): "ENGINE_UINT8",
+    np.dtype(np.int16): "ENGINE_INT16",
+    np.dtype(np.uint16): "ENGINE_UINT16",
+    np.dtype(np.int32): "ENGINE_INT32",
+    np.dtype(np.uint32): "ENGINE_UINT32",
+    np.dtype(np.int64): "ENGINE_INT64",
+    np.dtype(np.uint64): "ENGINE_UINT64",
+    np.dtype(np.bool_): "ENGINE_BOOL",
+}
 
 _EXPORTED = """
 int cosim_engine_run(Engine *e, EngineAdaptive *a, int64_t end);
@@ -77,6 +101,19 @@ uint32_t cosim_event_steps_enter(EventSteps *s, double t);
 uint32_t cosim_event_steps_leave(EventSteps *s, double t);
 uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
+const char *cosim_clocked_function(uint32_t number);
+size_t cosim_clocked_size(const ClockedSetup *setup);
+ClockedFmu *cosim_clocked_make(void *memory, const ClockedSetup *setup, void *instance);
+void cosim_clocked_join(ClockedNetwork *network, ClockedFmu **room, int32_t n);
+uint32_t cosim_clocked_intervals(ClockedFmu *f, double t);
+uint32_t cosim_clocked_begin(ClockedNetwork *network);
+uint32_t cosim_clocked_enter(ClockedFmu *f);
+uint32_t cosim_clocked_leave(ClockedFmu *f);
+uint32_t cosim_clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u);
+uint32_t cosim_clocked_get(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y);
+uint32_t cosim_clocked_step(void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
+    double *last);
+void cosim_clocked_why(const ClockedNetwork *network, char *text, size_t size);
 void cosim_intermediate_update(void *environment, double t, bool asks, bool allows, bool finished, bool can_return,
     bool *returns, double *return_time);
 uint32_t cosim_intermediate_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
@@ -99,7 +136,7 @@ class NoEngine(CosimError):  # noqa: N818
 def interface() -> cffi.FFI:
     """The types of the headers of the engine."""
     ffi = cffi.FFI()
-    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, EXACT_VALUES, INTERMEDIATE)
+    headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, CLOCKED_STEPS, EXACT_VALUES, INTERMEDIATE)
     declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in headers))
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi
@@ -140,3 +177,28 @@ def library() -> Any:
     if loaded.cosim_engine_size() != sum(map(ffi.sizeof, _STRUCTS)):
         raise NoEngine(f"{path} lays out its data in another way than this Python")
     return loaded
+
+
+def engine_transfers(version: int, transfers: Sequence[Transfer], keep: list[Any]) -> Any:
+    """`EngineTransfer` of calls of FMUs of this version; `keep` gets what they point to."""
+    ffi = interface()
+    if not transfers:
+        return ffi.NULL
+
+    def pointer(of: str, array: Any) -> Any:
+        keep.append(array)
+        return ffi.cast(of, array.ctypes.data)
+
+    structs = ffi.new("EngineTransfer[]", len(transfers))
+    keep.append(structs)
+    for s, transfer in zip(structs, transfers, strict=True):
+        setattr(s, f"call{version}", ffi.cast(f"EngineValues{version}", transfer.call))
+        s.references, s.n_references = ffi.cast("uint32_t*", transfer.references), transfer.n_references
+        s.data, s.n_data = pointer("void*", transfer.data), len(transfer.data)
+        s.type = getattr(library(), _TYPES[transfer.data.dtype])
+        if transfer.element is not None and transfer.place is not None:
+            s.n = len(transfer.place)
+            s.element, s.place = (
+                pointer("uint32_t*", at.astype(np.uint32)) for at in (transfer.element, transfer.place)
+            )
+    return structs

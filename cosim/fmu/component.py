@@ -30,8 +30,8 @@ from cosim.core.errors import (
     WiringError,
 )
 from cosim.core.time import seconds_text
+from cosim.fmu.clocked_steps import ClockedSteps, refusal, returns_early
 from cosim.fmu.environment import restorer, what_changed
-from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.event_steps import EventSteps, steps_with_events
 from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.file import FmuFile, Library
@@ -78,7 +78,7 @@ class FmuComponent:
         self._v3 = fmu.major == "3"
         self._c_types = fmi.c_types(int(fmu.major))
         self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
-        self._foreign = False  # another's, in this process
+        self.foreign = False  # another's, in this process
         self._restore = _nothing_to_restore
         self._reported: set[int] = (
             set()
@@ -97,7 +97,7 @@ class FmuComponent:
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._exact: list[ExactCall] = []  # bound calls that move what doubles do not hold
         self._sizes: Mapping[Variable, int] = {}
-        self._events: EventMode | None = None
+        self.clocked: ClockedSteps | None = None
         self.integration: Integration | None = None
         self._event_steps: EventSteps | None = None
         self._intermediate: IntermediateUpdates | None = None
@@ -117,20 +117,15 @@ class FmuComponent:
         )
 
     @property
-    def events(self) -> EventMode | None:
-        """Its clocks, if the master activates them."""
-        return self._events
-
-    @property
-    def _driver(self) -> Integration | EventSteps | IntermediateUpdates | None:
+    def _driver(self) -> Integration | ClockedSteps | EventSteps | IntermediateUpdates | None:
         """What steps it instead of itself, in this process: its integrator, or what divides steps or sets inputs."""
         own = self.integration if self.integration is not None and self.integration.here else None
-        return own or self._event_steps or self._intermediate
+        return own or self.clocked or self._event_steps or self._intermediate
 
     @property
-    def _remembers(self) -> EventMode | Integration | EventSteps | None:
+    def _remembers(self) -> ClockedSteps | Integration | EventSteps | None:
         """What has a state beside that of the FMU."""
-        return self._events or self.integration or self._event_steps
+        return self.clocked or self.integration or self._event_steps
 
     def clone(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
@@ -168,7 +163,7 @@ class FmuComponent:
         self._earlier_pools = [p for p in pools if p.in_use]
         self.state_pools, self._own_pool = [], None
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
-        self._events = events = EventMode(self) if self.in_event_mode else None
+        self.clocked = ClockedSteps(self) if self.in_event_mode else None
         if reusable and self._call("Reset") <= fmi.WARNING:
             if self._event_steps is not None:
                 self._event_steps.end()
@@ -178,15 +173,15 @@ class FmuComponent:
         self._forget_messages()
         self.name = name
         self._dead = False
-        self._foreign = self.description.kind is None and self.isolation is None
-        self._restore = restorer() if self._foreign else _nothing_to_restore
+        self.foreign = self.description.kind is None and self.isolation is None
+        self._restore = restorer() if self.foreign else _nothing_to_restore
         library = self._open()
         self._keep = []
         resources = library.folder / "resources"
         log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         divided = steps_with_events(self.description)
-        how = {"event_mode": True, "early_return": events.returns_early} if events is not None else {}
+        how = {"event_mode": True, "early_return": returns_early(self.description)} if self.clocked else {}
         if divided:
             about = self.description
             how = {"event_mode": about.event_mode, "early_return": about.variable_step}
@@ -244,12 +239,10 @@ class FmuComponent:
             self._must("SetupExperiment", *experiment)
             self._must("EnterInitializationMode")
         self._reads_values, self._begin = True, start
-        if self._events is not None:
-            self._events.enter_initialization(start)
 
     def exit_initialization(self) -> None:
-        if self._events is not None:
-            self._events.exit_initialization()
+        if self.clocked is not None:
+            self.clocked.exit_initialization(self._begin)
         else:
             self._must("ExitInitializationMode")
         if (own := self.integration or self._event_steps) is not None:
@@ -258,6 +251,8 @@ class FmuComponent:
 
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
+            if self.clocked is not None and self.clocked.changed:
+                self._tell_changed(self.clocked.changed)
             self._call("Terminate")
             self._warn_of_crash("Terminate")
             if self._intermediate is not None:
@@ -358,8 +353,8 @@ class FmuComponent:
     # Values, one call at a time: parameters, start values, inspection.
 
     def set(self, values: Mapping[Variable, Any]) -> None:
-        if self._events is not None and self._reads_values and not self._events.initializing:
-            self._events.set(values)
+        if self.clocked is not None and self.clocked.stepping:
+            self.clocked.set(values)
         elif self._event_steps is not None and self._event_steps.stepping:
             self._event_steps.change(lambda: self._set_values(values))
         else:
@@ -458,15 +453,14 @@ class FmuComponent:
         if self._intermediate is not None:
             self._kept += self._intermediate.bind(inputs, self._sizes)
         del self._keep[self._kept_from_start :]  # buffers of the run before
-        if self._events is not None:
-            self._bound_step = self._do_step()
-            ports = self._events.ports(inputs, outputs, u, y)
-            self._get_outputs = ports.get_outputs
-            return self._with_guards(ports)
-        setters = self._setters(inputs, u)
-        getters = [
-            self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs, sizes=self._sizes)
-        ]
+        if self.clocked is not None:
+            self.clocked.bind(inputs, outputs, self._sizes, y)
+            setters, getters = ([_Bound(*p) for p in self.clocked.port(*to)] for to in (("Set", u), ("Get", y)))
+        else:
+            setters = self._setters(inputs, u)
+            getters = [
+                self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs, sizes=self._sizes)
+            ]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
         self._get_outputs = get_outputs
         do_step = self._do_step()
@@ -487,19 +481,9 @@ class FmuComponent:
         waiting = steps.bind([s.transfer for s in discrete])
         return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
 
-    def _advance(self, t: float, h: float, *, early: bool) -> float | None:
-        """One fmi3DoStep, for steps with clocks. Returns the time of an early return [s], if `early` allows it."""
-        call, rest, ended = self._bound_step
-        status = call(t, h, self._no_set_prior(), *rest)
-        if early and status <= fmi.WARNING and self._early[0] and not self._terminate[0]:
-            return float(self._last[0])
-        if status > fmi.WARNING or ended[0]:
-            self._step_failed(status, t, h)
-        return None
-
     def _with_guards(self, ports: Ports) -> Ports:
         """Put back the floating-point environment after calls into third-party FMUs."""
-        if not self._foreign:
+        if not self.foreign:
             return ports
         guard = self._guarded
         return replace(
@@ -536,9 +520,9 @@ class FmuComponent:
             no_set_prior=self._no_set_prior,
             states=self._state_calls(),
             derivative=self._derivative_call(),
-            call_failed=self._fail,
+            call_failed=self._fail if self.clocked is None else lambda *_: self.clocked.fail(),  # type: ignore[union-attr]
             step_failed=self._step_failed,
-            foreign=self._foreign,
+            foreign=self.foreign,
             changed=self._tell_changed,
             follow=self._intermediate.follow if self._intermediate else None,
         )
@@ -651,6 +635,8 @@ class FmuComponent:
         self._flags = flags
         self._terminate, self._early = flags + 2, flags + 3
         self._keep += [flags, self._last]
+        if self.clocked is not None:
+            self.clocked.use(flags, self._last)
         ended = self._ffi.cast("uint16_t*", self._terminate)
         return call, (flags, self._terminate, self._early, self._last), ended
 
@@ -667,7 +653,8 @@ class FmuComponent:
 
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
-        last, terminated, whole = None, False, False
+        if self.clocked is not None:
+            self.clocked.fail()
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
         if self._intermediate is not None:
@@ -676,6 +663,11 @@ class FmuComponent:
             self.integration.step_failed(status, t, h)
         if self._event_steps is not None:
             self._event_steps.step_failed(status, t, h)
+        self.do_step_failed(status, t, h)
+
+    def do_step_failed(self, status: int, t: float, h: float) -> NoReturn:
+        """Raise what a status of `fmi3DoStep` itself, or of its like, means."""
+        last, terminated, whole = None, False, False
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]
@@ -760,7 +752,7 @@ class FmuComponent:
 
     def _state_calls(self) -> dict[str, int] | None:
         """Addresses of the functions for states; None if more than these calls is necessary, or the FMU has none."""
-        if self._foreign or self._kept or self._remembers or not self.description.can_save:
+        if self.foreign or self._kept or self._remembers or not self.description.can_save:
             return None
         return {n: self._address(self._function(f"{n.title()}FMUState")) for n in ("get", "set", "free")}
 
@@ -778,7 +770,7 @@ class FmuComponent:
         """A state as the FMU serializes it. Raises CosimError where it does not."""
         if not self.description.can_serialize:
             raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
-        if self._events is not None:
+        if self.clocked is not None:
             raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         size = self._ffi.new("size_t*")
         self._must("SerializedFMUStateSize", pointer, size)

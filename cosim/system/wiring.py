@@ -15,7 +15,7 @@ from build_fmus.base.checks import did_you_mean, glob, number, unknown
 from build_fmus.base.escape import NO_XML
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim.core.component import Component, PythonComponent
-from cosim.core.description import RECORDABLE, TEXTS, WIDE, Description, Variable
+from cosim.core.description import LONGEST_TEXT, RECORDABLE, TEXTS, WIDE, Description, Variable
 from cosim.core.errors import FmuWarning, WiringError
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.fmu.component import FmuComponent
@@ -489,7 +489,6 @@ def _check_clocks(names: str, source: SystemComponent, target: SystemComponent, 
         raise WiringError(f"{names}: {target.name}.{clock.name} ticks by itself: connect a clock of the kind triggered")
 
 
-LONGEST_TEXT = 1024
 """Bytes that a String or Binary may have, where neither its FMUs nor the connection says so."""
 
 
