@@ -52,15 +52,13 @@ static uint32_t failed_with(ClockedFmu *f, ClockedEnd end, double value) {
     return failed(f, end, CLOCKED_UPDATE, ERROR);
 }
 
-/* After a call of an FMU: another one of the network has the floating-point environment that it needs. */
+/* After a call of an FMU, which may have changed the floating-point environment. */
 static uint32_t seen(ClockedFmu *f, uint32_t function, uint32_t status) {
-    if (f->foreign && f->network->n_fmus > 1) f->changed |= environment_restore(f->network->environment);
+    if (f->foreign) f->changed |= environment_restore(f->network->environment);
     return status > WARNING ? failed(f, CLOCKED_CALL_FAILED, function, status) : OK;
 }
 
-static void look_at_environment(ClockedFmu *f) {
-    if (f->network->n_fmus > 1) f->network->environment = environment_bits();
-}
+static void look_at_environment(ClockedFmu *f) { f->network->environment = environment_bits(); }
 
 void clocked_why(const ClockedNetwork *n, char *text, size_t size) {
     const ClockedReport *const r = &n->report;
@@ -216,6 +214,7 @@ static uint32_t positive(ClockedFmu *f, ClockedTime interval) {
 }
 
 uint32_t clocked_intervals(ClockedFmu *f, double t) {
+    look_at_environment(f);
     for (uint32_t k = 0; k < CLOCKED_VALUES; k++)
         if (!f->call[k] && (k < CLOCKED_INTERVAL || (k >= CLOCKED_SAVE && f->setup->returns_early)))
             return failed(f, CLOCKED_CALL_FAILED, k, ERROR);

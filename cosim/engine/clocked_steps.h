@@ -130,7 +130,7 @@ struct ClockedNetwork {
     const ClockTick *ticks;
     const ClockWire *wires;
     int32_t n_ticks, n_wires;
-    uint32_t environment;
+    uint32_t environment;       /* of the caller (environment.h) */
     Engine engine;              /* what calls that move values fail with */
     ClockedReport report;
 };

@@ -108,22 +108,23 @@ class ClockedValues:
 
     def clock_setups(self) -> list[tuple[Any, ...]]:
         """`ClockSetup` of each clock, without its name."""
+        kinds = [_KINDS[c.kind] if c.causality == "input" else 0 for c in self.clocks]
         return [
-            (
-                c.reference,
-                _KINDS[c.kind] if c.causality == "input" else 0,
-                c.interval is not None,
-                c.fractions,
-                _time(c.interval or Fraction(0)),
-                _time(c.shift),
-            )
-            for c in self.clocks
+            (c.reference, kind, c.interval is not None, c.fractions, _time(c.interval or Fraction(0)), _time(c.shift))
+            for c, kind in zip(self.clocks, kinds, strict=True)
         ]
 
     def numbers(self) -> list[int]:
         """`ClockedSetup` without its pointers."""
-        sizes = map(len, (self.clocks, self.inputs, self.outputs))
-        return [*sizes, self.n_inputs, self.n_outputs, self.about.variable_step, returns_early(self.about)]
+        return [
+            len(self.clocks),
+            len(self.inputs),
+            len(self.outputs),
+            self.n_inputs,
+            self.n_outputs,
+            self.about.variable_step,
+            returns_early(self.about),
+        ]
 
 
 def _time(seconds: Fraction) -> tuple[int, int, float]:

@@ -251,8 +251,6 @@ class FmuComponent:
 
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
-            if self.clocked is not None and self.clocked.changed:
-                self._tell_changed(self.clocked.changed)
             self._call("Terminate")
             self._warn_of_crash("Terminate")
             if self._intermediate is not None:
@@ -291,7 +289,7 @@ class FmuComponent:
         return status
 
     def _check_environment(self) -> None:
-        changed = self._restore()
+        changed = self._restore() | (self.clocked.changed if self.clocked is not None else 0)
         if changed:
             self._tell_changed(changed)
 
@@ -665,7 +663,7 @@ class FmuComponent:
             self._event_steps.step_failed(status, t, h)
         self.do_step_failed(status, t, h)
 
-    def do_step_failed(self, status: int, t: float, h: float) -> NoReturn:
+    def do_step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a status of `fmi3DoStep` itself, or of its like, means."""
         last, terminated, whole = None, False, False
         if self._v3 and status <= fmi.DISCARD:
