@@ -62,9 +62,11 @@ static void look_at_environment(ClockedFmu *f) { f->network->environment = envir
 
 void clocked_why(const ClockedNetwork *n, char *text, size_t size) {
     const ClockedReport *const r = &n->report;
-    const double now = r->fmu->memory.now;
+    const double now = r->fmu ? r->fmu->memory.now : 0.0;
     int used = 0;
+    text[0] = 0;
     switch (r->end) {
+        case CLOCKED_FINE: return;
         case CLOCKED_CALL_FAILED:
             (void)snprintf(text, size, "%s failed at %.9g s",
                 r->function < CLOCKED_VALUES ? clocked_function(r->function) : "moving values", now);

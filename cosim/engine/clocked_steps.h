@@ -100,12 +100,12 @@ typedef struct ClockedNetwork ClockedNetwork;
 typedef struct ClockedFmu ClockedFmu;
 
 /* `clock` of FMU `target` of a network ticks when `origin` of `source` does, an output clock or a time-based one. */
-typedef struct {
+typedef struct ClockTick {
     int32_t source, origin, target, clock;
 } ClockTick;
 
 /* An input that belongs to clocks, and the output of another FMU that drives it: u[to] = scale * y[from] + offset. */
-typedef struct {
+typedef struct ClockWire {
     int32_t source, target;
     uint32_t from, to, n;
     double scale, offset;

@@ -15,12 +15,14 @@ from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from cosim.core.description import INTEGER_RANGE, RECORDABLE, TEXTS, Variable
 from cosim.core.errors import CosimError, WiringError
-from cosim.engine.library import EVENT_STEPS, EXACT_VALUES, INTEGRATOR, INTERMEDIATE
+from cosim.engine.clock_networks import NetworkPlan, clock_networks
+from cosim.engine.library import CLOCKED_STEPS, EVENT_STEPS, EXACT_VALUES, INTEGRATOR, INTERMEDIATE
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.plan import ComponentPlan, LoopPlan, Plan, Setup, make_plan
 from cosim.engine.values import PortLayout
 from cosim.export.parts import Part, part_of
 from cosim.export.variables import Exported
+from cosim.fmu.clocked_steps import ClockedGroup, ClockedValues
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.event_steps import steps_with_events
@@ -46,6 +48,7 @@ _OWN = (
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
+_CLOCKS = (_RUNTIME / "clocks.c", CLOCKED_STEPS, CLOCKED_STEPS.with_suffix(".c"))  # where they have clocks
 _UPDATES = (_RUNTIME / "updates.c", INTERMEDIATE, INTERMEDIATE.with_suffix(".c"))  # where inputs follow inside steps
 _TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  # where they exchange such
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
@@ -76,8 +79,8 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
             raise CosimError(
                 f"'{m.name}' was added with {sizes}, and {what} keeps the FMU's own array sizes: {remedy}set none"
             )
-        if m.implementation.in_event_mode and m.implementation.description.kind is None:
-            raise CosimError(f"'{m.name}' has clocks, which {what} does not support: {remedy}use one without clocks")
+        if page and _has_clocks(m):
+            raise CosimError(f"'{m.name}' has clocks, which {what} does not support: use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
@@ -125,6 +128,7 @@ class SystemCode:
         self.setup = Setup(schedule, record=outputs)
         self.setup.repeated = {} if repeated is None else repeated
         self.plan: Plan = make_plan(self.setup)
+        self.clocked = {m: self._clocked(m) for m in schedule.components if _has_clocks(m)}
         self.parts = self._parts({} if known is None else known)
 
     def _parts(self, found: dict[tuple[str, str], Part]) -> dict[SystemComponent, Part]:
@@ -145,6 +149,11 @@ class SystemCode:
     def distinct(self) -> list[Part]:
         """Parts of the system, each FMU once."""
         return list(dict.fromkeys(self.parts.values()))
+
+    def _clocked(self, m: SystemComponent) -> ClockedValues:
+        port = self.setup.layout.ports[m]
+        inputs = [e.variable for e in self.variables if e.component is m and e.causality == "input"]
+        return ClockedValues(m.description, port.inputs, port.outputs, port.sizes, inputs)
 
     @property
     def can_save(self) -> bool:
@@ -171,6 +180,8 @@ class SystemCode:
             files |= {p.name: p.read_bytes() for p in _EXCHANGE}
         if any(steps_with_events(m.description) for m in self.parts):
             files |= {p.name: p.read_bytes() for p in _EVENTS}
+        if self.clocked:
+            files |= {p.name: p.read_bytes() for p in _CLOCKS}
         if any(followed(m.description) for m in self.parts):
             files |= {p.name: p.read_bytes() for p in _UPDATES}
         if self._exact:
@@ -221,8 +232,8 @@ class SystemCode:
             n_published=sum(len(p.published) for p in self.plan.components),
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
-            integrated=any(m["setup"] and not m["events"] for m in components),
-            events=any(m["events"] for m in components),
+            steps={m["steps"] for m in components},
+            networks=[*map(_network, clock_networks(self.schedule, self.clocked.__getitem__))],
             updates=any(m["follows"] for m in components),
             texts=self._exact,
         )
@@ -233,7 +244,13 @@ class SystemCode:
         index = [int(k) for k in p.index]
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.previous, *p.published]
-        sets = _sets(m, part.version, port, buffers)
+        clocked = self.clocked.get(m)
+        if clocked is None:
+            sets = _sets(m, part.version, port, buffers)
+            moves = arrangements(part.version, port.outputs, sizes=port.sizes)
+        else:
+            sets = [_transfer(m, part.version, how, buffers) | {"waits": False} for how in clocked.sets]
+            moves = clocked.gets
         places = [v for v in port.inputs for _ in range(slots(port.sizes.get(v, 0)))]
         return {
             "id": f"m{i}",
@@ -259,15 +276,12 @@ class SystemCode:
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
             "extrapolations": [*map(_extrapolation, p.extrapolations)],
             "sets": sets,
-            "gets": [
-                _transfer(m, part.version, how, buffers) | {"waits": False}
-                for how in arrangements(part.version, port.outputs, sizes=port.sizes)
-            ],
+            "gets": [_transfer(m, part.version, how, buffers) | {"waits": False} for how in moves],
             "starts": _starts(m, part.version),
             "first": p.first,
             "n_outputs": p.n_outputs,
             "follows": _follows(m, places, p),
-            **(_events(m, sets) or _exchange(m)),
+            **(_clocks(m, clocked) if clocked is not None else _events(m, sets) or _exchange(m)),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
 
@@ -342,10 +356,10 @@ def _exchange(m: SystemComponent) -> dict[str, Any]:
     implementation = m.implementation
     assert isinstance(implementation, FmuComponent)
     if not implementation.integrated:
-        return {"setup": [], "events": False}
+        return {"setup": [], "steps": ""}
     fields, references = integrator_setup(m.description, implementation.exchange)
     setup = [*map(int, fields[:-1]), c_number(fields[-1])]
-    return {"setup": setup, "exchange_references": references or [0], "events": False}
+    return {"setup": setup, "exchange_references": references or [0], "steps": "exchange"}
 
 
 def _events(m: SystemComponent, sets: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -355,7 +369,36 @@ def _events(m: SystemComponent, sets: Sequence[Mapping[str, Any]]) -> dict[str, 
         return {}
     waiting = [s["n_data"] for s in sets if s["waits"]]
     flags, internal = [int(about.event_mode), int(about.variable_step)], c_number(float(about.internal_step or 0))
-    return {"setup": [*flags, internal, len(waiting), sum(waiting)], "events": True}
+    return {"setup": [*flags, internal, len(waiting), sum(waiting)], "steps": "events"}
+
+
+def _has_clocks(m: SystemComponent) -> bool:
+    """Whether clocks are ticked: sampled FMUs of this project count their samples themselves."""
+    implementation = m.implementation
+    return isinstance(implementation, FmuComponent) and implementation.in_event_mode and m.description.kind is None
+
+
+def _clocks(m: SystemComponent, values: ClockedValues) -> dict[str, Any]:
+    """`ClockedSetup` of a component with clocks."""
+
+    def listed(groups: Sequence[ClockedGroup]) -> list[dict[str, Any]]:
+        return [{"calls": [g.first, g.n], "clocks": g.clocks, "how": [*map(int, g.how)]} for g in groups]
+
+    clocks = []
+    for c, (*numbers, interval, shift) in zip(values.clocks, values.clock_setups(), strict=True):
+        times = [f"{{{n}, {d}, {c_number(x)}}}" for n, d, x in (interval, shift)]
+        clocks.append([c_string(c.name), *map(int, numbers), *times])
+    groups = {"inputs": listed(values.inputs), "outputs": listed(values.outputs)}
+    return {"setup": [*map(int, values.numbers())], "clocks": clocks, "groups": groups, "steps": "clocks"}
+
+
+def _network(plan: NetworkPlan) -> dict[str, Any]:
+    """`PlanNetwork`, but for the numbers of its components."""
+    wires = [
+        {"numbers": [*w.numbers[:5], *map(c_number, w.numbers[5:])], "clocks": w.clocks, "plain": int(w.plain)}
+        for w in plan.wires
+    ]
+    return {"names": [m.name for m in plan.components], "ticks": plan.ticks, "wires": wires}
 
 
 def _follows(m: SystemComponent, places: Sequence[Variable], p: ComponentPlan) -> dict[str, Any] | None:

@@ -77,6 +77,8 @@ uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, dou
 }
 
 uint32_t component_exit(Component *m) {
+    const uint32_t left = m->exchange && m->exchange->leave ? seen(m, m->exchange->leave(m)) : (uint32_t)fmi3OK;
+    if (left > fmi3Warning) return left;
     const uint32_t status = CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
     return m->exchange && status <= fmi3Warning ? seen(m, m->exchange->begin(m)) : status;
 }
@@ -222,6 +224,7 @@ static uint32_t move_values(Component *m, Kind kind, uint32_t reference, double 
 
 uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n) {
     double *const from = (double *)(uintptr_t)values;
+    if (m->exchange && m->exchange->later && n == 1 && m->exchange->later(m, reference, *values)) return fmi3OK;
     if (!m->exchange || !m->exchange->change) return move_values(m, kind, reference, from, n, true);
     uint32_t status = seen(m, m->exchange->change(m, true));
     if (status > fmi3Warning) return status;

@@ -71,20 +71,26 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
 ExchangeCall foreign_find(void *library, int version, const char *name);
 void foreign_close(void *library);
 
-/* What is otherwise in components that are integrated (Model Exchange: model_exchange.c), or that report events or
- * return early (events.c); only systems with such have these. The step functions get the integrator. */
+/* What is otherwise in components that are integrated (Model Exchange: model_exchange.c), that report events or return
+ * early (events.c), or that have clocks (clocks.c); only systems with such have these. The step functions get the
+ * integrator. What only some of them need may be NULL. */
 typedef struct Component Component;
 typedef struct {
     bool (*make)(Component *m, const char *name, const char *token, const char *resources);
     uint32_t (*begin)(Component *m);
-    void (*bind)(Component *m, bool stepping);     /* no inputs wait; `stepping`: initialization is over; or NULL */
+    void (*bind)(Component *m, bool stepping);     /* no inputs wait; `stepping`: initialization is over */
     void (*wait)(Component *m, EngineTransfer *t); /* inputs of a call wait for event mode */
-    uint32_t (*change)(Component *m, bool begin);  /* before and after a change of values between steps; or NULL */
+    uint32_t (*change)(Component *m, bool begin);  /* before and after a change of values between steps */
     const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asked to end */
     EngineStep2 step2;
     EngineStep3 step3;
+    uint32_t (*leave)(Component *m);               /* before it leaves initialization */
+    void (*values)(const Component *m, double **u, double **y); /* where its calls have inputs and outputs */
+    void (*attach)(Component *m, EngineComponent *e, uint32_t n_inputs); /* after its calls are bound */
+    bool (*later)(Component *m, uint32_t reference, double value); /* whether an input waits for a tick */
+    Component *(*culprit)(const Component *m, int32_t *call, char *text, size_t size); /* of a failed step */
 } Exchange;
-extern const Exchange exchange, events;
+extern const Exchange exchange, events, clocks;
 enum { EXCHANGE_CALLS = 12 }; /* those of the integrator, and InstantiateModelExchange */
 
 /* Setup of a component with events. */
@@ -139,11 +145,11 @@ struct Component {
     void *context;
     fmi2CallbackFunctions callbacks;
     const Exchange *exchange; /* NULL: it steps itself */
-    const void *setup;        /* IntegratorSetup or EventSetup */
+    const void *setup;        /* IntegratorSetup, EventSetup or ClockedSetup */
     const uint32_t *references;
     const ExchangeCall *linked;
     ExchangeCall (*find)(void *library, int version, const char *name);
-    void *integrator;         /* or EventSteps */
+    void *integrator;         /* or EventSteps or ClockedFmu */
     ComponentMemory memory[2]; /* of it */
     double begin;
     fmi3LogMessageCallback say;

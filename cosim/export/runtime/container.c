@@ -64,6 +64,7 @@ struct FmuInstance {
     EngineDerivative *derivatives; /* of all loops, one after the other */
     LastStep *repeated; /* by component */
     void *texts;                    /* memory of calls of texts, bytes and 64-bit integers */
+    void *networks;                 /* memory of networks of clocks */
     bool *flags;
     double *last;
     int32_t logging;                /* the component that logs */
@@ -96,6 +97,14 @@ static size_t texts_room(void) {
     }
     return n;
 }
+
+static size_t networks_room(int32_t n) {
+    size_t size = 0;
+    for (int32_t i = 0; i < n; i++) size += aligned(P->networks->room(&P->connected[i]));
+    return size;
+}
+
+static void *network(const FmuInstance *self, int32_t i) { return (char *)self->networks + networks_room(i); }
 
 static size_t n_transfers(void) {
     size_t n = 0;
@@ -148,6 +157,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n * sizeof(LastStep)),
         aligned(texts_room()),
         aligned(P->n_passed * sizeof(double)),
+        networks_room(P->n_connected),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -188,6 +198,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->repeated = part[20];
     self->texts = part[21];
     self->passed = part[22];
+    self->networks = part[23];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -278,16 +289,14 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         Component *m = &self->components[i];
         (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
         m->find = P->find;
-        if (p->setup) {
-            m->exchange = p->events ? P->events : P->exchange;
-            m->setup = p->setup;
-            m->references = p->exchange_references;
-            m->linked = p->exchange_calls;
-        }
+        m->exchange = p->exchange;
+        m->setup = p->setup;
+        m->references = p->exchange_references;
+        m->linked = p->exchange_calls;
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
-            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->setup && !p->events, reason,
+            m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->integrated, reason,
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);
         }
@@ -298,6 +307,8 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         const FmuStatus status = set_starts(self, i);
         if (status != FMU_OK) return status;
     }
+    for (int32_t i = 0; i < P->n_connected; i++)
+        P->networks->join(self->components, &P->connected[i], network(self, i));
     return FMU_OK;
 }
 
@@ -460,13 +471,15 @@ static FmuStatus bind(FmuInstance *self) {
             if (status > fmi3Warning) return component_failed(self, i, "getting inputs", status);
             if (!m->exchange) e->step3 = m->step, e->stepped = m->updates;
         }
+        double *from_u = own, *to_y = y;
+        if (m->exchange && m->exchange->values) m->exchange->values(m, &from_u, &to_y);
         bool direct = p->n_sets == 1 && p->n_gets == 1;
         for (int set = 1; set >= 0; set--) {
             if (set) e->sets = t;
             else e->gets = t;
             for (int32_t k = 0; k < (set ? p->n_sets : p->n_gets); k++, t++) {
                 const PlanTransfer *from = set ? &p->sets[k] : &p->gets[k];
-                void *data = from->element ? (void *)(buffers + from->buffer) : (void *)((set ? own : y) + from->at);
+                void *data = from->element ? (void *)(buffers + from->buffer) : (void *)((set ? from_u : to_y) + from->at);
                 *t = (EngineTransfer){.references = from->references,
                     .n_references = from->n_references,
                     .data = data,
@@ -482,6 +495,10 @@ static FmuStatus bind(FmuInstance *self) {
                 if (waits && from->waits) m->exchange->wait(m, t);
                 direct = direct && !from->element;
             }
+        }
+        if (m->exchange && m->exchange->attach) {
+            m->exchange->attach(m, e, p->n_inputs);
+            direct = e->n_sets == 1 && e->n_gets == 1;
         }
         e->direct = direct;
     }
@@ -517,8 +534,8 @@ static void repeat_steps(FmuInstance *self) {
 
 static bool asked_to_end(FmuInstance *self, int32_t i) {
     const PlanComponent *p = &P->components[i];
-    const uint32_t status = self->engine.status, least = p->events ? fmi3Error : fmi2Discard;
-    if (p->version == 3 && (!p->setup || p->events) && status <= fmi3Warning) return self->flags[4 * i + 2];
+    const uint32_t status = self->engine.status, least = p->setup && !p->integrated ? fmi3Error : fmi2Discard;
+    if (p->version == 3 && !p->integrated && status <= fmi3Warning) return self->flags[4 * i + 2];
     return (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i]);
 }
 
@@ -556,17 +573,30 @@ static int repeat(void *context, int32_t i, double t) {
     return result ? result : engine_get(&self->engine, &e);
 }
 
+/* The calls of component i, first those that set. */
+static const EngineTransfer *calls_of(const FmuInstance *self, int32_t i) {
+    const EngineTransfer *t = self->transfers;
+    for (int32_t k = 0; k < i; k++) t += P->components[k].n_sets + P->components[k].n_gets;
+    return t;
+}
+
 /* A call of component i that the engine has made has failed. */
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
-    const int32_t call = self->engine.call;
+    int32_t call = self->engine.call;
     const Component *m = &self->components[i];
+    if (m->exchange && m->exchange->culprit) { /* of those that have taken the step together */
+        char text[1024];
+        m = m->exchange->culprit(m, &call, text, sizeof text);
+        i = (int32_t)(m - self->components);
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': %s", P->components[i].name, text);
+    }
     if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
-    if (m->exchange && !call) {
+    if (m->exchange && !m->exchange->culprit && !call) {
         uint32_t number;
         double time;
         const char *why = m->exchange->why(m, &number, &time);
         (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
-            P->components[i].name, P->components[i].events ? "event mode" : "integration", time,
+            P->components[i].name, P->components[i].integrated ? "integration" : "event mode", time,
             why ? why : "", (unsigned)number);
     }
     const PlanComponent *p = &P->components[i];
@@ -577,7 +607,7 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
     if (t && t->exact) {
         uint32_t most = 0;
-        const EngineTransfer *bound = sets ? &self->bound[i].sets[call - 1] : &self->bound[i].gets[-call - 1];
+        const EngineTransfer *bound = calls_of(self, i) + (sets ? call - 1 : p->n_sets - call - 1);
         const uint64_t n = t->waits ? 0 : P->texts->too_long(bound->references, &most);
         if (n)
             (void)fmu_fail(self, FMU_ERROR, "component '%s': a value of at least %llu bytes is longer than its "
@@ -592,6 +622,12 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         : call < 0 ? "getting its outputs"
                    : "DoStep",
         self->engine.status);
+}
+
+static FmuStatus step_failed(FmuInstance *self, int32_t i, uint32_t status) {
+    self->engine.call = 0;
+    self->engine.status = status;
+    return call_failed(self, i);
 }
 
 static FmuStatus not_solved(FmuInstance *self) {
@@ -676,7 +712,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
     for (int32_t i = 0; i < P->n_components; i++) /* elements that nobody drives */
         for (int32_t k = 0; k < P->components[i].n_sets; k++)
             if (P->components[i].sets[k].keeps) {
-                EngineTransfer t = self->bound[i].sets[k];
+                EngineTransfer t = calls_of(self, i)[k];
                 component_values(&self->components[i], P->components[i].sets[k].kind, false, &t);
                 t.references = P->components[i].sets[k].references;
                 t.element = NULL;
@@ -709,9 +745,17 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     FmuStatus result = settle(self);
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
         const uint32_t status = component_exit(&self->components[i]);
-        if (status > fmi3Warning) result = component_failed(self, i, "ExitInitializationMode", status);
-        else if (engine_get(&self->engine, &self->bound[i])) result = call_failed(self, i);
+        const Exchange *const steps = P->components[i].exchange;
+        if (status > fmi3Warning)
+            result = steps && steps->culprit ? step_failed(self, i, status)
+                                             : component_failed(self, i, "ExitInitializationMode", status);
     }
+    for (int32_t i = 0; i < P->n_connected && result == FMU_OK; i++) {
+        const uint32_t status = P->networks->begin(network(self, i));
+        if (status > fmi3Warning) result = step_failed(self, P->connected[i].components[0], status);
+    }
+    for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++)
+        if (engine_get(&self->engine, &self->bound[i])) result = call_failed(self, i);
     engine_publish(&self->engine);
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;

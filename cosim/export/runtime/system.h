@@ -62,8 +62,9 @@ typedef struct {
     uint32_t n_starts;
     bool has_tolerance;
     double tolerance;
-    bool events;                     /* it reports events or returns early */
-    const void *setup;               /* EventSetup, or IntegratorSetup of one that is integrated; or NULL */
+    const Exchange *exchange;        /* NULL: it steps itself */
+    bool integrated;
+    const void *setup;               /* IntegratorSetup, EventSetup or ClockedSetup; or NULL */
     const UpdateSetup *follows;      /* NULL: no input follows inside its steps */
     const uint32_t *exchange_references;
     const ExchangeCall *exchange_calls; /* of a linked one */
@@ -94,6 +95,21 @@ typedef struct {
     double scale, offset, min, max;
 } PlanPassed;
 
+/* Components whose clocks are connected, with `ClockTick` and `ClockWire`. */
+typedef struct {
+    const int32_t *components;
+    const struct ClockTick *ticks;
+    const struct ClockWire *wires;
+    int32_t n_components, n_ticks, n_wires;
+} PlanNetwork;
+
+typedef struct {
+    size_t (*room)(const PlanNetwork *p);  /* bytes of memory that one needs */
+    void (*join)(Component *components, const PlanNetwork *p, void *memory);
+    uint32_t (*begin)(void *memory);       /* after all have left initialization */
+} Networks;
+extern const Networks networks;
+
 /* Calls with `exact`: bytes of memory that one needs; binding it, at first as if it were another one; bytes of the
  * value that was too long and those that it may have, 0 if none was. */
 typedef struct {
@@ -123,7 +139,9 @@ typedef struct {
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
     void (*close)(void *library);
     ExchangeCall (*find)(void *library, int version, const char *name);
-    const Exchange *exchange, *events; /* NULL: no component is integrated, or has events */
+    const Networks *networks;          /* NULL: no clocks are connected */
+    const PlanNetwork *connected;
+    int32_t n_connected;
     const Updates *updates;            /* NULL: no component's inputs follow inside its steps */
     const Texts *texts;                /* NULL: no call has `exact` */
 } Plan;
