@@ -68,8 +68,11 @@ void clocked_why(const ClockedNetwork *n, char *text, size_t size) {
     switch (r->end) {
         case CLOCKED_FINE: return;
         case CLOCKED_CALL_FAILED:
-            (void)snprintf(text, size, "%s failed at %.9g s",
-                r->function < CLOCKED_VALUES ? clocked_function(r->function) : "moving values", now);
+            if (r->function == CLOCKED_DO_STEP && r->status <= WARNING)
+                (void)snprintf(text, size, "its step ended early at %.9g s, which is not allowed", *r->fmu->last);
+            else
+                (void)snprintf(text, size, "%s failed at %.9g s",
+                    r->function < CLOCKED_VALUES ? clocked_function(r->function) : "moving values", now);
             return;
         case CLOCKED_TERMINATED: (void)snprintf(text, size, "in event mode at %.9g s", now); return;
         case CLOCKED_BAD_TIME:

@@ -79,8 +79,6 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
             raise CosimError(
                 f"'{m.name}' was added with {sizes}, and {what} keeps the FMU's own array sizes: {remedy}set none"
             )
-        if page and _has_clocks(m):
-            raise CosimError(f"'{m.name}' has clocks, which {what} does not support: use one without clocks")
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()

@@ -5,18 +5,21 @@ When each kind ticks, what is exchanged then, and what is refused by name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
 from foreign import clocked
 
-from cosim import ComponentError, CosimError, FmuError, PythonComponent, System
+from cosim import ComponentError, CosimError, FmuError, PythonComponent, Simulation, System
 from cosim.check import Options, check
 from cosim.fmu.file import FmuFile
 
 Build = Callable[..., Path]
+Act = Callable[[Simulation, str], None]
 
 
 @pytest.fixture(scope="module")
@@ -195,11 +198,63 @@ def test_early_return_and_endless_events_are_refused_by_name(fmu: Build, refused
     refused(ComponentError, lambda: run(fmu("early")), lambda: run(fmu("endless")))
 
 
-def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path, raises) -> None:
+def outside_and_inside(path: Path, folder: Path, step: str, act: Act, **start: object) -> list[dict[str, np.ndarray]]:
+    """What `act` records in a run of an FMU, and in a run of a system that was exported with it."""
+    found = []
     with System() as system:
-        system.add("c", fmu("constant"), step="10 ms")
-        with raises(CosimError):
-            system.export_fmu(tmp_path / "Clocks.fmu")
+        system.add("c", path, step=step, start={"u": 1.0, "begin": False, **start})
+        exported = system.export_fmu(folder / "Clocks.fmu")
+        for made, name in ((system, "c"), (System(allow_unconnected=True), "s.c")):
+            if made is not system:
+                made.add("s", exported, step=step)
+            with made, made.initialize(record=[f"{name}.*"]) as simulation:
+                act(simulation, name)
+                found.append({n.removeprefix("s."): simulation.recording[n].copy() for n in simulation.recording.names})
+    return found
+
+
+@pytest.mark.parametrize("kind", ["constant", "fixed", "tunable", "changing", "countdown"])
+def test_exported_systems_tick_them_alike(fmu: Build, tmp_path: Path, kind: str) -> None:
+    """Also after inputs are set, which wait for a tick, after a tunable clock has another interval, and after a saved
+    state, with an input that waits, is restored."""
+
+    def act(simulation: Simulation, name: str) -> None:
+        simulation.advance(0.08)
+        simulation.set(f"{name}.u", 3.0)
+        simulation.set(f"{name}.begin", True)
+        if kind == "tunable":
+            simulation.set(f"{name}.period", 0.013)
+        state = simulation.save()
+        simulation.advance(0.2)
+        simulation.restore(state)
+        simulation.advance(0.4)
+
+    run_, exported = outside_and_inside(fmu(kind), tmp_path, "40 ms", act)
+    assert run_["c.ticks"][-1] == (1 if kind == "countdown" else pytest.approx(20, rel=6))
+    for name in ("c.y", "c.z", "c.ticks", "c.last", "c.w"):
+        np.testing.assert_array_equal(exported[name], run_[name], err_msg=name)
+
+
+@pytest.mark.parametrize("period", ["1/300", "0.0123456789", "0.007"])
+def test_ticks_do_not_add_up_rounding(fmu: Build, period: str) -> None:
+    exact = Fraction(period)
+    start = {"u": 1.0, "begin": False, "period": float(exact), "shift": 0.001}
+    with System() as system:
+        system.add("c", fmu("fixed"), step="1/60", start=start)
+        found = system.run(2, record=["c.last", "c.ticks"])
+    for last, ticks in zip(found["c.last"][1:], found["c.ticks"][1:], strict=True):
+        expected = float(Fraction(1, 1000) + (int(ticks) - 1) * exact)
+        assert abs(last - expected) <= math.ulp(expected), "the FMU itself adds the length of a step to its time"
+
+
+def test_exported_systems_name_components_whose_events_do_not_end(fmu: Build, tmp_path: Path, refused) -> None:
+    def run_exported(kind: str) -> None:
+        with System() as system, System(allow_unconnected=True) as outer:
+            system.add("c", fmu(kind), step="10 ms")
+            outer.add("s", system.export_fmu(tmp_path / "Clocks.fmu"), step="10 ms")
+            outer.run(0.1, record=[])
+
+    refused(ComponentError, lambda: run_exported("early"), lambda: run_exported("endless"))
 
 
 @pytest.mark.parametrize("kind", ["constant", "fixed", "tunable"])

@@ -118,6 +118,48 @@ def test_saved_states_continue(fmu: Path) -> None:
         assert once["c.count"][-1] > 20
 
 
+@pytest.mark.parametrize(("early", "relay"), [(False, 1), (False, 2), (True, 3)])
+def test_exported_systems_tick_alike(fmu: Path, tmp_path: Path, early: bool, relay: int) -> None:
+    """Two networks and an FMU alone, with values that are converted; also after a saved state is restored."""
+    path = pulses.build(tmp_path, early_return=early) if early else fmu
+    own = {"a": (0.0031, 3 * early), "b": (0.0, 1 if early else relay), "c": (0.0, 1), "d": (0.0041, 3 * early)}
+    with System(allow_unconnected=True) as system:
+        for name, (period, how) in {**own, "alone": (0.002, 0)}.items():
+            system.add(name, path, step="10 ms", parameters={"period": period, "relay": how})
+        for source, target in (("a", "b"), ("b", "c")):
+            system.connect(f"{source}.out", f"{target}.in")
+            system.connect(f"{source}.y", f"{target}.x", linear=(2.0, 0.5))
+        system.connect("d.out", "alone.in")
+        system.connect("alone.got", "d.x")
+        exported = system.export_fmu(tmp_path / "Ticks.fmu")
+        found = system.run(0.1, record=["*"])
+    with System(allow_unconnected=True) as outer:
+        outer.add("s", exported, step="10 ms")
+        with outer.initialize(record=["s.*"]) as simulation:
+            simulation.advance(0.05)
+            state = simulation.save()
+            simulation.advance(0.07)
+            simulation.restore(state)
+            simulation.advance(0.1)
+            inside = simulation.recording
+    names = [n for n in found.names if not n.endswith(("relay", "period", ".x"))]
+    assert len(names) == 20
+    assert found["c.count"][-1] == 32
+    for name in names:
+        np.testing.assert_array_equal(inside[f"s.{name}"], found[name], err_msg=name)
+
+
+def test_ticks_in_a_circle_end_the_run_of_an_exported_system_too(
+    fmu: Path, tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    with chain(fmu, "a", "b", relay=2) as system, System(allow_unconnected=True) as outer:
+        system["a"].set(relay=2)
+        system.connect("b.out", "a.in")
+        system.connect("b.y", "a.x", delay=True)
+        outer.add("s", system.export_fmu(tmp_path / "Circle.fmu"), step="10 ms")
+        refused(ComponentError, lambda: outer.run(0.02, record=[]))
+
+
 def test_the_schedule_tells_them(fmu: Path) -> None:
     with chain(fmu, "a", "b") as system:
         assert "Clocks that tick together" in str(system.schedule())

@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from pages import ROOT
 
-from cosim import WiringError
+from cosim import System, WiringError
 
 EXAMPLES = ROOT / "docs" / "examples" / "fmi3"
 PRINTED = {
@@ -93,6 +94,27 @@ def test_frames_arrive_when_their_last_bit_is_sent(can: ModuleType, tmp_path: Pa
         assert found[f"{name}.confirmed.count"][-1] == 3
     assert found["bus.frames"][-1] == 9
     assert found["bus.lost"][-1] == 0
+
+
+def test_a_bus_is_exported_with_its_nodes(can: ModuleType, tmp_path: Path) -> None:
+    """Bit-identical to the run, also after a saved state is restored within the transmission of a frame."""
+    with can.network(tmp_path, {"a": 3, "b": 1, "c": 2}) as system:
+        found = system.run(0.025)
+        exported = system.export_fmu(tmp_path / "Network.fmu")
+    with System(allow_unconnected=True) as outer:
+        outer.add("s", exported, step="0.1 ms")
+        with outer.initialize() as simulation:
+            simulation.advance(0.0111)
+            state = simulation.save()
+            simulation.advance(0.02)
+            simulation.restore(state)
+            simulation.advance(0.025)
+            inside = simulation.recording
+    assert found["bus.frames"][-1] == 9
+    numbers = [n for n in found.names if f"s.{n}" in inside.names]
+    assert {"a.received.time", "b.received.value", "c.confirmed.time", "bus.frames"} <= {*numbers}
+    for name in numbers:
+        np.testing.assert_array_equal(inside[f"s.{name}"], found[name], err_msg=name)
 
 
 def test_a_slow_bus_sends_what_waits_later(can: ModuleType, tmp_path: Path) -> None:

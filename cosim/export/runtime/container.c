@@ -620,7 +620,8 @@ static FmuStatus call_failed(FmuInstance *self, int32_t i) {
         : call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
         : call > 0 ? "setting its inputs"
         : call < 0 ? "getting its outputs"
-                   : "DoStep",
+        : m->exchange && m->exchange->culprit ? "taking its step"
+                                              : "DoStep",
         self->engine.status);
 }
 
