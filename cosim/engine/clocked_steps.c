@@ -28,7 +28,7 @@ typedef uint32_t (*ShiftFraction)(void *, const uint32_t *, size_t, uint64_t *, 
 #define CALL(f, number, type, ...) seen(f, number, ((type)(f)->call[number])((f)->values.instance, __VA_ARGS__))
 #define PLAIN(f, number) seen(f, number, ((uint32_t(*)(void *))(f)->call[number])((f)->values.instance))
 
-const char *clocked_function(uint32_t number) {
+static const char *function_name(uint32_t number) {
     static const char *const names[] = {"DoStep", "EnterEventMode", "UpdateDiscreteStates", "EnterStepMode", "SetClock",
         "GetClock", "GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction", "GetFMUState",
         "SetFMUState", "FreeFMUState"};
@@ -60,54 +60,29 @@ static uint32_t seen(ClockedFmu *f, uint32_t function, uint32_t status) {
 
 static void look_at_environment(ClockedFmu *f) { f->network->environment = environment_bits(); }
 
-void clocked_why(const ClockedNetwork *n, char *text, size_t size) {
+static void why(const ClockedNetwork *n, char *text, size_t size) {
+    static const char *const said[] = {"", "", "in event mode at %.9g s",
+        "event iteration did not converge: every update of discrete states requires another one",
+        "event iteration did not converge: clocks tick again after every update",
+        "clocks tick, or FMUs return early, more than %.9g times from %.9g s to %.9g s",
+        "a clock ticks at %.9g s, within a step from %.9g s to %.9g s, and the FMU takes no steps of other lengths "
+        "(canHandleVariableCommunicationStepSize): give it a step so that every tick is at the beginning of a step",
+        "it returned early at %.9g s, outside of the step from %.9g s to %.9g s",
+        "the next event that it announces is at %.9g s", "its interval is %.9g s", "its shift is %.9g s"};
     const ClockedReport *const r = &n->report;
-    const double now = r->fmu ? r->fmu->memory.now : 0.0;
-    int used = 0;
+    const char *join = "; it goes through ";
+    size_t used = 0;
     text[0] = 0;
-    switch (r->end) {
-        case CLOCKED_FINE: return;
-        case CLOCKED_CALL_FAILED:
-            if (r->function == CLOCKED_DO_STEP && r->status <= WARNING)
-                (void)snprintf(text, size, "its step ended early at %.9g s, which is not allowed", *r->fmu->last);
-            else
-                (void)snprintf(text, size, "%s failed at %.9g s",
-                    r->function < CLOCKED_VALUES ? clocked_function(r->function) : "moving values", now);
-            return;
-        case CLOCKED_TERMINATED: (void)snprintf(text, size, "in event mode at %.9g s", now); return;
-        case CLOCKED_BAD_TIME:
-            (void)snprintf(text, size,
-                "it returned early at %.9g s, outside of the step from %.9g s to %.9g s", r->value, now, now + r->step);
-            return;
-        case CLOCKED_BAD_INTERVAL:
-        case CLOCKED_BAD_SHIFT:
-            (void)snprintf(text, size, "clock '%s' cannot be driven: its %s is %.9g s", r->fmu->setup->clocks[r->clock].name,
-                r->end == CLOCKED_BAD_SHIFT ? "shift" : "interval", r->value);
-            return;
-        case CLOCKED_NOT_CONVERGED:
-            used = snprintf(text, size, "event iteration did not converge: every update of discrete states requires another one");
-            for (int32_t i = 0; i < n->n_fmus && n->n_fmus > 1 && used >= 0 && (size_t)used < size; i++)
-                if (n->fmus[i]->inside)
-                    used += snprintf(text + used, size - (size_t)used, "%s'%s'",
-                        strstr(text, "through") ? ", " : "; it goes through ", n->fmus[i]->setup->name);
-            if (n->n_fmus > 1 && used >= 0 && (size_t)used < size)
-                used += snprintf(text + used, size - (size_t)used, ", whose clocks are connected");
-            break;
-        case CLOCKED_TICKS_AGAIN:
-            used = snprintf(text, size, "event iteration did not converge: clocks tick again after every update");
-            break;
-        case CLOCKED_TOO_MANY:
-            used = snprintf(text, size, "clocks tick, or FMUs return early, more than %d times from %.9g s to %.9g s",
-                (int)ITERATIONS, r->time, r->value);
-            break;
-        case CLOCKED_FIXED_STEP:
-            used = snprintf(text, size, "a clock ticks at %.9g s, within a step from %.9g s to %.9g s, and the FMU takes "
-                "no steps of other lengths (canHandleVariableCommunicationStepSize): give it a step so that every tick "
-                "is at the beginning of a step", r->value, r->time, r->step);
-            break;
-        default: used = snprintf(text, size, "the next event that it announces is at %.9g s", r->value);
-    }
-    if (used >= 0 && (size_t)used < size) (void)snprintf(text + used, size - (size_t)used, " (at %.9g s)", now);
+#define SAY(...) used += (size_t)snprintf(text + used, size - used, __VA_ARGS__), used = used < size ? used : size - 1
+    if (r->end >= CLOCKED_BAD_INTERVAL) SAY("clock '%s' cannot be driven: ", r->fmu->setup->clocks[r->clock].name);
+    if (r->end == CLOCKED_CALL_FAILED)
+        SAY(r->function || r->status > WARNING ? "%s failed" : "%s ended early, which is not allowed",
+            r->function < CLOCKED_VALUES ? function_name(r->function) : "moving values");
+    SAY(said[r->end], r->value, r->time, r->until);
+    for (int32_t i = 0; r->end == CLOCKED_NOT_CONVERGED && n->n_fmus > 1 && i < n->n_fmus; i++)
+        if (n->fmus[i]->inside) SAY("%s'%s'", join, n->fmus[i]->setup->name), join = ", ";
+    if (r->end == CLOCKED_NOT_CONVERGED && n->n_fmus > 1) SAY(", whose clocks are connected");
+    if (r->end && r->end != CLOCKED_TERMINATED && r->end < CLOCKED_BAD_TIME) SAY(" (at %.9g s)", r->fmu->memory.now);
 }
 
 /* ------------------------------------------------------------------ exact times */
@@ -218,7 +193,7 @@ static uint32_t positive(ClockedFmu *f, ClockedTime interval) {
     return interval.value > 0.0 ? (uint32_t)OK : failed_with(f, CLOCKED_BAD_INTERVAL, interval.value);
 }
 
-uint32_t clocked_intervals(ClockedFmu *f, double t) {
+static uint32_t read_intervals(ClockedFmu *f, double t) {
     look_at_environment(f);
     for (uint32_t k = 0; k < CLOCKED_VALUES; k++)
         if (!f->call[k] && (k < CLOCKED_INTERVAL || (k >= CLOCKED_SAVE && f->setup->returns_early)))
@@ -334,7 +309,7 @@ static uint32_t get_outputs(ClockedFmu *f, const uint8_t *clocks, bool others) {
 
 #define NO_CLOCKS(f) ((f)->every + (f)->setup->n_clocks + 1) /* the set without any, behind that of all */
 
-uint32_t clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u) {
+static uint32_t set_port(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u) {
     ClockedFmu *const f = (ClockedFmu *)(uintptr_t)fmu;
     (void)instance, (void)n;
     memcpy(f->values.u, u, n_u * sizeof(double));
@@ -342,7 +317,7 @@ uint32_t clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, siz
     return f->stepping ? (uint32_t)OK : set_inputs(f, f->every, true, true);
 }
 
-uint32_t clocked_get(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y) {
+static uint32_t get_port(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y) {
     ClockedFmu *const f = (ClockedFmu *)(uintptr_t)fmu;
     (void)instance, (void)n;
     look_at_environment(f);
@@ -364,7 +339,7 @@ static void add(const ClockedFmu *f, uint8_t *to, const uint8_t *more) {
 
 static void clear(const ClockedFmu *f, uint8_t *set) { memset(set, 0, f->setup->n_clocks + 1); }
 
-uint32_t clocked_enter(ClockedFmu *f) {
+static uint32_t enter(ClockedFmu *f) {
     look_at_environment(f);
     TRY(PLAIN(f, CLOCKED_ENTER));
     f->flags[0] = false;
@@ -450,7 +425,7 @@ static uint32_t reach(ClockedNetwork *n, ClockedFmu *source, int32_t k, int32_t 
     TRY(pass_on(n, target, now, &changed));
     if (!target->inside) {
         target->inside = true;
-        TRY(clocked_enter(target));
+        TRY(enter(target));
     }
     TRY(tick(target, now, false));
     list(n, target);
@@ -497,7 +472,7 @@ static uint32_t update(ClockedFmu *f, bool *again) {
     TRY(get_outputs(f, f->active, false));
     TRY(reschedule(f, true));
     TRY(CALL(f, CLOCKED_UPDATE, Update, again, &terminate, &nominals, &states, &has_next, &next));
-    if (terminate) return failed(f, CLOCKED_TERMINATED, CLOCKED_UPDATE, ERROR);
+    if (terminate) return failed_with(f, CLOCKED_TERMINATED, f->memory.now);
     if (*again) return OK;
     TRY(reschedule(f, false));
     TRY(retune(f));
@@ -538,13 +513,13 @@ static uint32_t iterate(ClockedNetwork *n) {
 /* Event mode of the FMUs in `order`, with their time-based clocks that tick. */
 static uint32_t process_event(ClockedNetwork *n, bool first) {
     for (int32_t i = 0; i < n->n_order; i++) {
-        TRY(clocked_enter(n->order[i]));
+        TRY(enter(n->order[i]));
         TRY(tick(n->order[i], n->order[i]->ticking, first));
     }
     return iterate(n);
 }
 
-uint32_t clocked_begin(ClockedNetwork *n) {
+static uint32_t begin(ClockedNetwork *n) {
     n->n_order = 0;
     for (int32_t i = 0; i < n->n_fmus; i++) {
         ClockedFmu *const f = n->fmus[i];
@@ -556,7 +531,7 @@ uint32_t clocked_begin(ClockedNetwork *n) {
     return iterate(n);
 }
 
-uint32_t clocked_leave(ClockedFmu *f) {
+static uint32_t leave(ClockedFmu *f) {
     clear(f, f->ticking);
     f->network->order[0] = f;
     f->network->n_order = 1;
@@ -592,7 +567,7 @@ static uint32_t advance(ClockedFmu *f, double to, double end) {
     const double now = f->memory.now;
     bool *const flags = f->flags;
     r->time = now;
-    r->step = to - now;
+    r->until = to;
     r->within = to < end;
     const bool no_set_prior = f->no_set_prior && !f->state;
     const uint32_t status = ((EngineStep3)f->call[CLOCKED_DO_STEP])(
@@ -625,7 +600,7 @@ static uint32_t advance_all(ClockedNetwork *n, double t, double *to, double end,
         if (f->setup->returns_early != (k < n->n_fmus)) continue;
         if (*to < end && !f->setup->variable_step) {
             n->report.time = t;
-            n->report.step = end;
+            n->report.until = end;
             return failed_with(f, CLOCKED_FIXED_STEP, *to);
         }
         if (--left > 0) TRY(save(f));
@@ -667,10 +642,11 @@ static uint32_t take(ClockedNetwork *n, double t, double end, double near) {
         return process_event(n, false);
     }
     n->report.time = t;
-    return failed_with(n->fmus[0], CLOCKED_TOO_MANY, end);
+    n->report.until = end;
+    return failed_with(n->fmus[0], CLOCKED_TOO_MANY, ITERATIONS);
 }
 
-uint32_t clocked_step(
+static uint32_t step(
     void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     ClockedFmu *const f = fmu;
     ClockedNetwork *const n = f->network;
@@ -697,16 +673,25 @@ uint32_t clocked_step(
 
 /* ------------------------------------------------------------------ memory */
 
-size_t clocked_size(const ClockedSetup *s) {
+static size_t size_of(const ClockedSetup *s) {
     const size_t n = s->n_clocks + 1;
     return sizeof(ClockedFmu) + n * (sizeof(ClockDue) + sizeof(uint32_t) + 2 * sizeof(bool) + 8 * sizeof(uint8_t)) +
            ((size_t)s->n_u + s->n_y) * sizeof(double);
 }
 
-ClockedFmu *clocked_make(void *memory, const ClockedSetup *s, void *instance) {
+static void join(ClockedNetwork *network, ClockedFmu **room, int32_t n) {
+    network->fmus = room;
+    network->order = room + n;
+    network->queue = room + 2 * (size_t)n;
+    network->reached = room + 3 * (size_t)n;
+    network->n_fmus = n;
+    for (int32_t i = 0; i < n; i++) room[i]->network = network;
+}
+
+static ClockedFmu *make(void *memory, const ClockedSetup *s, void *instance) {
     const size_t n = s->n_clocks + 1;
     ClockedFmu *const f = memory;
-    memset(memory, 0, clocked_size(s));
+    memset(memory, 0, size_of(s));
     f->setup = s;
     f->values = (EngineComponent){.fmi = 3, .instance = instance};
     f->due = (ClockDue *)(f + 1);
@@ -724,15 +709,9 @@ ClockedFmu *clocked_make(void *memory, const ClockedSetup *s, void *instance) {
     memset(f->truths, 1, n * sizeof(bool));
     memset(f->every, 1, n);
     f->self[0] = f;
-    clocked_join(&f->own, f->self, 1);
+    join(&f->own, f->self, 1);
     return f;
 }
 
-void clocked_join(ClockedNetwork *network, ClockedFmu **room, int32_t n) {
-    network->fmus = room;
-    network->order = room + n;
-    network->queue = room + 2 * (size_t)n;
-    network->reached = room + 3 * (size_t)n;
-    network->n_fmus = n;
-    for (int32_t i = 0; i < n; i++) room[i]->network = network;
-}
+const ClockedCalls clocked_calls = {
+    function_name, size_of, make, join, read_intervals, begin, enter, leave, set_port, get_port, step, why};

@@ -27,7 +27,7 @@
 
 #include "engine.h"
 
-/* Functions of the FMU, in the order of `ClockedFmu.call`; `clocked_function` has their names. */
+/* Functions of the FMU, in the order of `ClockedFmu.call`; `clocked_calls.function` has their names. */
 typedef enum {
     CLOCKED_DO_STEP, CLOCKED_ENTER, CLOCKED_UPDATE, CLOCKED_LEAVE, CLOCKED_SET_CLOCK, CLOCKED_GET_CLOCK,
     CLOCKED_INTERVAL, CLOCKED_INTERVAL_FRACTION, CLOCKED_SHIFT, CLOCKED_SHIFT_FRACTION,
@@ -120,7 +120,7 @@ typedef struct {
     ClockedFmu *fmu;
     uint32_t clock;
     bool within;                /* its step ends before the communication step does */
-    double time, step, value;   /* [s] */
+    double time, until, value;  /* [s]; the step is from `time` to `until` */
 } ClockedReport;
 
 struct ClockedNetwork {
@@ -157,26 +157,26 @@ struct ClockedFmu {
     ClockedFmu *self[4];
 };
 
-const char *clocked_function(uint32_t number);
-size_t clocked_size(const ClockedSetup *setup);
-/* An FMU alone, in memory of this size; `call`, sets, gets, shown, flags and last are still to be filled in. */
-ClockedFmu *clocked_make(void *memory, const ClockedSetup *setup, void *instance);
-/* FMUs take their steps together from now on. `room`: of 4 n pointers, the first n are the FMUs. */
-void clocked_join(ClockedNetwork *network, ClockedFmu **room, int32_t n);
-/* Each returns a status of FMI; above 1 see `report` of the network. */
-/* Before the FMU leaves initialization, which began at time t: intervals of its clocks. */
-uint32_t clocked_intervals(ClockedFmu *f, double t);
-/* After initialization, those FMUs of a network that have not begun leave the event mode together. */
-uint32_t clocked_begin(ClockedNetwork *network);
-/* Before and after a change of values between steps. */
-uint32_t clocked_enter(ClockedFmu *f);
-uint32_t clocked_leave(ClockedFmu *f);
-/* The setter, the getter and the step function; the last FMU of a network takes the step for all. */
-uint32_t clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u);
-uint32_t clocked_get(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y);
-uint32_t clocked_step(
-    void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last);
-/* What the report says, as a sentence without the component's name. */
-void clocked_why(const ClockedNetwork *network, char *text, size_t size);
+/* The functions here. All that return a number return a status of FMI; above 1 see `report` of the network. */
+typedef struct {
+    const char *(*function)(uint32_t number);
+    size_t (*size)(const ClockedSetup *setup);
+    /* An FMU alone, in memory of this size; `call`, sets, gets, shown, flags and last are still to be filled in. */
+    ClockedFmu *(*make)(void *memory, const ClockedSetup *setup, void *instance);
+    /* FMUs take their steps together from now on. `room`: of 4 n pointers, the first n are the FMUs. */
+    void (*join)(ClockedNetwork *network, ClockedFmu **room, int32_t n);
+    /* Before the FMU leaves initialization, which began at time t: intervals of its clocks. */
+    uint32_t (*intervals)(ClockedFmu *f, double t);
+    /* After initialization, those FMUs of a network that have not begun leave the event mode together. */
+    uint32_t (*begin)(ClockedNetwork *network);
+    /* Before and after a change of values between steps. */
+    uint32_t (*enter)(ClockedFmu *f), (*leave)(ClockedFmu *f);
+    /* The setter, the getter and the step function; the last FMU of a network takes the step for all. */
+    EngineValues3 set, get;
+    EngineStep3 step;
+    /* What the report says, as a sentence without the component's name. */
+    void (*why)(const ClockedNetwork *network, char *text, size_t size);
+} ClockedCalls;
+extern const ClockedCalls clocked_calls;
 
 #endif

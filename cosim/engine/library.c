@@ -90,29 +90,7 @@ EXPORT uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_
     return event_steps_step(steps, t, h, no_set_prior, event, terminate, early, last);
 }
 
-EXPORT const char *cosim_clocked_function(uint32_t number) { return clocked_function(number); }
-EXPORT size_t cosim_clocked_size(const ClockedSetup *setup) { return clocked_size(setup); }
-EXPORT ClockedFmu *cosim_clocked_make(void *memory, const ClockedSetup *setup, void *instance) {
-    return clocked_make(memory, setup, instance);
-}
-EXPORT void cosim_clocked_join(ClockedNetwork *network, ClockedFmu **room, int32_t n) { clocked_join(network, room, n); }
-EXPORT uint32_t cosim_clocked_intervals(ClockedFmu *f, double t) { return clocked_intervals(f, t); }
-EXPORT uint32_t cosim_clocked_begin(ClockedNetwork *network) { return clocked_begin(network); }
-EXPORT uint32_t cosim_clocked_enter(ClockedFmu *f) { return clocked_enter(f); }
-EXPORT uint32_t cosim_clocked_leave(ClockedFmu *f) { return clocked_leave(f); }
-EXPORT uint32_t cosim_clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u) {
-    return clocked_set(instance, fmu, n, u, n_u);
-}
-EXPORT uint32_t cosim_clocked_get(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y) {
-    return clocked_get(instance, fmu, n, y, n_y);
-}
-EXPORT uint32_t cosim_clocked_step(
-    void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
-    return clocked_step(fmu, t, h, no_set_prior, event, terminate, early, last);
-}
-EXPORT void cosim_clocked_why(const ClockedNetwork *network, char *text, size_t size) {
-    clocked_why(network, text, size);
-}
+EXPORT const ClockedCalls *cosim_clocked_calls(void) { return &clocked_calls; }
 
 EXPORT void cosim_intermediate_update(void *environment, double t, bool asks, bool allows, bool finished,
     bool can_return, bool *returns, double *return_time) {

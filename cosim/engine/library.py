@@ -101,19 +101,7 @@ uint32_t cosim_event_steps_enter(EventSteps *s, double t);
 uint32_t cosim_event_steps_leave(EventSteps *s, double t);
 uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
-const char *cosim_clocked_function(uint32_t number);
-size_t cosim_clocked_size(const ClockedSetup *setup);
-ClockedFmu *cosim_clocked_make(void *memory, const ClockedSetup *setup, void *instance);
-void cosim_clocked_join(ClockedNetwork *network, ClockedFmu **room, int32_t n);
-uint32_t cosim_clocked_intervals(ClockedFmu *f, double t);
-uint32_t cosim_clocked_begin(ClockedNetwork *network);
-uint32_t cosim_clocked_enter(ClockedFmu *f);
-uint32_t cosim_clocked_leave(ClockedFmu *f);
-uint32_t cosim_clocked_set(void *instance, const uint32_t *fmu, size_t n, void *u, size_t n_u);
-uint32_t cosim_clocked_get(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y);
-uint32_t cosim_clocked_step(void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
-    double *last);
-void cosim_clocked_why(const ClockedNetwork *network, char *text, size_t size);
+const ClockedCalls *cosim_clocked_calls(void);
 void cosim_intermediate_update(void *environment, double t, bool asks, bool allows, bool finished, bool can_return,
     bool *returns, double *return_time);
 uint32_t cosim_intermediate_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,

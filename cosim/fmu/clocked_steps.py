@@ -152,6 +152,7 @@ class ClockedSteps:
 
     def __init__(self, component: Any):
         self.component, self._ffi, self._library = component, interface(), library()
+        self._calls = self._library.cosim_clocked_calls()
         self._handle = self._ffi.new_handle(component)
         self.values: ClockedValues
         self.fmu: Any = None
@@ -165,9 +166,6 @@ class ClockedSteps:
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))
 
-    def _function(self, name: str) -> Any:
-        return self._ffi.addressof(self._library, f"cosim_clocked_{name}")
-
     @property
     def stepping(self) -> bool:
         """Whether initialization is over."""
@@ -176,12 +174,12 @@ class ClockedSteps:
     @property
     def step(self) -> tuple[Any, Any]:
         """The step function and its first argument, for Python."""
-        return self._library.cosim_clocked_step, self.fmu
+        return self._calls.step, self.fmu
 
     @property
     def addresses(self) -> tuple[int, int]:
         """The same as addresses."""
-        return self._address(self._function("step")), self._address(self.fmu)
+        return self._address(self._calls.step), self._address(self.fmu)
 
     @property
     def changed(self) -> int:
@@ -210,8 +208,8 @@ class ClockedSteps:
         clocks = new("ClockSetup[]", [(n, *c) for n, c in zip(names[1:], values.clock_setups(), strict=True)])
         pointers = names[0], clocks, groups(values.inputs), groups(values.outputs)
         setup = new("ClockedSetup*", (*pointers, *values.numbers()))
-        memory = new("int64_t[]", self._library.cosim_clocked_size(setup) // 8 + 1)
-        self.fmu = f = self._library.cosim_clocked_make(memory, setup, self._pointer(component.address))
+        memory = new("int64_t[]", self._calls.size(setup) // 8 + 1)
+        self.fmu = f = self._calls.make(memory, setup, self._pointer(component.address))
         f.owner, f.foreign, f.shown = self._handle, component.foreign, self._pointer(y.ctypes.data)
         for i in range(self._library.CLOCKED_VALUES):
             with contextlib.suppress(FmuError):  # it lacks one that may never be called
@@ -226,7 +224,7 @@ class ClockedSteps:
 
     def port(self, direction: str, data: Array) -> list[tuple[Action, Transfer]]:
         """What sets inputs from `data` ("Set"), or gets outputs to it: as an action and as a call; none for none."""
-        call, name = self._function(direction.lower()), direction
+        call, name = getattr(self._calls, direction.lower()), direction
         arguments = self._ffi.cast("uint32_t*", self.fmu), 0, self._pointer(data.ctypes.data), len(data)
         transfer = Transfer(name, self._address(call), self._address(self.fmu), 0, data)
         return [(lambda: self._pass(call(self._ffi.NULL, *arguments)), transfer)] if len(data) else []
@@ -236,7 +234,7 @@ class ClockedSteps:
         self.fmu.flags, self.fmu.last = self._ffi.cast("bool*", flags), self._ffi.cast("double*", last)
 
     def _name(self, function: int) -> str:
-        return str(self._ffi.string(self._library.cosim_clocked_function(function)).decode())
+        return str(self._ffi.string(self._calls.function(function)).decode())
 
     # Life.
 
@@ -245,14 +243,14 @@ class ClockedSteps:
 
         FMUs with connected clocks leave that event mode together. `start`: begin of initialization [s].
         """
-        self._pass(self._library.cosim_clocked_intervals(self.fmu, start))
+        self._pass(self._calls.intervals(self.fmu, start))
         self.component._must("ExitInitializationMode")
         if self.network is None:
             self.begin()
 
     def begin(self) -> None:
         """Those of its network that have not begun leave the event mode after initialization."""
-        self._pass(self._library.cosim_clocked_begin(self.fmu.network))
+        self._pass(self._calls.begin(self.fmu.network))
 
     def set(self, values: Mapping[Variable, Any]) -> None:
         """Set parameters and inputs between steps, in event mode.
@@ -264,9 +262,9 @@ class ClockedSteps:
                 self._wait(v, value)
         if now := {v: x for v, x in values.items() if v not in self.values.waits}:
             self.fmu.tuned = True
-            self._pass(self._library.cosim_clocked_enter(self.fmu))
+            self._pass(self._calls.enter(self.fmu))
             self.component._set_values(now)
-            self._pass(self._library.cosim_clocked_leave(self.fmu))
+            self._pass(self._calls.leave(self.fmu))
 
     def _wait(self, variable: Variable, value: Any) -> None:
         values, waits = self.values, self.values.waits[variable]
@@ -315,14 +313,14 @@ class ClockedSteps:
         """Raise the exception for what the report says, of this FMU or of another one of its network."""
         lib, ffi, report = self._library, self._ffi, self.fmu.network.report
         culprit, end, text = ffi.from_handle(report.fmu.owner), report.end, ffi.new("char[]", 4096)
-        lib.cosim_clocked_why(self.fmu.network, text, len(text))
+        self._calls.why(self.fmu.network, text, len(text))
         said = ffi.string(text).decode(errors="replace")
         if end == lib.CLOCKED_TERMINATED:
             text = f"component '{culprit.name}' asked to end the simulation ({said})"
             raise EndRequested(culprit.name, text, complete=False)
         if end == lib.CLOCKED_CALL_FAILED and report.function == lib.CLOCKED_DO_STEP:
             try:
-                culprit.do_step_failed(report.status, report.time, report.step)
+                culprit.do_step_failed(report.status, report.time, report.until - report.time)
             except EndRequested as request:
                 raise EndRequested(
                     culprit.name, str(request), complete=request.complete and not report.within
@@ -356,7 +354,7 @@ class ClockNetwork:
         listed = zip(wires, self._clocks, strict=True)
         self._wires = ffi.new("ClockWire[]", [(*w.numbers, clocks, len(w.clocks), w.plain) for w, clocks in listed])
         n.ticks, n.n_ticks, n.wires, n.n_wires = self._ticks, len(ticks), self._wires, len(wires)
-        library().cosim_clocked_join(n, self._room, len(fmus))
+        library().cosim_clocked_calls().join(n, self._room, len(fmus))
         for f in fmus:
             f.network = self
 

@@ -10,19 +10,19 @@ static ClockedFmu *fmu_of(const Component *m) { return m->integrator; }
 
 /* What the engine calls, behind the memory of the steps. */
 static EngineTransfer *ports_of(const Component *m) {
-    return (EngineTransfer *)(void *)((char *)m->integrator + clocked_size(m->setup));
+    return (EngineTransfer *)(void *)((char *)m->integrator + clocked_calls.size(m->setup));
 }
 
 static bool make(Component *m, const char *name, const char *token, const char *resources) {
     const ClockedSetup *const setup = m->setup;
     m->instance = m->f3->InstantiateCoSimulation(
         name, token, resources, false, false, true, setup->returns_early, NULL, 0, m, m->say, NULL);
-    m->integrator = calloc(1, clocked_size(setup) + 2 * sizeof(EngineTransfer));
+    m->integrator = calloc(1, clocked_calls.size(setup) + 2 * sizeof(EngineTransfer));
     if (!m->instance || !m->integrator) return false;
-    ClockedFmu *const f = clocked_make(m->integrator, setup, m->instance);
+    ClockedFmu *const f = clocked_calls.make(m->integrator, setup, m->instance);
     f->owner = m;
     for (uint32_t i = 0; i < CLOCKED_VALUES; i++) {
-        const ExchangeCall call = m->find(m->library, m->version, clocked_function(i));
+        const ExchangeCall call = m->find(m->library, m->version, clocked_calls.function(i));
         memcpy(&f->call[i], &call, sizeof call);
     }
     m->memory[0] = (ComponentMemory){&f->memory, sizeof f->memory};
@@ -30,11 +30,11 @@ static bool make(Component *m, const char *name, const char *token, const char *
     return true;
 }
 
-static uint32_t leave(Component *m) { return clocked_intervals(fmu_of(m), m->begin); }
+static uint32_t leave(Component *m) { return clocked_calls.intervals(fmu_of(m), m->begin); }
 
 static uint32_t begin(Component *m) {
     ClockedNetwork *const n = fmu_of(m)->network;
-    return n->n_fmus > 1 ? (uint32_t)fmi3OK : clocked_begin(n);
+    return n->n_fmus > 1 ? (uint32_t)fmi3OK : clocked_calls.begin(n);
 }
 
 static void bind(Component *m, bool stepping) {
@@ -60,8 +60,8 @@ static void attach(Component *m, EngineComponent *e, uint32_t n_inputs) {
     f->flags = e->flags;
     f->last = e->last;
     f->foreign = e->foreign;
-    ports[0] = (EngineTransfer){.call3 = clocked_set, .references = first, .data = e->u, .n_data = n_inputs};
-    ports[1] = (EngineTransfer){.call3 = clocked_get, .references = first, .data = e->y, .n_data = e->n_outputs};
+    ports[0] = (EngineTransfer){.call3 = clocked_calls.set, .references = first, .data = e->u, .n_data = n_inputs};
+    ports[1] = (EngineTransfer){.call3 = clocked_calls.get, .references = first, .data = e->y, .n_data = e->n_outputs};
     e->sets = &ports[0];
     e->gets = &ports[1];
     e->n_sets = n_inputs > 0;
@@ -72,7 +72,7 @@ static uint32_t change(Component *m, bool begins) {
     ClockedFmu *const f = fmu_of(m);
     if (!f->stepping) return fmi3OK;
     f->tuned = true;
-    return begins ? clocked_enter(f) : clocked_leave(f);
+    return begins ? clocked_calls.enter(f) : clocked_calls.leave(f);
 }
 
 static bool later(Component *m, uint32_t reference, double value) {
@@ -90,7 +90,7 @@ static bool later(Component *m, uint32_t reference, double value) {
 
 static Component *culprit(const Component *m, int32_t *call, char *text, size_t size) {
     const ClockedReport *const r = &fmu_of(m)->network->report;
-    clocked_why(fmu_of(m)->network, text, size);
+    clocked_calls.why(fmu_of(m)->network, text, size);
     if (r->end == CLOCKED_CALL_FAILED && r->function == CLOCKED_VALUES) *call = r->call;
     return r->fmu ? r->fmu->owner : fmu_of(m)->owner;
 }
@@ -103,7 +103,12 @@ static const char *why(const Component *m, uint32_t *number, double *time) {
     return r->end == CLOCKED_TERMINATED || (stepped && r->fmu->flags[2]) ? NULL : "failed";
 }
 
-const Exchange clocks = {make, begin, bind, NULL, change, why, NULL, clocked_step, leave, values, attach, later, culprit};
+static uint32_t step(
+    void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
+    return clocked_calls.step(fmu, t, h, no_set_prior, event, terminate, early, last);
+}
+
+const Exchange clocks = {make, begin, bind, NULL, change, why, NULL, step, leave, values, attach, later, culprit};
 
 static size_t room(const PlanNetwork *p) {
     return sizeof(ClockedNetwork) + 4 * (size_t)p->n_components * sizeof(ClockedFmu *);
@@ -117,9 +122,9 @@ static void join(Component *components, const PlanNetwork *p, void *memory) {
     n->wires = p->wires;
     n->n_wires = p->n_wires;
     for (int32_t i = 0; i < p->n_components; i++) fmus[i] = fmu_of(&components[p->components[i]]);
-    clocked_join(n, fmus, p->n_components);
+    clocked_calls.join(n, fmus, p->n_components);
 }
 
-static uint32_t begin_network(void *memory) { return clocked_begin(memory); }
+static uint32_t begin_network(void *memory) { return clocked_calls.begin(memory); }
 
 const Networks networks = {room, join, begin_network};
