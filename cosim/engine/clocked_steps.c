@@ -222,35 +222,21 @@ static uint32_t read_intervals(ClockedFmu *f, double t) {
     return OK;
 }
 
-/* Intervals that the FMU tells in event mode; `ticking`: when its time-based clocks have ticked. */
-static uint32_t reschedule(ClockedFmu *f, bool ticking) {
+/* Intervals that the FMU tells in event mode: of countdowns; `ticking`: of changing clocks that tick; `tuned`: of
+ * tunable ones, after a parameter was set. */
+static uint32_t reschedule(ClockedFmu *f, bool ticking, bool tuned) {
     const ClockedTime none = {0, 0, INFINITY};
     for (uint32_t i = 0; i < f->setup->n_clocks; i++) {
-        const ClockKind kind = f->setup->clocks[i].kind;
-        const bool ticks = ticking && f->ticking[i];
-        ClockedTime interval;
-        int qualifier;
-        if (kind != CLOCK_COUNTDOWN && !(kind == CLOCK_CHANGING && ticks)) continue;
-        TRY(ask(f, i, false, &interval, &qualifier));
-        if (qualifier == CHANGED) f->due[i] = every(interval, sum(rational(f->memory.now), interval));
-        else if (kind == CLOCK_COUNTDOWN && ticks) f->due[i] = every(none, none);
-    }
-    return OK;
-}
-
-/* Intervals of tunable clocks, after a parameter was set. */
-static uint32_t retune(ClockedFmu *f) {
-    for (uint32_t i = 0; f->tuned && i < f->setup->n_clocks; i++) {
         const ClockSetup *const c = &f->setup->clocks[i];
+        const bool ticks = ticking && f->ticking[i], retunes = tuned && c->kind == CLOCK_TUNABLE && !c->given;
         ClockedTime interval;
         int qualifier;
-        if (c->kind != CLOCK_TUNABLE || c->given) continue;
+        if (c->kind != CLOCK_COUNTDOWN && !(c->kind == CLOCK_CHANGING && ticks) && !retunes) continue;
         TRY(ask(f, i, false, &interval, &qualifier));
-        if (qualifier != CHANGED) continue;
-        TRY(positive(f, interval));
-        f->due[i] = every(interval, sum(rational(f->memory.now), interval));
+        if (retunes && qualifier == CHANGED) TRY(positive(f, interval));
+        if (qualifier == CHANGED) f->due[i] = every(interval, sum(rational(f->memory.now), interval));
+        else if (c->kind == CLOCK_COUNTDOWN && ticks) f->due[i] = every(none, none);
     }
-    f->tuned = false;
     return OK;
 }
 
@@ -270,22 +256,14 @@ static bool meet(const uint32_t *clocks, uint32_t n, const uint8_t *set) {
     return false;
 }
 
-static uint32_t moved(ClockedFmu *f, int failure, uint32_t first, bool set) {
-    const Engine *const e = &f->network->engine;
-    f->network->report.call = e->call + (set ? (int32_t)first : -(int32_t)first);
+static uint32_t move(ClockedFmu *f, const ClockedGroup *g, bool set) {
+    Engine *const e = &f->network->engine;
+    const int32_t first = (int32_t)g->first;
+    if (set) f->values.sets = f->sets + first, f->values.n_sets = (int32_t)g->n;
+    else f->values.gets = f->gets + first, f->values.n_gets = (int32_t)g->n;
+    const int failure = set ? engine_set(e, &f->values) : engine_get(e, &f->values);
+    f->network->report.call = e->call + (set ? first : -first);
     return seen(f, CLOCKED_VALUES, failure ? e->status : (uint32_t)OK);
-}
-
-static uint32_t set_group(ClockedFmu *f, const ClockedGroup *g) {
-    f->values.sets = f->sets + g->first;
-    f->values.n_sets = (int32_t)g->n;
-    return moved(f, engine_set(&f->network->engine, &f->values), g->first, true);
-}
-
-static uint32_t get_group(ClockedFmu *f, const ClockedGroup *g) {
-    f->values.gets = f->gets + g->first;
-    f->values.n_gets = (int32_t)g->n;
-    return moved(f, engine_get(&f->network->engine, &f->values), g->first, false);
 }
 
 /* Inputs of these clocks, those that are discrete without a clock, and all others. */
@@ -294,7 +272,7 @@ static uint32_t set_inputs(ClockedFmu *f, const uint8_t *clocks, bool discrete, 
         double *const waits = g->waits < 0 ? NULL : &f->values.u[g->waits];
         if (!(g->n_clocks ? meet(g->clocks, g->n_clocks, clocks) : g->at_events ? discrete : others)) continue;
         if (waits && *waits == 0.0) continue;
-        TRY(set_group(f, g));
+        TRY(move(f, g, true));
         if (waits) *waits = 0.0;
     }
     return OK;
@@ -303,7 +281,7 @@ static uint32_t set_inputs(ClockedFmu *f, const uint8_t *clocks, bool discrete, 
 /* Outputs of these clocks, and those without a clock. */
 static uint32_t get_outputs(ClockedFmu *f, const uint8_t *clocks, bool others) {
     for (const ClockedGroup *g = f->setup->outputs, *end = g + f->setup->n_outputs; g < end; g++)
-        if (g->n_clocks ? meet(g->clocks, g->n_clocks, clocks) : others) TRY(get_group(f, g));
+        if (g->n_clocks ? meet(g->clocks, g->n_clocks, clocks) : others) TRY(move(f, g, false));
     return OK;
 }
 
@@ -325,7 +303,7 @@ static uint32_t get_port(void *instance, const uint32_t *fmu, size_t n, void *y,
         if (!f->arrived) TRY(get_outputs(f, NO_CLOCKS(f), true)); /* otherwise its step is still to be taken */
     } else {
         for (const ClockedGroup *g = f->setup->outputs, *end = g + f->setup->n_outputs; g < end; g++)
-            if (g->at_first) TRY(get_group(f, g));
+            if (g->at_first) TRY(move(f, g, false));
     }
     memcpy(y, f->values.y, n_y * sizeof(double));
     return OK;
@@ -470,12 +448,12 @@ static uint32_t update(ClockedFmu *f, bool *again) {
     double next = INFINITY;
     *again = false;
     TRY(get_outputs(f, f->active, false));
-    TRY(reschedule(f, true));
+    TRY(reschedule(f, true, false));
     TRY(CALL(f, CLOCKED_UPDATE, Update, again, &terminate, &nominals, &states, &has_next, &next));
     if (terminate) return failed_with(f, CLOCKED_TERMINATED, f->memory.now);
     if (*again) return OK;
-    TRY(reschedule(f, false));
-    TRY(retune(f));
+    TRY(reschedule(f, false, f->tuned));
+    f->tuned = false;
     if (has_next && isnan(next)) return failed_with(f, CLOCKED_BAD_EVENT, next);
     f->memory.next_event = has_next ? next : INFINITY;
     return OK;
@@ -556,7 +534,7 @@ static uint32_t process_events(ClockedNetwork *n, double near, bool first) {
         if (!n->n_order) return OK;
         TRY(process_event(n, first));
     }
-    return failed_with(n->fmus[0], CLOCKED_TICKS_AGAIN, 0.0);
+    return failed_with(n->order[0], CLOCKED_TICKS_AGAIN, 0.0);
 }
 
 /* ------------------------------------------------------------------ steps */

@@ -49,7 +49,9 @@ typedef enum {
     CLOCKED_BAD_SHIFT
 } ClockedEnd;
 
-typedef enum { CLOCK_OUTPUT, CLOCK_TRIGGERED, CLOCK_PERIODIC, CLOCK_TUNABLE, CLOCK_CHANGING, CLOCK_COUNTDOWN } ClockKind;
+typedef enum {
+    CLOCK_OUTPUT, CLOCK_TRIGGERED, CLOCK_PERIODIC, CLOCK_TUNABLE, CLOCK_CHANGING, CLOCK_COUNTDOWN
+} ClockKind;
 
 /* Seconds: n / d exactly; with d = 0 only as a double. */
 typedef struct {
@@ -71,7 +73,7 @@ typedef struct {
     uint32_t first, n;          /* which of the calls that set or get */
     const uint32_t *clocks;     /* that they belong to, none: to no clock; n_clocks of the FMU for an unknown one */
     uint32_t n_clocks;
-    int32_t waits;              /* place in u that is not 0 while an unconnected input waits for a tick; -1: connected */
+    int32_t waits;              /* connected: -1; else place in u that is not 0 while a value waits for a tick */
     bool at_events;             /* inputs that are discrete without belonging to a clock */
     bool at_first;              /* outputs that initialization computes */
 } ClockedGroup;
@@ -125,7 +127,7 @@ typedef struct {
 
 struct ClockedNetwork {
     ClockedFmu **fmus;          /* of n_fmus, as the next three */
-    ClockedFmu **order, **queue, **reached; /* those in event mode to be updated; whose clocks are to be read; that ticked */
+    ClockedFmu **order, **queue, **reached; /* that are to be updated; whose clocks are to be read; that were ticked */
     int32_t n_fmus, n_order, n_reached;
     const ClockTick *ticks;
     const ClockWire *wires;

@@ -479,7 +479,8 @@ static FmuStatus bind(FmuInstance *self) {
             else e->gets = t;
             for (int32_t k = 0; k < (set ? p->n_sets : p->n_gets); k++, t++) {
                 const PlanTransfer *from = set ? &p->sets[k] : &p->gets[k];
-                void *data = from->element ? (void *)(buffers + from->buffer) : (void *)((set ? from_u : to_y) + from->at);
+                void *data = from->element ? (void *)(buffers + from->buffer)
+                                           : (void *)((set ? from_u : to_y) + from->at);
                 *t = (EngineTransfer){.references = from->references,
                     .n_references = from->n_references,
                     .data = data,
