@@ -652,9 +652,9 @@ static uint32_t step(
 /* ------------------------------------------------------------------ memory */
 
 static size_t size_of(const ClockedSetup *s) {
-    const size_t n = s->n_clocks + 1;
-    return sizeof(ClockedFmu) + n * (sizeof(ClockDue) + sizeof(uint32_t) + 2 * sizeof(bool) + 8 * sizeof(uint8_t)) +
-           ((size_t)s->n_u + s->n_y) * sizeof(double);
+    const size_t n = s->n_clocks + 1, n_values = (size_t)s->n_u + s->n_y;
+    const size_t each = sizeof(ClockDue) + sizeof(uint32_t) + 2 * sizeof(bool) + 8 * sizeof(uint8_t);
+    return (sizeof(ClockedFmu) + n * each + n_values * sizeof(double) + 15u) & ~(size_t)15u;
 }
 
 static void join(ClockedNetwork *network, ClockedFmu **room, int32_t n) {

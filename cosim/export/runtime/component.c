@@ -167,7 +167,8 @@ uint32_t component_deserialize(Component *m, const void *bytes, size_t size, voi
 
 static EngineType type_of(int version, Kind kind) {
     static const EngineType types[] = {ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16,
-        ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32, ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL};
+        ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32, ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL, ENGINE_DOUBLE,
+        ENGINE_DOUBLE}; /* texts and bytes: their slots */
     return version == 2 && kind == KIND_BOOLEAN ? ENGINE_INT32 : types[kind];
 }
 

@@ -862,8 +862,9 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     size_t done = 0;
     for (; done < n_refs; done++) {
         const PlanVariable *v = &P->variables[refs[done]];
-        if (can_read && n_refs <= (size_t)P->n_variables)
-            (void)component_get(&self->components[v->component], v->kind, v->reference, &self->old[done], 1);
+        if (can_read && n_refs <= (size_t)P->n_variables &&
+            component_get(&self->components[v->component], v->kind, v->reference, &self->old[done], 1) > fmi3Warning)
+            self->old[done] = NAN; /* an input of a clock that does not tick */
         const uint32_t said = hand_over(self, v, read(values, done));
         if (said <= fmi3Warning) continue;
         status = component_refused(self, v->component, v->name, said);
@@ -871,7 +872,8 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     }
     if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
         while (done-- > 0)
-            if (hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning)
+            if (!isnan(self->old[done]) &&
+                hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning)
                 self->state->mode = MODE_ERROR;
     self->state->settled = 0;
     return status;
