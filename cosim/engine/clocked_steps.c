@@ -657,13 +657,13 @@ static size_t size_of(const ClockedSetup *s) {
     return (sizeof(ClockedFmu) + n * each + n_values * sizeof(double) + 15u) & ~(size_t)15u;
 }
 
-static void join(ClockedNetwork *network, ClockedFmu **room, int32_t n) {
-    network->fmus = room;
-    network->order = room + n;
-    network->queue = room + 2 * (size_t)n;
-    network->reached = room + 3 * (size_t)n;
+static void join(ClockedNetwork *network, ClockedFmu **pointers, int32_t n) {
+    network->fmus = pointers;
+    network->order = pointers + n;
+    network->queue = pointers + 2 * (size_t)n;
+    network->reached = pointers + 3 * (size_t)n;
     network->n_fmus = n;
-    for (int32_t i = 0; i < n; i++) room[i]->network = network;
+    for (int32_t i = 0; i < n; i++) pointers[i]->network = network;
 }
 
 static ClockedFmu *make(void *memory, const ClockedSetup *s, void *instance) {

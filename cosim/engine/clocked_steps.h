@@ -165,8 +165,8 @@ typedef struct {
     size_t (*size)(const ClockedSetup *setup);
     /* An FMU alone, in memory of this size; `call`, sets, gets, shown, flags and last are still to be filled in. */
     ClockedFmu *(*make)(void *memory, const ClockedSetup *setup, void *instance);
-    /* FMUs take their steps together from now on. `room`: of 4 n pointers, the first n are the FMUs. */
-    void (*join)(ClockedNetwork *network, ClockedFmu **room, int32_t n);
+    /* FMUs take their steps together from now on. `pointers`: of 4 n, the first n are the FMUs. */
+    void (*join)(ClockedNetwork *network, ClockedFmu **pointers, int32_t n);
     /* Before the FMU leaves initialization, which began at time t: intervals of its clocks. */
     uint32_t (*intervals)(ClockedFmu *f, double t);
     /* After initialization, those FMUs of a network that have not begun leave the event mode together. */

@@ -279,7 +279,7 @@ class SystemCode:
             "first": p.first,
             "n_outputs": p.n_outputs,
             "follows": _follows(m, places, p),
-            **(_clocks(m, clocked) if clocked is not None else _events(m, sets) or _exchange(m)),
+            **(_clocks(clocked) if clocked is not None else _events(m, sets) or _exchange(m)),
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }
 
@@ -376,7 +376,7 @@ def _has_clocks(m: SystemComponent) -> bool:
     return isinstance(implementation, FmuComponent) and implementation.in_event_mode and m.description.kind is None
 
 
-def _clocks(m: SystemComponent, values: ClockedValues) -> dict[str, Any]:
+def _clocks(values: ClockedValues) -> dict[str, Any]:
     """`ClockedSetup` of a component with clocks."""
 
     def listed(groups: Sequence[ClockedGroup]) -> list[dict[str, Any]]:

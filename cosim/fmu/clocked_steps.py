@@ -347,14 +347,14 @@ class ClockNetwork:
     def __init__(self, fmus: Sequence[ClockedSteps], ticks: Sequence[tuple[int, ...]], wires: Sequence[ClockWire]):
         ffi, self._fmus = interface(), fmus
         self._network = n = ffi.new("ClockedNetwork*")
-        self._room = ffi.new("ClockedFmu*[]", 4 * len(fmus))
-        self._room[0 : len(fmus)] = [f.fmu for f in fmus]
+        self._pointers = ffi.new("ClockedFmu*[]", 4 * len(fmus))
+        self._pointers[0 : len(fmus)] = [f.fmu for f in fmus]
         self._clocks = [ffi.new("uint32_t[]", w.clocks) for w in wires]
         self._ticks = ffi.new("ClockTick[]", list(ticks))
         listed = zip(wires, self._clocks, strict=True)
         self._wires = ffi.new("ClockWire[]", [(*w.numbers, clocks, len(w.clocks), w.plain) for w, clocks in listed])
         n.ticks, n.n_ticks, n.wires, n.n_wires = self._ticks, len(ticks), self._wires, len(wires)
-        library().cosim_clocked_calls().join(n, self._room, len(fmus))
+        library().cosim_clocked_calls().join(n, self._pointers, len(fmus))
         for f in fmus:
             f.network = self
 

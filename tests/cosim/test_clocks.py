@@ -215,8 +215,10 @@ def outside_and_inside(path: Path, folder: Path, step: str, act: Act, **start: o
 
 @pytest.mark.parametrize("kind", ["constant", "fixed", "tunable", "changing", "countdown"])
 def test_exported_systems_tick_them_alike(fmu: Build, tmp_path: Path, kind: str) -> None:
-    """Also after inputs are set, which wait for a tick, after a tunable clock has another interval, and after a saved
-    state, with an input that waits, is restored."""
+    """Also after inputs are set, which wait for a tick, and after a tunable clock has another interval.
+
+    A saved state is restored while an input waits.
+    """
 
     def act(simulation: Simulation, name: str) -> None:
         simulation.advance(0.08)
@@ -230,7 +232,7 @@ def test_exported_systems_tick_them_alike(fmu: Build, tmp_path: Path, kind: str)
         simulation.advance(0.4)
 
     run_, exported = outside_and_inside(fmu(kind), tmp_path, "40 ms", act)
-    assert run_["c.ticks"][-1] == (1 if kind == "countdown" else pytest.approx(20, rel=6))
+    assert run_["c.ticks"][-1] == 1 if kind == "countdown" else run_["c.ticks"][-1] > 15
     for name in ("c.y", "c.z", "c.ticks", "c.last", "c.w"):
         np.testing.assert_array_equal(exported[name], run_[name], err_msg=name)
 
