@@ -198,6 +198,11 @@ def test_early_return_and_endless_events_are_refused_by_name(fmu: Build, refused
     refused(ComponentError, lambda: run(fmu("early")), lambda: run(fmu("endless")))
 
 
+def test_intervals_and_shifts_that_no_clock_can_have_are_refused(fmu: Build, refused) -> None:
+    wrong = [{"period": 0.0}, {"period": -0.01}, {"period": 0.01, "shift": -1.0}]
+    refused(CosimError, *(lambda w=w: run(fmu("fixed"), **w) for w in wrong))
+
+
 def outside_and_inside(path: Path, folder: Path, step: str, act: Act, **start: object) -> list[dict[str, np.ndarray]]:
     """What `act` records in a run of an FMU, and in a run of a system that was exported with it."""
     found = []

@@ -42,7 +42,6 @@ static void bind(Component *m, bool stepping) {
     f->stepping = stepping;
     f->arrived = false;
     f->network->report = (ClockedReport){0};
-    if (!stepping) memset(f->values.u, 0, ((size_t)f->setup->n_u + f->setup->n_y) * sizeof(double));
 }
 
 static void values(const Component *m, double **u, double **y) {

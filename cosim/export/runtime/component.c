@@ -84,6 +84,7 @@ uint32_t component_exit(Component *m) {
 }
 uint32_t component_reset(Component *m) {
     if (m->exchange && m->exchange->bind) m->exchange->bind(m, false);
+    if (m->exchange && m->exchange->values) memset(m->memory[1].at, 0, m->memory[1].n); /* no input waits */
     return CALL(Reset(m->instance), Reset(m->instance));
 }
 uint32_t component_terminate(Component *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
