@@ -228,6 +228,7 @@ class SystemCode:
             n_u=room_u.used,
             n_buffer=buffers.used,
             n_published=sum(len(p.published) for p in self.plan.components),
+            fmi=self.fmi,
             can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
             steps={m["steps"] for m in components},

@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import awkward
 import fmpy
 import numpy as np
 import pytest
@@ -378,3 +379,42 @@ def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, tmp_path: Path) -
         assert sorted(again["all"].description.outputs) == sorted(f"{n}.body.z" for n in names)
         again.allow_unconnected = True
         again.run("1/1000", record=[])
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("trouble", [awkward.END, awkward.END_EARLY])
+@pytest.mark.parametrize("kind", ["continuous", "discrete"])
+def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
+    awkward_fmus, tmp_path, fmi, version, trouble, kind
+):
+    """Done, its step ends; all others go on until then. It is in the middle of a step of the system."""
+    with System() as system:
+        own = {"trouble": trouble, "at": 0.3}
+        system.add("plant", awkward_fmus[version], parameters=own, kind=kind, step="0.1 s")
+        system.add("law", awkward_fmus[version], kind="discrete", step="0.1 s")
+        system.add("fast", awkward_fmus[version], step="10 ms")
+        result = system.run(1.0, record=Record(interval="50 ms"))
+        about = fmpy.read_model_description(path := system.export_fmu(tmp_path / "Ending.fmu", fmi=fmi))
+    made = fmpy.instantiate_fmu(fmpy.extract(path, tmp_path / "extracted"), about, "CoSimulation")
+    if fmi == 2:
+        made.setupExperiment()
+    made.enterInitializationMode()
+    made.exitInitializationMode()
+    reference = {v.name: v.valueReference for v in about.modelVariables}
+    get = made.getReal if fmi == 2 else made.getFloat64
+    if fmi == 2:
+        with pytest.raises(fmpy.fmi1.FMICallException, match="status 2"):
+            [made.doStep(0.25 * k, 0.25) for k in range(4)]
+        assert made.getBooleanStatus(fmpy.fmi2.fmi2Terminated)
+        reached = made.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
+    else:
+        steps = (made.doStep(0.25 * k, 0.25) for k in range(4))
+        reached = next(last for _, terminated, _, last in steps if terminated)
+    assert reached == result.time[-1]
+    for name in ("plant.y", "law.y", "fast.y"):
+        assert get([reference[name]]) == [result[name][-1]], name
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        made.doStep(reached, 0.1)
+    made.terminate()
+    made.freeInstance()

@@ -250,13 +250,14 @@ uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned ch
     return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
-bool component_asked_to_end(Component *m) {
+bool component_asked_to_end(Component *m, double *reached) {
     if (m->exchange) {
         uint32_t number;
-        double time;
-        return !m->exchange->why(m, &number, &time);
+        return !m->exchange->why(m, &number, reached);
     }
     fmi2Boolean ended = fmi2False;
+    if (m->version == 2 && m->f2->GetRealStatus)
+        (void)m->f2->GetRealStatus(m->instance, fmi2LastSuccessfulTime, reached);
     return m->version == 2 && m->f2->GetBooleanStatus &&
            m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning && ended;
 }

@@ -31,20 +31,19 @@ typedef enum {
 #define FMI2_CALLS(X)                                                                                                  \
     X(Instantiate)                                                                                                     \
     X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
-        X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(DoStep)           \
-            X(GetBooleanStatus)
+        X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(DoStep)
 #define FMI2_OPTIONAL_CALLS(X)                                                                                         \
     X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate)                       \
-        X(DeSerializeFMUstate) X(GetDirectionalDerivative)
+        X(DeSerializeFMUstate) X(GetDirectionalDerivative) X(GetRealStatus) X(GetBooleanStatus) X(SetString)
 #define FMI3_CALLS(X)                                                                                                  \
     X(InstantiateCoSimulation)                                                                                         \
     X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset) X(GetFloat64)           \
         X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)             \
             X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)     \
-                X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(DoStep)
+                X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(DoStep)
 #define FMI3_OPTIONAL_CALLS(X)                                                                                         \
     X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState)                       \
-        X(DeserializeFMUState) X(GetDirectionalDerivative)
+        X(DeserializeFMUState) X(GetDirectionalDerivative) X(SetString)
 
 #define POINTER2(name) fmi2##name##TYPE *name;
 #define POINTER3(name) fmi3##name##TYPE *name;
@@ -186,6 +185,7 @@ uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned ch
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);
-bool component_asked_to_end(Component *m);
+/* Whether it did in its last step; *reached: the time [s] until which that was done, if it says so. */
+bool component_asked_to_end(Component *m, double *reached);
 
 #endif

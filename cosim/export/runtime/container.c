@@ -30,7 +30,8 @@ typedef struct {
     int32_t mode;
     int32_t settled;         /* while initializing: outputs follow from inputs and parameters */
     int32_t ended;           /* a component has asked for the end */
-    int32_t reserved;
+    int32_t ends_by;         /* which one */
+    int64_t ending;          /* tick at which it ends; INT64_MAX: none has asked */
     double v[];              /* values, inputs of components, buffers of calls */
 } State;
 
@@ -414,7 +415,7 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
     const FmuStatus status = use_start(self, start_time);
     if (status != FMU_OK) return status;
     s->tick = 0;
-    s->stop_tick = INT64_MAX;
+    s->stop_tick = s->ending = INT64_MAX;
     if (has_stop) {
         const double tick = (double)P->a / (double)P->d, ticks = (stop_time - start_time) / tick;
         if (ticks < (double)EXACT) s->stop_tick = (int64_t)floor(ticks * (1.0 + 4.0 * DBL_EPSILON) + WITHIN);
@@ -533,11 +534,20 @@ static void repeat_steps(FmuInstance *self) {
         }
 }
 
-static bool asked_to_end(FmuInstance *self, int32_t i) {
+/* Whether component i has, in its last step; `whole`: where it took that step, which began at time t, first. */
+static bool asked_to_end(FmuInstance *self, int32_t i, double t, bool *whole) {
     const PlanComponent *p = &P->components[i];
+    const double step = self->bound[i].step;
+    double reached = -INFINITY;
+    bool asked;
     const uint32_t status = self->engine.status, least = p->setup && !p->integrated ? fmi3Error : fmi2Discard;
-    if (p->version == 3 && !p->integrated && status <= fmi3Warning) return self->flags[4 * i + 2];
-    return (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i]);
+    if (p->version == 3 && !p->integrated && status <= (p->setup ? fmi3Warning : fmi3Discard)) {
+        *whole = status <= fmi3Warning && !self->flags[4 * i + 3];
+        return self->flags[4 * i + 2];
+    }
+    asked = (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i], &reached);
+    *whole = reached >= t + step - 1e-6 * step;
+    return asked;
 }
 
 static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
@@ -555,13 +565,15 @@ static int repeat(void *context, int32_t i, double t) {
     e.fmi = P->components[i].version;
     int result = ENGINE_AT_END;
     uint32_t status = fmi3OK;
+    bool whole;
     if (isnan(t)) {
         if (last->state && (status = component_restore(m, last->state)) > fmi3Warning)
             return state_failed(self, CALL_RESTORE, status);
         result = engine_set(&self->engine, &e);
         if (!result && last->state) {
             result = engine_step(&self->engine, &e, last->t);
-            if (result && asked_to_end(self, i)) result = ENGINE_AT_END; /* as when the step was done first */
+            /* as when the step was done first */
+            if (result && asked_to_end(self, i, last->t, &whole)) result = ENGINE_AT_END;
         }
     } else {
         forget_last(self, i);
@@ -886,6 +898,14 @@ FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const u
 
 /* ------------------------------------------------------------------ stepping */
 
+/* A component has asked for the end, at the present time. */
+static FmuStatus end_of_all(FmuInstance *self, int32_t i) {
+    self->state->ended = 1;
+    (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->components[i].name,
+        fmu_time(self));
+    return P->fmi == 3 ? FMU_OK : FMU_DISCARD; /* FMI 3.0 has a flag for it (fmu_ended) */
+}
+
 /* What an instant of the engine has ended with. */
 static FmuStatus outcome(FmuInstance *self, int result) {
     const int32_t i = self->engine.component;
@@ -899,13 +919,43 @@ static FmuStatus outcome(FmuInstance *self, int result) {
                 return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
                                 fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
     }
-    if (self->engine.call == 0 && asked_to_end(self, i)) {
-        self->state->ended = 1;
-        (void)fmu_fail(self, FMU_DISCARD, "component '%s' requests termination at time %.9g s", P->components[i].name,
-            fmu_time(self));
-        return FMU_DISCARD;
-    }
     return call_failed(self, i);
+}
+
+static int64_t earlier(int64_t a, int64_t b) { return a < b ? a : b; }
+
+/* From the present instant, which has arrived, to the end. Where a component asks for the end after its step, all
+ * others go on until that step ends; where it did not take it, only what is left of its sample is done. */
+static int run_to(FmuInstance *self, int64_t end) {
+    State *const s = self->state;
+    Engine *const e = &self->engine;
+    bool advances = true, whole = false;
+    int result = engine_sample(e, fmu_time(self));
+    if (!result) result = engine_advance(e, fmu_time(self));
+    for (;;) {
+        if (!result) {
+            const int64_t until = earlier(end, s->ending);
+            s->ended = !advances;
+            if (!advances) s->tick = e->tick;
+            if (!advances || ++e->tick > until) return ENGINE_AT_END;
+            result = engine_run(e, until);
+            if (!result) return ENGINE_AT_END;
+        }
+        const int32_t i = e->component;
+        const double t = (double)(e->tick * s->a + s->b) / (double)s->d;
+        if ((result != ENGINE_CALL_FAILED && result != ENGINE_BACK_FAILED) || e->call != 0) return result;
+        if (!asked_to_end(self, i, t, &whole)) return result;
+        EngineComponent stepped = self->bound[i];
+        stepped.fmi = P->components[i].version;
+        result = whole ? engine_get(e, &stepped) : ENGINE_AT_END;
+        if (result) return result;
+        const int64_t its_end = e->tick + (whole ? e->clocks[stepped.clock].period : 0);
+        if (its_end < s->ending) s->ends_by = i;
+        s->ending = earlier(s->ending, its_end);
+        advances &= whole;
+        if (i < P->n_discrete) result = engine_sample(e, t);
+        if (!result && advances) result = engine_advance(e, t);
+    }
 }
 
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step) {
@@ -919,6 +969,7 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
     if (fabs(time - now) > WITHIN * (double)P->a / (double)P->d + rounding)
         return fmu_fail(
             self, FMU_ERROR, "%s: currentCommunicationPoint %.17g, but the instance is at %.17g", function, time, now);
+    if (s->ended) return fmu_fail(self, FMU_ERROR, "%s: a component has ended the simulation", function);
     const int64_t n = ticks_in(self, "communicationStepSize", step, rounding);
     if (n < 0) return FMU_ERROR;
     if (n == 0 || (double)n > MOST_TICKS)
@@ -934,19 +985,15 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
     e->tick = s->tick;
     e->environment = environment_bits();
     engine_look_up(e, s->tick); /* arrived already */
-    int result = engine_sample(e, now);
-    if (!result) result = engine_advance(e, now);
-    if (!result) {
-        e->tick = s->tick + 1;
-        result = engine_run(e, end);
-    }
-    FmuStatus status = outcome(self, result);
+    FmuStatus status = outcome(self, run_to(self, end));
+    if (s->ended) return end_of_all(self, s->ends_by);
     if (status == FMU_OK) {
-        e->tick = s->tick = end;
-        engine_look_up(e, end);
+        e->tick = s->tick = earlier(end, s->ending);
+        engine_look_up(e, s->tick);
         status = outcome(self, engine_arrive(e, fmu_time(self)));
+        if (status == FMU_OK && s->tick == s->ending) status = end_of_all(self, s->ends_by);
     }
-    if (status != FMU_OK) s->mode = MODE_ERROR;
+    if (status != FMU_OK && !s->ended) s->mode = MODE_ERROR;
     return status;
 }
 
@@ -1030,6 +1077,7 @@ static const char *wrong_in(const State *s) {
     if (!mode || mode & (mode - 1u) || mode & ~modes) return "its mode";
     if ((s->settled | s->ended) & ~1) return "its flags";
     if (s->tick < 0 || s->tick >= EXACT || s->stop_tick < 0 || s->tick > s->stop_tick) return "its time";
+    if (s->ending < s->tick || s->ends_by < 0 || s->ends_by >= P->n_components) return "its end";
     if (!isfinite(s->start) || s->d < 0 || s->d >= EXACT || s->a < 0 || s->a >= EXACT || s->b <= -EXACT ||
         s->b >= EXACT)
         return "its start time";

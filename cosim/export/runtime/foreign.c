@@ -87,17 +87,13 @@ void *foreign_open(const char *resources, const char *folder, const char *identi
     if (version == 2) {
         Functions2 *f2 = functions;
         FMI2_OPTIONAL_CALLS(FIND2)
-        FIND2(GetBooleanStatus)
-        FIND2(SetString)
-        missing = NULL; /* not every FMU has these, and they are called only where its description says so */
+        missing = NULL; /* not every FMU has these */
         FMI2_CALLS(FIND2)
-        if (missing && (!strcmp(missing, "fmi2GetBooleanStatus") || !strcmp(missing, "fmi2SetString"))) missing = NULL;
     } else {
         Functions3 *f3 = functions;
         FMI3_OPTIONAL_CALLS(FIND3)
         missing = NULL;
         FMI3_CALLS(FIND3)
-        if (missing && !strcmp(missing, "fmi3SetString")) missing = NULL;
     }
     if (!missing) return library;
     (void)snprintf(reason, n_reason, "its library lacks %s", missing);

@@ -134,6 +134,7 @@ typedef struct {
     int32_t n_variables;
     const PlanPassed *passed;
     uint32_t n_passed;
+    int fmi;                         /* version of the system's own functions */
     bool can_save;
     void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions,
         bool exchange, char *reason, size_t n_reason); /* third-party FMUs; NULL: there are none */
