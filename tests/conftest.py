@@ -150,23 +150,23 @@ def warns(sentence):
 
 
 FIRST = (
-    "cli/test_own_vehicles",
-    "builder/test_platforms",
-    "kernels/test_kernels",
-    "conformance/test_sanitizers",
-    "install/test_installed",
-    "study/test_driver",
+    "conformance/test_compliance",
+    "target/test_embedded",
     "docs/test_pages",
-    "plants/test_hydraulic_actuator",
-    "conformance/test_compilers",
-    "control/mpc/test_mpc_limits",
-    "experiments/test_trench_claims",
-    "experiments/test_preview_lq_claims",
-    "experiments/test_hmmwv_claims",
-    "cli/test_build_fmus",
-    "cli/test_own_experiments",
+    "conformance/test_reference",
+    "check/test_faults",
+    "install/test_release",
+    "conformance/test_sanitizers",
+    "kernels/test_kernels",
+    "engine/test_experiments",
+    "cli/test_own_vehicles",
+    "install/test_installed",
+    "export/test_system_fmu",
     "cli/test_cosim",
-    "cli/test_interrupt",
+    "conformance/test_package",
+    "cli/test_own_experiments",
+    "study/test_driver",
+    "builder/test_platforms",
 )
 """Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
 
