@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels test-embedded release lint bench mutants fuzz snapshots docs pictures fmus clean
+.PHONY: run studies test tests test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels test-embedded release lint bench mutants fuzz snapshots docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -32,9 +32,11 @@ studies: run
 	$(BIN)/cosim study ride
 
 # Bytecode is kept even where the environment says otherwise: the tests start hundreds of programs.
-test test-full: export PYTHONDONTWRITEBYTECODE :=
+test tests test-full: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.test
-	$(MAKE) -j 2 lint fmus  # types are checked on one core while FMUs are built
+	$(MAKE) -j 2 lint tests  # types are checked, on one core, while FMUs are built and the first tests run
+
+tests: fmus
 	$(BIN)/python -m pytest -n auto --dist loadscope --no-loadscope-reorder
 
 # Also runs the studies once more and compares every verdict; a study uses all cores by itself.

@@ -38,6 +38,8 @@ import awkward  # noqa: E402
 from built import FMUS, BuiltFmus, build_all  # noqa: E402
 from foreign import followers  # noqa: E402
 
+from cosim.check import Workers  # noqa: E402
+
 
 @pytest.fixture(scope="session")
 def built_fmus() -> BuiltFmus:
@@ -69,6 +71,13 @@ def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
         v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
         for v in (2, 3)
     }
+
+
+@pytest.fixture(scope="session")
+def workers() -> Iterator[Workers]:
+    """The process that checks FMUs."""
+    with Workers() as found:
+        yield found
 
 
 VARIES = (
@@ -150,25 +159,31 @@ def warns(sentence):
 
 
 FIRST = (
-    "cli/test_own_vehicles",
-    "builder/test_platforms",
-    "kernels/test_kernels",
-    "conformance/test_sanitizers",
-    "install/test_installed",
-    "study/test_driver",
+    "conformance/test_compliance",
+    "target/test_embedded",
     "docs/test_pages",
-    "plants/test_hydraulic_actuator",
-    "conformance/test_compilers",
-    "control/mpc/test_mpc_limits",
-    "experiments/test_trench_claims",
-    "experiments/test_preview_lq_claims",
-    "experiments/test_hmmwv_claims",
-    "cli/test_build_fmus",
-    "cli/test_own_experiments",
+    "conformance/test_reference",
+    "check/test_faults",
+    "install/test_release",
+    "conformance/test_sanitizers",
+    "kernels/test_kernels",
+    "engine/test_experiments",
+    "cli/test_own_vehicles",
+    "install/test_installed",
+    "export/test_system_fmu",
     "cli/test_cosim",
-    "cli/test_interrupt",
+    "conformance/test_package",
+    "cli/test_own_experiments",
+    "study/test_driver",
+    "builder/test_platforms",
 )
 """Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than processors: tests that wait for time limits and other processes leave theirs idle."""
+    return (os.cpu_count() or 1) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

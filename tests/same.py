@@ -15,12 +15,12 @@ def bits(array: Any) -> np.ndarray:
     return np.ascontiguousarray(array, dtype=float).view(np.int64)
 
 
-def assert_same(one: Recording, other: Recording) -> None:
+def assert_same(one: Recording, other: Recording, label: str = "") -> None:
     """The same samples of the same variables, ended in the same way."""
-    assert one.names == other.names
-    assert one.stopped_by == other.stopped_by
-    np.testing.assert_array_equal(bits(one.time), bits(other.time))
-    np.testing.assert_array_equal(bits(one.data), bits(other.data))
+    assert one.names == other.names, label
+    assert one.stopped_by == other.stopped_by, label
+    np.testing.assert_array_equal(bits(one.time), bits(other.time), label)
+    np.testing.assert_array_equal(bits(one.data), bits(other.data), label)
 
 
 def outcome(run: Callable[[], Recording]) -> tuple[str, Recording | None]:

@@ -322,6 +322,8 @@ def _prepare_forks() -> None:
     fake = SimpleNamespace(fmi2Instantiate=_nothing, fmi3InstantiateCoSimulation=_nothing)
     calls.instantiate2(fake, calls.c_library(), ("", "", ""), _nothing, [], "cs")
     calls.instantiate3(fake, ("", "", ""), _nothing, [], "cs")
+    for version in ("2", "3"):
+        calls.ffi_of(version).typeof("uintptr_t")
     gc.collect()
     gc.freeze()
 

@@ -1,20 +1,12 @@
-"""FMUs with one fault each, and the process that checks them."""
+"""FMUs with one fault each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from foreign.faulty import build
-
-from cosim.check import Workers
-
-
-@pytest.fixture(scope="session")
-def workers() -> Iterator[Workers]:
-    with Workers() as found:
-        yield found
 
 
 @pytest.fixture(scope="session")

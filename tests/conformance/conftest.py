@@ -5,13 +5,11 @@ These are FMUs of the catalog and of the tests.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from api import Library
 from built import NAMES, BuiltFmus
-
-from cosim.check import Workers
 
 
 @pytest.fixture(scope="session")
@@ -25,13 +23,6 @@ def load(built_fmus: BuiltFmus) -> Callable[[str, int], Library]:
         return loaded[name, fmi]
 
     return get
-
-
-@pytest.fixture(scope="session")
-def workers() -> Iterator[Workers]:
-    """The process that checks FMUs."""
-    with Workers() as found:
-        yield found
 
 
 @pytest.fixture(params=NAMES)

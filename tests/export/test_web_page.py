@@ -20,6 +20,8 @@ from cosim.experiments.live_pages import write_pages
 from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
+from cosim.export.web import page as page_module
+from cosim.export.web.module import Module
 from cosim.export.web.page import Control, Drive, Finish, Measure, PageSystem, WebPage, export_web
 from cosim.scenes import infer_scene
 from cosim.scenes.scene import Value
@@ -294,11 +296,23 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
         assert m.factor * value == pytest.approx(expected[name], rel=0.01), name
 
 
-def test_pages_of_the_fmus_that_there_are(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
-    """As releases write them: those whose FMUs are all among the named."""
-    assert set(shown_experiments()) == {"handling", "hmmwv", "preview-lq", "ride", "semi-active", "trench"}
+def test_pages_of_the_fmus_that_there_are(
+    built_fmus: BuiltFmus,  # noqa: ARG001
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As releases write them: those whose FMUs are all among the named. `test_web_module.py` compiles modules."""
+    monkeypatch.setattr(
+        page_module, "compile_module", lambda codes, alone: Module(b"none", len(codes), tuple(dict.fromkeys(alone)))
+    )
+    pages = shown_experiments()
+    assert set(pages) == {"handling", "hmmwv", "preview-lq", "ride", "semi-active", "trench"}
     fmus = FmuSet(FMUS)
     assert write_pages(fmus, tmp_path / "none", ["SpeedProfile"]) == []
-    (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].wiring.fmus)
+    (path,) = write_pages(fmus, tmp_path / "one", pages["trench"].wiring.fmus)
     assert path == tmp_path / "one" / "trench.html"
     assert [s["title"] for s in json.loads(block(path, "data"))["systems"]] == ["Passive", "LQR", "MPC"]
+    for name, path in zip(pages, write_pages(fmus, tmp_path / "all"), strict=True):
+        systems = json.loads(block(path, "data"))["systems"]
+        assert (path.stem, [s["model"] for s in systems]) == (name, list(range(len(systems))))
+        assert block(path, "module") == b"none"

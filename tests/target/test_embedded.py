@@ -36,7 +36,7 @@ pytestmark = pytest.mark.skipif(
     bool(MISSING), reason=f"{', '.join(MISSING)} not installed (Debian packages gcc-arm-none-eabi, qemu-system-arm)"
 )
 PROCESSORS = ("cortex-m4f", "cortex-m7")
-SHORT = {"Skyhook": 5000, "LqrHmmwv": 5000, "KalmanHmmwv": 500, "ForceTracking": 5000, "GpcPreview": 5000}
+SHORT = {"Skyhook": 5000, "LqrHmmwv": 2000, "KalmanHmmwv": 200, "ForceTracking": 2000, "GpcPreview": 1500}
 LAWS: tuple[str, ...] = ("Skyhook", "LqrHmmwv", "LqrBench", "LqrThreeAxle", "ForceTracking", "ForceTrackingPhysical")
 LAWS += ("GpcImplicit", "GpcExplicit", "GpcPreview", "PreviewLqComfort")
 FILTERS = ("KalmanHmmwv", "KalmanHmmwvPrinted", "RideComfort", "BenchEncoders", "PreviewSensor", "SensorSuite")
@@ -253,17 +253,17 @@ def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: s
     expected, _ = run_library(assemble(model, "single"), u, n, folder)
     build_library(declared(name, FMUS), TARGETS["cortex-m4f"], folder, "single")
     results = []
-    for processor in ("cortex-m4f-single", "cortex-m4f"):
+    for processor, few in (("cortex-m4f-single", len(u)), ("cortex-m4f", 3)):  # the second one for instructions alone
         controller = built(name, processor, folder)
         controller.instantiate(name)
         controller.begin()
-        y = np.zeros((len(u), n + 2))
-        for row, result in zip(u, y, strict=True):
+        y = np.zeros((few, n + 2))
+        for row, result in zip(u, y, strict=False):
             controller.step(0.0, 0.0, row, result)
         controller.close()
         results.append(y)
     assert results[0][:, :n].tobytes() == expected.tobytes()
-    assert results[0][:, n].max() < 0.5 * results[1][:, n].max()  # instructions
+    assert results[0][:3, n].max() < 0.5 * results[1][:, n].max()  # instructions
 
 
 def bumps(controller: EmulatedTarget | str) -> System:
