@@ -362,7 +362,9 @@ class Copies:
         self._values = self._whole[:, :, :lanes]
         tables = {m: m.description.variables for m, name in self._seeds if m.description.variables[name].samples}
         self._samples = {
-            m: aligned(groups, len(columns) * next(v.samples for v in columns.values() if v.samples), self._target.width)
+            m: aligned(
+                groups, len(columns) * next(v.samples for v in columns.values() if v.samples), self._target.width
+            )
             for m, columns in tables.items()
         }
         self._alive = np.ones(groups * lanes, dtype=np.uint8)

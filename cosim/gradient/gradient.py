@@ -231,7 +231,17 @@ class GradientRun:
             )
         nothing = np.empty((0, len(self.names), len(self.elements)))
         return Gradient(
-            list(self.metrics), self.elements, self.at, values, jacobian, recording, nothing, {}, changes, "adjoint", self
+            list(self.metrics),
+            self.elements,
+            self.at,
+            values,
+            jacobian,
+            recording,
+            nothing,
+            {},
+            changes,
+            "adjoint",
+            self,
         )
 
     def _forward(self) -> Gradient:
@@ -251,7 +261,17 @@ class GradientRun:
         values, slopes = self._measure(one)
         jacobian = np.array([sum(np.tensordot(w, tangents[:, k], 1) for k, w in each.items()) for each in slopes])
         return Gradient(
-            list(self.metrics), self.elements, self.at, values, jacobian, one, tangents, differing, changes, "forward", self
+            list(self.metrics),
+            self.elements,
+            self.at,
+            values,
+            jacobian,
+            one,
+            tangents,
+            differing,
+            changes,
+            "forward",
+            self,
         )
 
     def compare(self, found: Gradient, step: float) -> Trust:
