@@ -247,9 +247,10 @@ class Batch(Copies):
         for m, name in self._seeds:
             needed += 8.0 * self.copies * m.description.variables[name].samples * self._target.width
         if needed > physical_memory():
+            instead = "take mode='adjoint'" if self._seeds else "make fewer, and several batches one after the other"
             raise CosimError(
                 f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has"
-                f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
+                f" {physical_memory() / 1e9:.3g} GB: {instead}"
             )
 
     def _moving(self) -> set[SystemComponent]:

@@ -3,9 +3,9 @@
     ride = jax_function(system, {"ride": Rms("car.seat.az")}, ["controller.gain.*"], stop_time=8.0, interval="10 ms")
     value, slope = jax.value_and_grad(lambda gains: ride(gains)[0])(gains)
 
-A call sets the parameters in the system and runs it; a series takes as many values as it has samples. What else is set in the system (the road, start values) stays as
-it is, so change it between calls as you like. JAX is compiled (`jax.jit`) and vectorized (`jax.vmap`, one run after the
-other); neither framework differentiates twice.
+A call sets the parameters in the system and runs it; a series takes as many values as it has samples. What else is set
+in the system (the road, start values) stays as it is, so change it between calls as you like. JAX is compiled
+(`jax.jit`) and vectorized (`jax.vmap`, one run after the other); neither framework differentiates twice.
 """
 
 from __future__ import annotations

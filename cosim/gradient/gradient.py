@@ -119,8 +119,8 @@ class Gradient:
     def trust(self, step: float = STEP) -> Trust:
         """Compare with central differences at two steps, relative to each parameter (to 1 where it is 0).
 
-        Five runs for each parameter, and for each series, relative to its largest sample. Raises GradientError for a step that is no positive number, and for a parameter
-        whose range ends within two steps.
+        Five runs for each parameter, and for each series, relative to its largest sample. Raises GradientError for a
+        step that is no positive number, and for a parameter whose range ends within two steps.
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
@@ -392,7 +392,7 @@ def _chosen(system: Wiring, names: str | Iterable[str]) -> list[tuple[SystemComp
             if _refusal(system, *pair) is None or not pattern
         ]
         if not fitting:
-            raise GradientError(f"'{name}' fits no parameter, start value or unconnected input that is a real number")
+            raise GradientError(f"'{name}' fits no parameter, start value, series or unconnected input of real numbers")
         for m, v in fitting:
             if why := _refusal(system, m, v):
                 raise GradientError(f"{m.name}.{v.name} has no derivative: {why}")

@@ -44,8 +44,8 @@ class Table:
     discrete components: by default every millisecond, or at the interval of its rows where that is shorter and always
     the same.
 
-    `system["road"].set({"z": samples})` replaces the values of a column of real numbers, one for each row, from the next
-    run on.
+    `system["road"].set({"z": samples})` sets the values of a column of real numbers, one for each row, for the next
+    runs.
 
     The last row is held for the length of the interval before it. After that a run ends with an error, and one whose
     stop time is later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to
@@ -277,7 +277,9 @@ def _variable(number: int, signal: Signal, linear: bool) -> Variable:
         _FMI_TYPES[kind],
         causality="output",
         variability="continuous" if kind == "real" else "discrete",
-        **({"initial": "exact", "start": signal.values, "samples": len(signal.values)} if kind == "real" else {}),
+        initial="exact" if kind == "real" else None,
+        start=signal.values if kind == "real" else None,
+        samples=len(signal.values) if kind == "real" else 0,
         unit=signal.unit,
         reference=number,
         declared=signal.name,

@@ -205,7 +205,7 @@ def test_many_parameters_are_shared_among_copies() -> None:
         ("car.solver.step", "car.solver.step has no derivative: it sets the number of solver steps"),
         ("car.force", None),
         ("car.body.az", "car.body.az has no derivative: it is calculated, so no start value can be given"),
-        ("car.no*", "'car.no*' fits no parameter, start value or unconnected input that is a real number"),
+        ("car.no*", "'car.no*' fits no parameter, start value, series or unconnected input of real numbers"),
         ([], "there is no parameter to differentiate by: name one, such as car.body.mass"),
     ],
 )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
     pytest.mark.usefixtures("built_fmus"),
 ]
+ROOT = Path(__file__).parents[2]
 ROWS = 16
 TIMES = np.cumsum(np.random.default_rng(3).uniform(0.011, 0.04, ROWS)) - 0.011  # not multiples of a step
 TIMES[0] = 0.0
@@ -113,7 +116,7 @@ def test_series_stand_beside_parameters(built_fmus: BuiltFmus) -> None:
     with driven(built_fmus) as system:
         system.connect("driver.road", "car.road.height")  # mm to m
         names = ["car.body.mass", "driver.force", "car.body.z", "driver.road", "car.*.damping"]
-        forward, back = both(system, names, stop_time=END, interval="3 ms")
+        _, back = both(system, names, stop_time=END, interval="3 ms")
         series = {n: [f"{n}[{k}]" for k in range(1, ROWS + 1)] for n in ("driver.force", "driver.road")}
         expected = ["car.body.mass", *series["driver.force"], "car.body.z", *series["driver.road"]]
         assert list(back.parameters) == [*expected, "car.suspension.damping", "car.tire.damping"]
@@ -122,7 +125,8 @@ def test_series_stand_beside_parameters(built_fmus: BuiltFmus) -> None:
         assert list(ride) == [*names[:-1], "car.suspension.damping", "car.tire.damping"]
         np.testing.assert_array_equal(ride["driver.road"], back.jacobian[1, ROWS + 2 : 2 * ROWS + 2])
         assert ride["car.body.z"] == back.jacobian[1, ROWS + 1]
-        text = f"    driver.road             {ride['driver.road'].min():+.9e} to {ride['driver.road'].max():+.9e}, 16 samples"
+        low, high = ride["driver.road"].min(), ride["driver.road"].max()
+        text = f"    driver.road             {low:+.9e} to {high:+.9e}, 16 samples"
         assert text in str(back)
         trust = back.trust()
         assert list(trust.parameters) == list(ride)
@@ -235,3 +239,19 @@ def test_mistakes_are_named(built_fmus: BuiltFmus, raises: Any) -> None:
                 system.gradient({"end": Final("car.body.z")}, name, stop_time=END)
         shown = system.gradient({"end": Final("driver.road")}, "driver.road", stop_time=TIMES[5])
         assert shown["end"]["driver.road"].sum() == pytest.approx(1.0)  # read by a metric, it counts
+
+
+def test_the_example_finds_forces_below_those_of_preview_lq(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    example = runpy.run_path(str(ROOT / "docs" / "examples" / "open_loop_forces.py"))
+    open_loop, limit = example["OpenLoop"](), 1000.0
+    passive, controlled = (example["measure"](s) for s in (open_loop.system, example["with_preview_lq"]()))
+    forces = open_loop.search(limit)
+    assert np.abs(forces).max() == pytest.approx(limit)
+    assert open_loop.runs < 60
+    _, slopes = open_loop.index(forces / example["SCALE"])
+    free = (np.abs(forces) < limit * (1 - 1e-9)).ravel()
+    assert np.abs(slopes[free]).max() < 1e-3 * np.abs(open_loop.index(0.0 * forces)[1]).max()
+    open_loop.set(open_loop.search())
+    best = example["measure"](open_loop.system)
+    assert best["index"] < 0.9 * controlled["index"] < 0.6 * passive["index"]
