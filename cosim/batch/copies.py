@@ -34,6 +34,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
 from cosim.system.wiring import Wiring
 
+SIDES = 6  # numbers of `Sides` (numbers.h)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
@@ -565,11 +566,26 @@ class Batch(Copies):
     @property
     def side_changes(self) -> dict[str, int]:
         """By component with derivatives, in how many steps it took other sides than in the step before; the most."""
+        return {name: int(sides[..., 2].max()) for name, sides in self._sides_by_name().items()}
+
+    @property
+    def ties(self) -> dict[str, float]:
+        """By component in which a tie has decided a derivative, the time [s] of the first step with one."""
+        found = self._sides_by_name().items()
+        return {
+            name: float(sides[..., 5].view(np.float64)[sides[..., 4] > 0].min())
+            for name, sides in found
+            if sides[..., 4].any()
+        }
+
+    def _sides_by_name(self) -> dict[str, npt.NDArray[np.uint64]]:
+        """Of components with derivatives what sides they have taken (copies, 6), see `Sides` of numbers.h."""
         found = {}
         for m, lanes in self._lanes.items():
             if at := lanes.library.cosim_lanes_sides() // 8:
-                counts = lanes.whole.view(np.int64).reshape(len(lanes.whole), -1)[: self.copies, at + 2]
-                found[m.name] = int(counts.max())
+                found[m.name] = lanes.whole.view(np.uint64).reshape(len(lanes.whole), -1)[
+                    : self.copies, at : at + SIDES
+                ]
         return found
 
     @property

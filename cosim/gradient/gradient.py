@@ -94,6 +94,8 @@ class Gradient:
         by_difference: components whose derivatives are differences of two neighboring instances, and why.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
+        ties: by component in which equal numbers were compared that move apart, the time [s] of the first step with
+            such a tie. The derivative is that of one side, and may differ from that of the other. None of the adjoint.
         mode: "forward" or "adjoint".
     """
 
@@ -106,6 +108,7 @@ class Gradient:
     tangents: Array
     by_difference: Mapping[str, str]
     changes: Mapping[str, int]
+    ties: Mapping[str, float]
     mode: str
     _run: GradientRun = field(repr=False)
 
@@ -146,6 +149,10 @@ class Gradient:
             f"{name}: in {n} steps other sides of comparisons than in the step before"
             for name, n in self.changes.items()
             if n
+        ]
+        lines += [
+            f"{name}: equal numbers compared at t = {t:.9g} s, so the derivative may be that of one side only"
+            for name, t in self.ties.items()
         ]
         return "\n".join(lines)
 
@@ -240,6 +247,7 @@ class GradientRun:
             nothing,
             {},
             changes,
+            {},
             "adjoint",
             self,
         )
@@ -254,7 +262,7 @@ class GradientRun:
             name: seeds[part] if samples else seeds[part.start]
             for name, samples, part in zip(self.by, self.samples, self._parts, strict=True)
         }
-        recording, changes, differing = self._advance(own, {}, copies)
+        recording, batch = self._advance(own, {}, copies)
         tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n]
         self._check(recording, tangents)
         one = recording.one(0)
@@ -268,8 +276,9 @@ class GradientRun:
             jacobian,
             one,
             tangents,
-            differing,
-            changes,
+            batch.by_difference,
+            batch.side_changes,
+            batch.ties,
             "forward",
             self,
         )
@@ -295,7 +304,7 @@ class GradientRun:
             if not samples:
                 seeds, start = seeds[0], start[:, 0]
             try:
-                recording, _, _ = self._advance({name: seeds}, {name: start}, len(steps))
+                recording, _ = self._advance({name: seeds}, {name: start}, len(steps))
             except CosimError as error:
                 where = f"{at[0]:.9g} -+ {2.0 * h:.3g}" if not samples else f"samples -+ {2.0 * h:.3g}"
                 raise GradientError(f"{name} cannot be compared with runs at {where}: {error}") from error
@@ -310,7 +319,7 @@ class GradientRun:
 
     def _advance(
         self, seeds: Mapping[str, Array], start: Mapping[str, Array], copies: int
-    ) -> tuple[BatchRecording, dict[str, int], dict[str, str]]:
+    ) -> tuple[BatchRecording, Batch]:
         with _without_warnings():
             batch = Batch(
                 self.system,
@@ -328,7 +337,7 @@ class GradientRun:
                         f"the run has no derivatives, since it ends at t = {batch.failures[0].time:.9g} s:"
                         f" {batch.failures[0].message}"
                     )
-                return batch.recording, batch.side_changes, batch.by_difference
+                return batch.recording, batch
 
     def _measure(self, one: Recording) -> tuple[Array, list[dict[int, Array]]]:
         """Values of the metrics, and their derivatives by the samples of each variable."""
