@@ -183,6 +183,7 @@ def _checked_samples(name: str, variable: Variable, value: Any) -> Array:
         given = np.empty(0)
     if given.shape != (variable.samples,) or not np.isfinite(given).all():
         raise WiringError(f"{name} needs {variable.samples} finite numbers, one for each row of its table")
+    given.flags.writeable = False
     return given
 
 

@@ -70,6 +70,8 @@ class Table:
         self.signals: Signals = read(source, time=time, columns=columns, units=units)
         self.times: Array = self.signals.time + float(shift)
         self.after: After = after
+        for signal in self.signals.columns:
+            signal.values.flags.writeable = False  # they are start values, which `set` replaces
         linear = _linear(self.signals, interpolation)
         variables = {s.name: _variable(i, s, s.name in linear) for i, s in enumerate(self.signals.columns)}
         self._linear = frozenset(linear)

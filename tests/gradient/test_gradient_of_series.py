@@ -214,7 +214,10 @@ def test_samples_are_set_for_the_next_run(built_fmus: BuiltFmus, raises: Any) ->
                 system["driver"].set({"force": samples})
         with raises(WiringError):
             system["driver"].set({"number": np.arange(ROWS)})
-        np.testing.assert_array_equal(system["driver"].start("force"), np.linspace(-1.0, 1.0, ROWS))
+        for name, expected in {"force": np.linspace(-1.0, 1.0, ROWS), "road": 3.0 * FORCES[::-1]}.items():
+            np.testing.assert_array_equal(system["driver"].start(name), expected)
+            with pytest.raises(ValueError, match="read-only"):
+                system["driver"].start(name)[0] = 5.0
 
 
 def test_copies_have_samples_of_their_own(built_fmus: BuiltFmus) -> None:
