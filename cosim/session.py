@@ -290,17 +290,18 @@ class System(Wiring):
         threads: int | None = None,
         mode: str | None = None,
     ) -> Gradient:
-        """Derivatives of metrics of a run by parameters, start values and inputs that nothing drives.
+        """Derivatives of metrics of a run by parameters, start values, series and inputs that nothing drives.
 
             found = system.gradient({"ride": Rms("car.seat.az")}, ["car.body.mass"], stop_time="8 s", interval="10 ms")
 
         `metrics`: by a name of your choice, of `cosim.gradient` (Mean, Rms, Peak, Final, QuadraticCost), or your own.
-        `parameters`: full names and patterns, of real numbers. `interval`: between samples that metrics read, as in
-        `Record`; `threads`: default all cores. `mode`: "forward", whose cost grows with the number of parameters,
-        "adjoint", whose cost does not, by default the one that costs less. `cosim.gradient.gradient` says what is
-        differentiated and how, and `Gradient.trust()` compares with differences. Raises GradientError for what has no
-        derivative, for runs that fail or end early, and for components that have no adjoint, CosimError where a system
-        has no copies (`cosim.batch`), and WiringError for names that do not fit.
+        `parameters`: full names and patterns, of real numbers, or of columns of a `Table`, each sample of which counts
+        as a parameter. `interval`: between samples that metrics read, as in `Record`; `threads`: default all cores.
+        `mode`: "forward", whose cost grows with the number of parameters, "adjoint", whose cost does not, by default
+        the one that costs less. `cosim.gradient.gradient` says what is differentiated and how, and `Gradient.trust()`
+        compares with differences. Raises GradientError for what has no derivative, for runs that fail or end early, and
+        for components that have no adjoint, CosimError where a system has no copies (`cosim.batch`), and WiringError
+        for names that do not fit.
         """
         from cosim.gradient.gradient import GradientRun
 

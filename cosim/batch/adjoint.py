@@ -77,7 +77,7 @@ class _State:
 
 
 class AdjointRun(Batch):
-    """One run, and derivatives of its results by parameters, start values and inputs, whatever their number.
+    """One run, and derivatives of its results by parameters, start values, inputs and series, whatever their number.
 
     The engine runs the system once and saves a state at the beginning of each of `SEGMENTS` segments. Then each
     segment, from the last to the first, runs again from its state over numbers whose operations are kept on a tape
@@ -87,12 +87,21 @@ class AdjointRun(Batch):
     """
 
     def __init__(self, system: Wiring, names: Sequence[str], record: Record, stop_time: TimeLike):
-        self._n = len(names)
-        indices = np.arange(1, self._n + 1, dtype=np.uint64).view(np.float64)
-        seeds = {name: np.array([[index]]) for name, index in zip(names, indices, strict=True)}
+        samples = [m.description.variables[v].samples for m, v in map(system.components.split, names)]
+        self._n, self._n_samples = sum(n or 1 for n in samples), sum(samples)
+        # Samples are the first numbers of each tape; the other ones are the first of that of the begin only.
+        is_sample = np.repeat([n > 0 for n in samples], [n or 1 for n in samples])
+        self._order = np.argsort(np.argsort(~is_sample, kind="stable"), kind="stable")
+        indices = (self._order + 1).astype(np.uint64).view(np.float64)
+        ends = np.cumsum([n or 1 for n in samples])
+        seeds = {
+            name: indices[end - (n or 1) : end].reshape((n, 1, 1) if n else (1, 1))
+            for name, n, end in zip(names, samples, ends, strict=True)
+        }
         super().__init__(system, 1, record=record, stop_time=stop_time, threads=1, seeds=seeds, begin=False)
-        if self.scalar:
-            why = "; ".join(f"'{name}' has no adjoint ({why})" for name, why in self.scalar.items())
+        without = {m.name: why for m, why in self._fixed_reasons.items() if not m.description.native}
+        if without:
+            why = "; ".join(f"'{name}' has no adjoint ({why})" for name, why in without.items())
             raise NoAdjointError(f"{why}: take mode='forward'")
         self._begun = self._tape = Tape(_ENTRIES)
         while True:
@@ -195,36 +204,37 @@ class AdjointRun(Batch):
         active: what depends on the parameters where segments begin; where that is more, it is returned instead.
         """
         rows, period = self._rows[0], self._plan.clocks[-1].period
-        n, end, width = int(np.count_nonzero(active)), len(weights), weights.shape[-1]
-        of, by_end = np.zeros((0, width)), np.zeros((0, width))
+        end, width = len(weights), weights.shape[-1]
+        first, n = self._n_samples + 1, self._n_samples + int(np.count_nonzero(active))
+        of, by_end = np.zeros((first, width)), np.zeros((0, width))  # those by the samples stay from tape to tape
         for number, state in reversed(list(enumerate(self._states))):
             more = self._run_segment(number, active)
             if more is not None:
                 return (more,)
             if len(of) < len(self._tape.ends):
-                of = np.zeros((len(self._tape.ends), width))
+                of = np.concatenate([of[:first], np.zeros((len(self._tape.ends) - first, width))])
             begin = max(0, -(-state.tick // period) - self._chunks[0][0])
             np.add.at(of, rows[0, begin:end, :, 1].astype(np.intp), weights[begin:end])
             if len(by_end):
                 np.add.at(of, self._indices()[active], by_end)
             of[0] = 0.0
             self._sweep(self._tape, of, n)
-            end, by_end = begin, of[1 : n + 1].copy()
-            of[: n + 1] = 0.0
-        of = np.zeros((len(self._begun.ends), width))
+            end, by_end = begin, of[first : n + 1].copy()
+            of[first : n + 1] = 0.0
+        of = np.concatenate([of[:first], np.zeros((len(self._begun.ends) - first, width))])
         np.add.at(of, self._first[active], by_end)
         of[0] = 0.0
         self._sweep(self._begun, of, self._n)
-        return of[1 : self._n + 1]
+        return of[1 : self._n + 1][self._order]
 
     def _run_segment(self, number: int, active: Which) -> Which | None:
-        """Run one segment with its operations on the tape, on which numbers that are active are the first.
+        """Run one segment with its operations on the tape, on which samples and numbers that are active are the first.
 
         Returns all that is active if that is more in the end.
         """
         state = self._states[number]
         end = self._end if state is self._states[-1] else self._states[number + 1].tick
-        indices = np.cumsum(active, dtype=np.uint64) * active
+        indices = (np.cumsum(active, dtype=np.uint64) + np.uint64(self._n_samples)) * active
         if self._tape is self._begun:
             self._use(Tape(_ENTRIES))
         while True:
@@ -238,7 +248,7 @@ class AdjointRun(Batch):
                 array[its_rows, 1] = own.view(np.float64)
             for sides, at_first in zip(self._sides, self._first_sides, strict=True):
                 sides[:] = 0 if number else at_first
-            self._tape.begin(int(np.count_nonzero(active)))
+            self._tape.begin(self._n_samples + int(np.count_nonzero(active)))
             self._structs.batch.next_group = 0
             self._structs.run(self._structs.workers[0], state.tick, end, end == self._end)
             if not self._tape.full:

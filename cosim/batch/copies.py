@@ -34,6 +34,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
 from cosim.system.wiring import Wiring
 
+SIDES = 6  # numbers of `Sides` (numbers.h)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
@@ -95,7 +96,7 @@ class Batch(Copies):
             simulation meanwhile.
         copies: how many.
         start: parameters and start values by full name: one value for all copies, or an array (copies,); of an array
-            variable (copies, ...).
+            variable or a series (copies, ...).
         inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their
             order is `input_names`. Default: none.
         outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
@@ -107,7 +108,8 @@ class Batch(Copies):
             on this.
         begin: False where `reset` or `reset_each` comes later.
         seeds: derivatives of parameters and start values, by full name (copies, directions): a multiple of 8
-            directions, the same number for all. What is recorded then has derivatives (`BatchRecording.tangents`).
+            directions, the same number for all; of a series (rows, copies, directions). What is recorded then has
+            derivatives (`BatchRecording.tangents`).
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
@@ -212,7 +214,8 @@ class Batch(Copies):
                     " parameters"
                 )
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
-        self._probed = self._moving() & set(self._fixed_reasons)
+        tables = {m for m in self._fixed_reasons if m.description.native}
+        self._probed = (self._moving() & set(self._fixed_reasons)) - tables
         self._check_memory()
         super().__init__()
         self._pool: ThreadPoolExecutor | None = None
@@ -225,7 +228,7 @@ class Batch(Copies):
 
     def _with_derivatives(self) -> Target:
         """Of numbers that have derivatives in the directions of the seeds."""
-        widths = {s.shape for s in self._seeds.values()}
+        widths = {s.shape[-2:] for s in self._seeds.values()}
         _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
         if widths != {(self.copies, directions)} or directions % PART or not directions:
             raise CosimError(
@@ -242,10 +245,13 @@ class Batch(Copies):
         needed = 8.0 * self.copies * sum(
             source.n_values for source in self._sources.values()
         ) + _TWIN * self.copies * len(self._fixed_reasons)
+        for m, name in self._seeds:
+            needed += 8.0 * self.copies * m.description.variables[name].samples * self._target.width
         if needed > physical_memory():
+            instead = "take mode='adjoint'" if self._seeds else "make fewer, and several batches one after the other"
             raise CosimError(
                 f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has"
-                f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
+                f" {physical_memory() / 1e9:.3g} GB: {instead}"
             )
 
     def _moving(self) -> set[SystemComponent]:
@@ -319,7 +325,8 @@ class Batch(Copies):
         self.scalar = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
         lanes = self._target.lanes
         self._groups = -(-self.copies // lanes)
-        probes = 2 * np.count_nonzero(sum(abs(s) for s in self._seeds.values())) if self._probed else 0
+        seeds = [abs(s).reshape(-1, *s.shape[-2:]).sum(axis=0) for s in self._seeds.values()]
+        probes = 2 * np.count_nonzero(sum(seeds)) if self._probed else 0
         if before != self._alone:
             self._simulations.clear()
         for m in self._schedule.components:
@@ -339,9 +346,8 @@ class Batch(Copies):
             component, variable = self.system.components.split(name)
             array = np.asarray(value)
             own = component.description.arrays.get(component.description.canonical(variable))
-            is_array = (
-                own is not None and component.description.canonical(variable) not in component.description.variables
-            )
+            described = component.description.variables.get(component.description.canonical(variable))
+            is_array = bool(described.samples) if described else own is not None
             each = array.ndim >= 1 and len(array) == self.copies and (not is_array or array.ndim > 1)
             if not each and array.ndim >= 1 and not is_array:
                 raise WiringError(
@@ -560,11 +566,26 @@ class Batch(Copies):
     @property
     def side_changes(self) -> dict[str, int]:
         """By component with derivatives, in how many steps it took other sides than in the step before; the most."""
+        return {name: int(sides[..., 2].max()) for name, sides in self._sides_by_name().items()}
+
+    @property
+    def ties(self) -> dict[str, float]:
+        """By component in which a tie has decided a derivative, the time [s] of the first step with one."""
+        found = self._sides_by_name().items()
+        return {
+            name: float(sides[..., 5].view(np.float64)[sides[..., 4] > 0].min())
+            for name, sides in found
+            if sides[..., 4].any()
+        }
+
+    def _sides_by_name(self) -> dict[str, npt.NDArray[np.uint64]]:
+        """Of components with derivatives what sides they have taken (copies, 6), see `Sides` of numbers.h."""
         found = {}
         for m, lanes in self._lanes.items():
             if at := lanes.library.cosim_lanes_sides() // 8:
-                counts = lanes.whole.view(np.int64).reshape(len(lanes.whole), -1)[: self.copies, at + 2]
-                found[m.name] = int(counts.max())
+                found[m.name] = lanes.whole.view(np.uint64).reshape(len(lanes.whole), -1)[
+                    : self.copies, at : at + SIDES
+                ]
         return found
 
     @property

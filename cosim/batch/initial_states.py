@@ -59,6 +59,7 @@ class Copies:
         self._simulations: dict[int, Simulation] = {}
         self._lanes: dict[SystemComponent, Lanes] = {}
         self._reset_values: dict[SystemComponent, Array] = {}
+        self._samples: dict[SystemComponent, Array] = {}  # of tables with derivatives, see `Structs`
         self._spare: dict[SystemComponent, Lanes] = {}  # of an earlier reset: their libraries and memory serve again
 
     def _ended(self, failure: CopyFailure) -> None:
@@ -73,14 +74,14 @@ class Copies:
         exchanges: list[Exchange | None] = [None] * self.copies
         errors: dict[int, ComponentError] = {}
 
-        def initialized(copy: int, clone: int, moved: Mapping[tuple[SystemComponent, str], float]) -> Exchange:
+        def initialized(copy: int, clone: int, moved: Mapping[tuple[SystemComponent, str], Any]) -> Exchange:
             for m, values, _ in kept:
                 m.values = dict(values)
                 m.implementation = self._clones[m][clone if m in self._alone else 0]
             for (m, name), each in given.items():
                 m.values[name] = each[copy]
             for (m, name), by in moved.items():
-                m.values[name] = float(m.start(name) or 0.0) + by
+                m.values[name] = _value(m, name) + by
             return self._initialized(clone if self._alone else 0)
 
         def alone(copy: int) -> None:
@@ -146,6 +147,7 @@ class Copies:
             self._target,
             self.threads,
             self._probes,
+            self._samples,
         )
 
     def _settle(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> list[int]:
@@ -186,27 +188,32 @@ class Copies:
         for lanes in self._lanes.values():
             lanes.whole[:, :, self._target.first :] = 0.0
         for (m, name), seeds in self._seeds.items():
-            if m in self._lanes:  # else its probes are apart in it
+            variable = m.description.variables[name]
+            if variable.samples:
+                columns = self._samples[m].reshape(self.copies, variable.samples, -1, self._target.width)
+                columns[:, :, variable.reference, self._target.first :] = seeds.swapaxes(0, 1)
+            elif m in self._lanes:  # else its probes are apart in it
                 own = self._lanes[m]
-                own.whole[:, own.row(m.description.variables[name]), self._target.first :] = seeds
+                own.whole[:, own.row(variable), self._target.first :] = seeds
 
     def _make_probes(
-        self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], float]], Exchange]
+        self, initialized: Callable[[int, int, Mapping[tuple[SystemComponent, str], Any]], Exchange]
     ) -> Probes:
         """Instances a little apart from each copy along each direction (`run_probes` of batch.c)."""
         directions, number = self._target.directions, self.copies
         apart = np.zeros((self.copies, directions))
         exchanges: list[Exchange | None] = []
         for copy, k in np.ndindex(self.copies, directions):
-            along = {key: float(each[copy, k]) for key, each in self._seeds.items() if each[copy, k]}
+            along = {key: each[..., copy, k] for key, each in self._seeds.items() if each[..., copy, k].any()}
             if not along:
                 exchanges += [None, None]
                 continue
-            apart[copy, k] = step = DISTANCE * min(self._size_of(key) / abs(seed) for key, seed in along.items())
+            apart[copy, k] = step = DISTANCE * min(self._size_of(key) / abs(seed).max() for key, seed in along.items())
             for side in (step, -step):
                 moved = {key: side * seed for key, seed in along.items()}
                 for (m, name), by in moved.items():
-                    self._check_range(m, m.description.variables[name], by)
+                    if not m.description.variables[name].samples:
+                        self._check_range(m, m.description.variables[name], float(by))
                 try:
                     exchanges.append(initialized(copy, number, moved))
                 except ComponentError as error:
@@ -219,12 +226,12 @@ class Copies:
         m, name = key
         v = m.description.variables[name]
         wide = (v.maximum or 0.0) - (v.minimum or 0.0)
-        return abs(float(m.start(name) or 0.0)) or (1e-3 * wide if 0.0 < wide < np.inf else v.nominal)
+        return float(np.max(np.abs(_value(m, name)))) or (1e-3 * wide if 0.0 < wide < np.inf else v.nominal)
 
     def _check_range(self, m: SystemComponent, v: Variable, by: float) -> None:
         """Refuse a value that has no neighbor on one side."""
         least, most = v.limits
-        if not least <= float(m.start(v.name) or 0.0) + by <= most:
+        if not least <= float(_value(m, v.name)) + by <= most:
             raise CosimError(
                 f"{m.name}.{v.name} is at the end of its range, so it has neighbors on one side only:"
                 f" {', '.join(sorted(c.name for c in self._probed))} can be followed by differences alone; move it a"
@@ -353,6 +360,13 @@ class Copies:
         lanes, groups = self._target.lanes, self._groups
         self._whole = aligned(groups, self._plan.size, self._target.width)
         self._values = self._whole[:, :, :lanes]
+        tables = {m: m.description.variables for m, name in self._seeds if m.description.variables[name].samples}
+        self._samples = {
+            m: aligned(
+                groups, len(columns) * next(v.samples for v in columns.values() if v.samples), self._target.width
+            )
+            for m, columns in tables.items()
+        }
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.ports[m].outputs
@@ -378,3 +392,9 @@ class Copies:
         full = np.zeros(array.shape[0] * array.shape[2])
         full[: self.copies] = column
         array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
+
+
+def _value(m: SystemComponent, name: str) -> Any:
+    """What a variable starts with: a number, or samples (rows,)."""
+    found = m.start(name)
+    return 0.0 if found is None else np.asarray(found, dtype=float)

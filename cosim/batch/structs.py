@@ -79,7 +79,7 @@ class Structs:
     """A plan for all copies, ready for the engine.
 
     `exchanges`: of each copy, None where it could not be initialized; those of copies with scalar components are
-        kept.
+        kept. `samples`: of tables with derivatives, numbers (copies, rows * columns, numbers of a value).
     """
 
     def __init__(
@@ -94,8 +94,9 @@ class Structs:
         target: Target,
         threads: int,
         probes: Probes | None = None,
+        samples: Mapping[SystemComponent, npt.NDArray[np.float64]] | None = None,
     ):
-        self._probes = probes
+        self._probes, self._samples = probes, samples or {}
         self._plan, self._exchange, self._lanes, self._target = plan, exchange, lanes, target
         self._keep: list[Any] = []
         self._engines: list[BoundEngine | None] = []
@@ -162,6 +163,8 @@ class Structs:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
             m.alone = self._alone_engines
+            if plan.component in self._samples:
+                m.samples = self._address("char*", self._samples[plan.component])
             if self._probes is not None and plan.component in self._probes.components:
                 m.probes = self._probe_engines
             return

@@ -66,6 +66,7 @@ class Variable:
     max_size: int | None = None  # of a Binary: bytes, if the FMU says so
     clocks: tuple[int, ...] = ()  # value references of the clocks that it belongs to: it changes when one of them ticks
     follows: bool = False  # an input that may be set inside a step too (FMI 3.0, intermediate update)
+    samples: int = 0  # of a series, whose `start` is an array of so many numbers over time
 
     @property
     def unit_name(self) -> str:

@@ -14,10 +14,12 @@ uint32_t table_step(void *table, double t, double h, int no_set_prior) {
     s->row = row;
     const double *const a = s->values + row * s->width;
     size_t i = 0;
+    s->weight = 0.0;
     if (row + 1 < s->rows) {
         const double *const b = a + s->width;
         double w = (t - s->times[row]) / (s->times[row + 1] - s->times[row]);
         if (w < 0.0) w = 0.0;
+        s->weight = w;
         for (; i < s->n_linear; i++) {
             const uint32_t c = s->columns[i];
             s->y[s->places[i]] = a[c] + w * (b[c] - a[c]);

@@ -16,6 +16,7 @@ typedef struct {
     const uint32_t *columns, *places; /* of n outputs, the linear ones first: their columns, and where they are in y */
     size_t n, n_linear;
     size_t row;               /* that was found last */
+    double weight;            /* of the row after it, for columns that are linear */
     double *now;              /* of which time the outputs are */
 } Table;
 

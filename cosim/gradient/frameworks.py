@@ -3,9 +3,9 @@
     ride = jax_function(system, {"ride": Rms("car.seat.az")}, ["controller.gain.*"], stop_time=8.0, interval="10 ms")
     value, slope = jax.value_and_grad(lambda gains: ride(gains)[0])(gains)
 
-A call sets the parameters in the system and runs it. What else is set in the system (the road, start values) stays as
-it is, so change it between calls as you like. JAX is compiled (`jax.jit`) and vectorized (`jax.vmap`, one run after the
-other); neither framework differentiates twice.
+A call sets the parameters in the system and runs it; a series takes as many values as it has samples. What else is set
+in the system (the road, start values) stays as it is, so change it between calls as you like. JAX is compiled
+(`jax.jit`) and vectorized (`jax.vmap`, one run after the other); neither framework differentiates twice.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ class _Metrics:
         threads: int | None,
     ) -> None:
         self.run = GradientRun(system, metrics, parameters, stop_time, interval, threads)
-        self.count = len(self.run.by)
+        self.count = len(self.run.elements)
 
     def _set(self, x: Array) -> Wiring:
         if x.shape != (self.count,):
             raise GradientError(f"{self.count} parameters have values of shape ({self.count},), not {x.shape}")
-        for (component, variable), value in zip(self.run.parameters, x.tolist(), strict=True):
+        for (component, variable), value in zip(self.run.parameters, self.run.by_name(x).values(), strict=True):
             component.set({variable.name: value})
         return self.run.system
 

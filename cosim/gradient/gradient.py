@@ -11,6 +11,8 @@ differentiated by their optimality conditions (`programs.h`). Third-party and is
 more instances of them for each parameter go through the run on either side of it, and the differences of their outputs
 take the place of derivatives.
 
+A series, a column of a table, is as many parameters as it has samples, under one name.
+
 There are two ways. Forward, numbers carry derivatives by the parameters, and the cost grows with their number. The
 adjoint carries derivatives of the metrics from the end of the run to its beginning (`cosim.batch.adjoint`), at a cost
 that does not depend on the number of parameters.
@@ -23,6 +25,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +66,8 @@ class Trust:
         stop: time [s] at which the runs ended.
         deviation: difference of the gradient from the extrapolated differences, both times the parameter, relative to
             the largest of these products for each metric (metrics, parameters).
+        parameters: names. A series is one of them: all its samples move at once, each up or down by the same step, in
+            signs that are the same in each call (`signs_of`).
     """
 
     near: Array
@@ -71,6 +76,7 @@ class Trust:
     stop: float
     step: float
     deviation: Array
+    parameters: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ class Gradient:
     """Metrics of a run and their derivatives. `print()` it.
 
     Attributes:
-        metrics, parameters: names.
+        metrics, parameters: names. Each sample of a series is a parameter, `torque.u[1]` the first of `torque.u`.
         at: values of the parameters (parameters,).
         values: of the metrics (metrics,).
         jacobian: derivatives (metrics, parameters), each in the metric's unit by the parameter's.
@@ -88,6 +94,8 @@ class Gradient:
         by_difference: components whose derivatives are differences of two neighboring instances, and why.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
+        ties: by component in which equal numbers were compared that move apart, the time [s] of the first step with
+            such a tie. The derivative is that of one side, and may differ from that of the other. None of the adjoint.
         mode: "forward" or "adjoint".
     """
 
@@ -100,21 +108,22 @@ class Gradient:
     tangents: Array
     by_difference: Mapping[str, str]
     changes: Mapping[str, int]
+    ties: Mapping[str, float]
     mode: str
     _run: GradientRun = field(repr=False)
 
-    def __getitem__(self, metric: str) -> dict[str, float]:
-        """Derivatives of one metric, by the name of the parameter."""
+    def __getitem__(self, metric: str) -> dict[str, Any]:
+        """Derivatives of one metric, by the name of the parameter; by a series an array (samples,)."""
         if metric not in self.metrics:
             raise KeyError(f"there is no metric '{metric}'; there are: {', '.join(self.metrics)}")
         row = self.jacobian[list(self.metrics).index(metric)]
-        return dict(zip(self.parameters, row.tolist(), strict=True))
+        return self._run.by_name(row)
 
     def trust(self, step: float = STEP) -> Trust:
         """Compare with central differences at two steps, relative to each parameter (to 1 where it is 0).
 
-        Five runs for each parameter. Raises GradientError for a step that is no positive number, and for a parameter
-        whose range ends within two steps.
+        Five runs for each parameter, and for each series, relative to its largest sample. Raises GradientError for a
+        step that is no positive number, and for a parameter whose range ends within two steps.
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise GradientError(f"step is {step}; give a positive number, such as {STEP}")
@@ -125,10 +134,13 @@ class Gradient:
         lines = []
         for metric, value, row in zip(self.metrics, self.values, self.jacobian, strict=True):
             lines.append(f"{metric} = {value:.9g}")
-            width = max(map(len, self.parameters))
-            for name, x, slope in zip(self.parameters, self.at, row, strict=True):
-                share = f"   {slope * x / value:+.3g} relative" if value else ""
-                lines.append(f"    {name:{width}}  {slope:+.9e}{share}")
+            width, at = max(map(len, self._run.by)), self._run.by_name(self.at)
+            for name, slope in self._run.by_name(row).items():
+                if isinstance(slope, float):
+                    share = f"   {slope * at[name] / value:+.3g} relative" if value else ""
+                    lines.append(f"    {name:{width}}  {slope:+.9e}{share}")
+                else:
+                    lines.append(f"    {name:{width}}  {slope.min():+.9e} to {slope.max():+.9e}, {len(slope)} samples")
         lines += [
             f"{name}: derivatives from differences of two neighboring instances ({why})"
             for name, why in self.by_difference.items()
@@ -137,6 +149,10 @@ class Gradient:
             f"{name}: in {n} steps other sides of comparisons than in the step before"
             for name, n in self.changes.items()
             if n
+        ]
+        lines += [
+            f"{name}: equal numbers compared at t = {t:.9g} s, so the derivative may be that of one side only"
+            for name, t in self.ties.items()
         ]
         return "\n".join(lines)
 
@@ -167,16 +183,32 @@ class GradientRun:
             given: [f"{m.name}.{v.name}" for m, v in self.system.select([given])] for given in read
         }  # a metric may call a variable by another name than the recording
         self.by = [f"{m.name}.{v.name}" for m, v in self.parameters]
-        self.at = np.array(self.present())
+        self.samples = [v.samples for _, v in self.parameters]
+        ends = np.cumsum([n or 1 for n in self.samples]).tolist()
+        self._parts = [slice(end - (n or 1), end) for end, n in zip(ends, self.samples, strict=True)]
+        self.elements = [
+            each
+            for name, n in zip(self.by, self.samples, strict=True)
+            for each in ([f"{name}[{k}]" for k in range(1, n + 1)] if n else [name])
+        ]
+        for name, n in zip(self.by, self.samples, strict=True):
+            if n and name not in self.names and all(c.source_name != name for c in self.system.connections.values()):
+                raise GradientError(f"{name} is not connected, so that no metric depends on it: connect it to an input")
+        self.at = self.present()
 
-    def present(self) -> list[float]:
-        """Values of the parameters in the system as it is now."""
-        return [float(m.start(v.name) or 0.0) for m, v in self.parameters]
+    def present(self) -> Array:
+        """Values of the parameters in the system as it is now (parameters,)."""
+        return np.concatenate([_start(m, v) for m, v in self.parameters])
+
+    def by_name(self, values: Array) -> dict[str, Any]:
+        """Of numbers (parameters,) those of each parameter: one, or an array of a series."""
+        parts = zip(self.by, self.samples, self._parts, strict=True)
+        return {name: values[part] if n else float(values[part][0]) for name, n, part in parts}
 
     def gradient(self) -> Gradient:
         """In the mode that was given, else the one that costs less."""
         with self.system.lock:
-            if self.mode == "adjoint" or (self.mode is None and len(self.by) > FORWARD):
+            if self.mode == "adjoint" or (self.mode is None and len(self.elements) > FORWARD):
                 try:
                     return self._adjoint()
                 except NoAdjointError as error:
@@ -201,61 +233,93 @@ class GradientRun:
         bad = np.argwhere(~np.isfinite(jacobian))
         if len(bad):
             raise GradientError(
-                f"the derivative of {list(self.metrics)[bad[0][0]]} by {self.by[bad[0][1]]} is not finite, and"
+                f"the derivative of {list(self.metrics)[bad[0][0]]} by {self.elements[bad[0][1]]} is not finite, and"
                 f" mode='forward' says where: {_WHY}"
             )
-        nothing = np.empty((0, len(self.names), len(self.by)))
+        nothing = np.empty((0, len(self.names), len(self.elements)))
         return Gradient(
-            list(self.metrics), self.by, self.at, values, jacobian, recording, nothing, {}, changes, "adjoint", self
+            list(self.metrics),
+            self.elements,
+            self.at,
+            values,
+            jacobian,
+            recording,
+            nothing,
+            {},
+            changes,
+            {},
+            "adjoint",
+            self,
         )
 
     def _forward(self) -> Gradient:
         """All parameters, `DIRECTIONS` by each copy."""
-        n = len(self.by)
+        n = len(self.elements)
         copies = -(-n // DIRECTIONS)
         seeds = np.zeros((n, copies, DIRECTIONS))
         seeds[range(n), np.arange(n) // DIRECTIONS, np.arange(n) % DIRECTIONS] = 1.0
-        recording, changes, differing = self._advance(dict(zip(self.by, seeds, strict=True)), {}, copies)
+        own = {
+            name: seeds[part] if samples else seeds[part.start]
+            for name, samples, part in zip(self.by, self.samples, self._parts, strict=True)
+        }
+        recording, batch = self._advance(own, {}, copies)
         tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n]
         self._check(recording, tangents)
         one = recording.one(0)
         values, slopes = self._measure(one)
         jacobian = np.array([sum(np.tensordot(w, tangents[:, k], 1) for k, w in each.items()) for each in slopes])
         return Gradient(
-            list(self.metrics), self.by, self.at, values, jacobian, one, tangents, differing, changes, "forward", self
+            list(self.metrics),
+            self.elements,
+            self.at,
+            values,
+            jacobian,
+            one,
+            tangents,
+            batch.by_difference,
+            batch.side_changes,
+            batch.ties,
+            "forward",
+            self,
         )
 
     def compare(self, found: Gradient, step: float) -> Trust:
         """The differences beside it."""
-        if self.present() != self.at.tolist():
+        if not np.array_equal(self.present(), self.at):
             raise GradientError(
                 "the system has other parameters than when this gradient was computed: compute it again"
             )
         steps = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
         n, of = len(self.by), len(self.metrics)
         near, far, smooth = np.zeros((of, n)), np.zeros((of, n)), np.zeros(n)
-        for j, name in enumerate(self.by):
-            h = step * (abs(self.at[j]) or 1.0)
-            seeds = np.zeros((len(steps), DIRECTIONS))
-            seeds[:, 0] = 1.0
+        slopes, per = np.zeros((of, n)), np.zeros(n)
+        for j, (name, samples, part) in enumerate(zip(self.by, self.samples, self._parts, strict=True)):
+            at, signs = self.at[part], signs_of(samples) if samples else np.ones(1)
+            per[j] = np.abs(at).max() or 1.0
+            slopes[:, j] = found.jacobian[:, part] @ signs
+            h = step * per[j]
+            seeds = np.zeros((len(at), len(steps), DIRECTIONS))
+            seeds[:, :, 0] = signs[:, None]
+            start = at + h * steps[:, None] * signs
+            if not samples:
+                seeds, start = seeds[0], start[:, 0]
             try:
-                recording, _, _ = self._advance({name: seeds}, {name: self.at[j] + h * steps}, len(steps))
+                recording, _ = self._advance({name: seeds}, {name: start}, len(steps))
             except CosimError as error:
-                raise GradientError(
-                    f"{name} cannot be compared with runs at {self.at[j]:.9g} -+ {2.0 * h:.3g}: {error}"
-                ) from error
+                where = f"{at[0]:.9g} -+ {2.0 * h:.3g}" if not samples else f"samples -+ {2.0 * h:.3g}"
+                raise GradientError(f"{name} cannot be compared with runs at {where}: {error}") from error
             value = np.array([self._measure(recording.one(c))[0] for c in range(len(steps))])
             near[:, j], far[:, j] = (value[3] - value[1]) / (2.0 * h), (value[4] - value[0]) / (4.0 * h)
             same = (recording.sides == recording.sides[2]).all(axis=(0, 2))
             smooth[j] = np.nan if found.by_difference else recording.time[same][-1] if same.any() else recording.time[0]
-        exact, per = (4.0 * near - far) / 3.0, np.where(self.at == 0.0, 1.0, np.abs(self.at))
+        exact = (4.0 * near - far) / 3.0
         size = np.abs(exact * per).max(axis=1, keepdims=True)
-        deviation = (found.jacobian - exact) * per / np.where(size == 0.0, 1.0, size)
-        return Trust(near, far, smooth, float(found.recording.time[-1]), step, deviation)
+        deviation = (slopes - exact) * per / np.where(size == 0.0, 1.0, size)
+        return Trust(near, far, smooth, float(found.recording.time[-1]), step, deviation, self.by)
 
     def _advance(
         self, seeds: Mapping[str, Array], start: Mapping[str, Array], copies: int
-    ) -> tuple[BatchRecording, dict[str, int], dict[str, str]]:
+    ) -> tuple[BatchRecording, Batch]:
         with _without_warnings():
             batch = Batch(
                 self.system,
@@ -273,7 +337,7 @@ class GradientRun:
                         f"the run has no derivatives, since it ends at t = {batch.failures[0].time:.9g} s:"
                         f" {batch.failures[0].message}"
                     )
-                return batch.recording, batch.side_changes, batch.by_difference
+                return batch.recording, batch
 
     def _measure(self, one: Recording) -> tuple[Array, list[dict[int, Array]]]:
         """Values of the metrics, and their derivatives by the samples of each variable."""
@@ -300,7 +364,7 @@ class GradientRun:
         if len(bad):
             sample, variable, parameter = bad[0]
             raise GradientError(
-                f"the derivative of {recording.names[variable]} by {self.by[parameter]} is not finite at"
+                f"the derivative of {recording.names[variable]} by {self.elements[parameter]} is not finite at"
                 f" t = {recording.time[sample]:.9g} s: {_WHY}"
             )
 
@@ -312,6 +376,17 @@ def _without_warnings() -> Iterator[None]:
         warnings.simplefilter("ignore", CopyFailedWarning)
         warnings.simplefilter("ignore", UnconnectedInputsWarning)
         yield
+
+
+def signs_of(samples: int) -> Array:
+    """Which samples of a series go up (1) and down (-1) where it moves as a whole (samples,)."""
+    return np.where(np.random.default_rng(0).integers(2, size=samples), 1.0, -1.0)
+
+
+def _start(m: SystemComponent, v: Variable) -> Array:
+    """What a parameter or a series starts with, (1,) or (samples,)."""
+    found = m.start(v.name)
+    return np.atleast_1d(0.0 if found is None else np.asarray(found, dtype=float))
 
 
 def _chosen(system: Wiring, names: str | Iterable[str]) -> list[tuple[SystemComponent, Variable]]:
@@ -326,7 +401,7 @@ def _chosen(system: Wiring, names: str | Iterable[str]) -> list[tuple[SystemComp
             if _refusal(system, *pair) is None or not pattern
         ]
         if not fitting:
-            raise GradientError(f"'{name}' fits no parameter, start value or unconnected input that is a real number")
+            raise GradientError(f"'{name}' fits no parameter, start value, series or unconnected input of real numbers")
         for m, v in fitting:
             if why := _refusal(system, m, v):
                 raise GradientError(f"{m.name}.{v.name} has no derivative: {why}")

@@ -5,6 +5,9 @@
 
 Each trial gives the objectives and their derivatives. A search ends at the nearest minimum of a smooth function;
 `cosim.study.optimise.optimise` searches without derivatives, and over integers and texts.
+
+A trial that fails, or whose numbers are not finite, halves the step: SciPy gets value and slopes of a parabola along
+the step that begins with those of the last iterate and has its minimum halfway. With infinity it would end.
 """
 
 from __future__ import annotations
@@ -28,6 +31,9 @@ DIVISIONS = {1: 1, 2: 6, 3: 3}  # of a weight from 0 to 1 along a front, by numb
 SMALL = 1e-3  # weight of the other objectives where one alone is minimized, so that they do not drift
 MET = 1e-6  # of a bound, relative, by which a number may miss it
 TOLERANCE = {"L-BFGS-B": {"ftol": 1e-6, "gtol": 1e-4}, "SLSQP": {"ftol": 1e-6}}  # of scaled objectives
+
+
+Point = tuple[Array, Array, Array, Array]  # objectives (m,), their slopes (m, n), bounds' margin (k,), its slopes
 
 
 class _SpentError(Exception):
@@ -59,7 +65,7 @@ def descend(
         progress: called with (done, total).
 
     Raises:
-        OptimisationError: limits, objectives or names that do not fit.
+        OptimisationError: limits, objectives or names that do not fit; a number of the first trial is not finite.
         CosimError: the first trial fails.
     """
     bounds = [*((n, b, 1.0) for n, b in (at_most or {}).items()), *((n, b, -1.0) for n, b in (at_least or {}).items())]
@@ -96,7 +102,7 @@ class _Search:
     most: int
     progress: Callable[[int, int], None]
     trials: list[Trial] = field(default_factory=list)
-    _seen: dict[bytes, tuple[Array, Array, Array, Array] | None] = field(default_factory=dict)
+    _seen: dict[bytes, Point | None] = field(default_factory=dict)
     _until: int = 0
 
     def values(self, u: Array) -> dict[str, float]:
@@ -117,8 +123,8 @@ class _Search:
             found.append((x - a) / (b - a))
         return np.array(found)
 
-    def trial(self, u: Array) -> tuple[Array, Array, Array, Array] | None:
-        """Objectives to be minimized (m,), their slopes (m, n), bounds' margin (k,) and its slopes; None: it failed."""
+    def trial(self, u: Array) -> Point | None:
+        """Numbers at a place; None: it failed."""
         key = u.tobytes()
         if key in self._seen:
             return self._seen[key]
@@ -131,14 +137,17 @@ class _Search:
         except CosimError as error:
             if not self.trials:
                 raise
-            self.trials.append(Trial(len(self.trials), values, {}, str(error)))
-            self._seen[key] = None
+            self._failed(key, values, str(error))
             return None
         for name in (*self.objectives, *(n for n, *_ in self.bounds)):
             if name not in found.row:
                 raise OptimisationError(unknown("number", name, found.row))
             if not (math.isfinite(found.row[name]) and np.isfinite(found.slopes[name]).all()):
-                raise OptimisationError(f"{name} is {found.row[name]}, and has no derivative at {values}")
+                why = f"{name} is {found.row[name]:.6g} and has no derivative"
+                if not self.trials:
+                    raise OptimisationError(f"{why} at {values}, where the search begins")
+                self._failed(key, values, why)
+                return None
         per = np.array(
             [  # values by place
                 values[n] * math.log(float(limits[1]) / float(limits[0])) if len(limits) == 3 else limits[1] - limits[0]  # type: ignore[operator]
@@ -162,6 +171,10 @@ class _Search:
         self._seen[key] = f, slopes, margin, margin_slopes
         return self._seen[key]
 
+    def _failed(self, key: bytes, values: Values, why: str) -> None:
+        self.trials.append(Trial(len(self.trials), values, {}, why))
+        self._seen[key] = None
+
     def descend(self, weight: Array, most: int) -> None:
         """From the best trial for a weighted sum to its minimum, in at most so many trials."""
         known = [(np.frombuffer(k), *s[:3]) for k, s in self._seen.items() if s is not None]
@@ -171,22 +184,29 @@ class _Search:
         share = weight / size
         penalty = np.array([np.maximum(-margin, 0.0).sum() for *_, margin in known])
         begin = known[int(np.argmin(values @ share + 1e3 * penalty))][0]
-        worst = float((values @ share).max())
         self._until = len(self.trials) + most
+        first = self._seen[begin.tobytes()]
+        assert first is not None
+        iterate = first  # where the present step begins
+
+        def at(u: Array) -> Point:
+            f, slopes, margin, margin_slopes = iterate
+            return self.trial(np.clip(u, 0.0, 1.0)) or (f, -slopes, margin, margin_slopes)
 
         def total(u: Array) -> tuple[float, Array]:
-            found = self.trial(np.clip(u, 0.0, 1.0))
-            if found is None:  # a line search steps back
-                return worst + 10.0 * float(weight.sum()), np.zeros(len(u))
+            nonlocal iterate
+            found = at(u)
+            if not self.bounds and (found[0] - iterate[0]) @ share < 0.0:  # L-BFGS-B: the best of its line search
+                iterate = found
             return float(found[0] @ share), share @ found[1]
 
         def margin(u: Array) -> Array:
-            found = self.trial(np.clip(u, 0.0, 1.0))
-            return np.full(len(self.bounds), -1.0) if found is None else found[2]
+            return at(u)[2]
 
         def margin_slopes(u: Array) -> Array:
-            found = self.trial(np.clip(u, 0.0, 1.0))
-            return np.zeros((len(self.bounds), len(u))) if found is None else found[3]
+            nonlocal iterate
+            iterate = at(u)  # SLSQP: only iterates are asked for these
+            return iterate[3]
 
         method = "SLSQP" if self.bounds else "L-BFGS-B"
         with contextlib.suppress(_SpentError):

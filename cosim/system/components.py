@@ -15,6 +15,7 @@ from build_fmus.base.units import UnitMismatchError, conversion, meant
 from cosim.core.component import Component
 from cosim.core.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.core.errors import WiringError
+from cosim.core.signals import Array
 from cosim.system.renewal import PythonSource
 
 
@@ -44,8 +45,9 @@ class SystemComponent:
     def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
         """Set parameters and start values for the next initialization, by variable name.
 
-        A name without its index (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for
-        unknown names, values of the wrong type or shape, and values outside min and max; nothing is set then.
+        A name without its index (`gain.y`) takes an array for all of `gain.y[i,j]`, row major, and a column of real
+        numbers of a table an array for all of its rows. Raises WiringError for unknown names, values of the wrong type
+        or shape, and values outside min and max; nothing is set then.
         """
         given = [self.expand(name, value) for name, value in {**(values or {}), **more}.items()]
         for expanded in given:
@@ -174,6 +176,17 @@ def _without_unit(value: Any, variable: Variable) -> str:
     return f": give the number in {variable.unit_name}, {scale * float(match[1]) + offset:.9g}"
 
 
+def _checked_samples(name: str, variable: Variable, value: Any) -> Array:
+    try:
+        given = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.shape != (variable.samples,) or not np.isfinite(given).all():
+        raise WiringError(f"{name} needs {variable.samples} finite numbers, one for each row of its table")
+    given.flags.writeable = False
+    return given
+
+
 def _checked(component: str, variable: Variable, value: Any) -> Any:
     """The value in the variable's own type. Raises WiringError when it cannot be set or does not fit."""
     name = f"{component}.{variable.name}"
@@ -185,6 +198,8 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
         )
     if variable.variability == "constant" or not settable:
         raise WiringError(f"{name} cannot be set: it is {article(variable.causality)}, {variable.variability}")
+    if variable.samples:
+        return _checked_samples(name, variable, value)
     if variable.type == "string":
         return str(value)
     if variable.fmi_type == "Binary":

@@ -44,6 +44,9 @@ class Table:
     discrete components: by default every millisecond, or at the interval of its rows where that is shorter and always
     the same.
 
+    `system["road"].set({"z": samples})` sets the values of a column of real numbers, one for each row, for the next
+    runs.
+
     The last row is held for the length of the interval before it. After that a run ends with an error, and one whose
     stop time is later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to
     all times. Raises TableError.
@@ -67,10 +70,12 @@ class Table:
         self.signals: Signals = read(source, time=time, columns=columns, units=units)
         self.times: Array = self.signals.time + float(shift)
         self.after: After = after
+        for signal in self.signals.columns:
+            signal.values.flags.writeable = False  # they are start values, which `set` replaces
         linear = _linear(self.signals, interpolation)
         variables = {s.name: _variable(i, s, s.name in linear) for i, s in enumerate(self.signals.columns)}
         self._linear = frozenset(linear)
-        self._values = np.column_stack([s.values for s in self.signals.columns])
+        self._read = self._values = np.column_stack([s.values for s in self.signals.columns])
         shortest = float(np.diff(self.times).min())
         self._valid_from = self.times - _EARLY * shortest
         last = float(self.times[-1] - self.times[-2])
@@ -99,8 +104,13 @@ class Table:
     def instantiate(self, name: str) -> None:
         self._name = name
         self._now[0] = self.times[0]
+        self._values = self._read
 
-    def set(self, values: Mapping[Variable, Any]) -> None: ...
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        """Samples (rows,) of columns."""
+        self._values = self._values.copy()
+        for variable, samples in values.items():
+            self._values[:, self._column[variable]] = samples
 
     def get(self, variables: Sequence[Variable]) -> list[Any]:
         """Values at the time of its last step."""
@@ -126,6 +136,7 @@ class Table:
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:  # noqa: ARG002
         sampler = _Sampler(self, outputs, y)
+        sampler.sample(float(self._now[0]))  # other components settle to it
 
         def step(t: float, h: float) -> None:  # noqa: ARG001
             if not t <= self.end:
@@ -268,6 +279,9 @@ def _variable(number: int, signal: Signal, linear: bool) -> Variable:
         _FMI_TYPES[kind],
         causality="output",
         variability="continuous" if kind == "real" else "discrete",
+        initial="exact" if kind == "real" else None,
+        start=signal.values if kind == "real" else None,
+        samples=len(signal.values) if kind == "real" else 0,
         unit=signal.unit,
         reference=number,
         declared=signal.name,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from built import BuiltFmus
 from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
 
@@ -126,6 +127,23 @@ def test_arrays_are_connected_whole() -> None:
         system.add("wide", Wide())
         system.connect("road.p", "wide.u")
         assert system.run(1.0)["wide.y"][-1] == pytest.approx(2 * 0.999)
+
+
+def test_others_settle_to_its_first_values(built_fmus: BuiltFmus) -> None:
+    """Outputs that depend on them, and states that follow inputs: the car stands on its road."""
+    with System(allow_unconnected=True) as system:
+        system.add("road", Table({"time": TIME, "z [m]": 0.3 + TIME, "f [N]": 5.0 - TIME}))
+        system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+        system.connect("road.f", "car.force")
+        mass = float(system["car"].start("body.mass"))
+        assert system.run(0.1, record=["car.body.az"])["car.body.az"][0] == pytest.approx(5.0 / mass)
+    with System(allow_unconnected=True) as system:
+        system.add("road", Table({"time": TIME, "z [m]": 0.3 + 0.0 * TIME}))
+        system.add("car", built_fmus.path("FullCarHmmwv", 3), step="1 ms")
+        for corner in ("fl", "fr", "rl", "rr"):
+            system.connect("road.z", f"car.road.{corner}.height")
+        rise = system.run(0.1, record=["car.body.z"])["car.body.z"]
+        assert np.ptp(rise) < 1e-9
 
 
 def test_rounded_times_of_a_file_count_as_what_they_mean() -> None:

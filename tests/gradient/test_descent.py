@@ -58,6 +58,37 @@ def test_a_trial_that_fails_does_not_end_the_search() -> None:
     assert found.best.row["left"] > 1.2**2 + np.log(2.0) ** 2 + 8.0
 
 
+def walled(values: Mapping[str, Any], kind: str = "value") -> Slopes:
+    """A square of the distance from (1, 10) that there is none of beyond x = 1.05."""
+    x, y = values["x"], values["y"]
+    log = np.log(y / 10.0)
+    value, slope = 8.0 * (x - 1.0) ** 2 + log**2, 16.0 * (x - 1.0)
+    if x > 1.05:
+        value, slope = {"value": (np.nan, slope), "slope": (value, np.inf), "both": (-np.inf, np.nan)}[kind]
+    return Slopes({"f": value, "at": x}, {"f": np.array([slope, 2.0 * log / y]), "at": np.array([1.0, 0.0])})
+
+
+@pytest.mark.parametrize("kind", ["value", "slope", "both"])
+@pytest.mark.parametrize("bounds", [{}, {"at_most": {"at": 1.9}}], ids=["L-BFGS-B", "SLSQP"])
+def test_the_step_is_halved_where_a_number_is_not_finite(kind: str, bounds: dict[str, dict[str, float]]) -> None:
+    found = descend(lambda v: walled(v, kind), SPACE, {"f": "min"}, trials=40, first={"x": -1.9, "y": 70.0}, **bounds)
+    failed = [t for t in found.trials if t.failed]
+    assert failed
+    assert all(t.failed.endswith("and has no derivative") and t.failed.startswith("f is ") for t in failed)
+    assert found.best.values["x"] == pytest.approx(1.0, abs=1e-3)
+    assert found.best.values["y"] == pytest.approx(10.0, rel=1e-2)
+    assert len(found.trials) < 25
+    first = failed[0].number
+    x = [t.values["x"] for t in found.trials]
+    halved = [abs((x[first + 1] - begin) / (x[first] - begin) - 0.5) for begin in x[:first]]
+    assert min(halved) < 1e-3  # of L-BFGS-B up to the decrease that its line search demands
+
+
+def test_a_search_does_not_begin_where_a_number_is_not_finite(raises) -> None:
+    with raises(OptimisationError):
+        descend(walled, SPACE, {"f": "min"}, trials=5, first={"x": 1.5, "y": 10.0})
+
+
 @pytest.mark.parametrize(
     ("bounds", "x"), [({"at_most": {"at": 0.5}}, 0.5), ({"at_least": {"left": 6.25}}, 1.5)], ids=["at_most", "at_least"]
 )

@@ -12,7 +12,7 @@ import pytest
 from built import BuiltFmus
 
 from build_fmus.base import extras
-from cosim import System
+from cosim import System, Table
 from cosim.gradient import GradientError, Peak, Rms
 from cosim.gradient.frameworks import jax_function, torch_function
 
@@ -89,6 +89,26 @@ def test_torch_differentiates_a_run(system: System) -> None:
     np.testing.assert_allclose(single.numpy(), values, rtol=1e-5)
     with pytest.raises(GradientError, match="2 parameters have values of shape"):
         function(torch.zeros(3, dtype=torch.float64))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("framework", ["jax", "torch"])
+def test_a_series_takes_its_samples(framework: str, system: System) -> None:
+    module = pytest.importorskip(framework, reason=f"pip install 'suspension-fmus[{framework}]'")
+    force = np.linspace(-1.0, 1.0, 6)
+    system.add("driver", Table({"time": 0.1 * np.arange(6), "force [N]": force}))
+    system.connect("driver.force", "car.force")
+    names = ["car.body.mass", "driver.force"]
+    at = np.array([2.6, *force[::-1]])
+    if framework == "jax":
+        module.config.update("jax_enable_x64", True)
+        jacobian = np.asarray(module.jacrev(jax_function(system, METRICS, names, **OPTIONS))(at))
+    else:
+        function = torch_function(system, METRICS, names, **OPTIONS)
+        jacobian = module.autograd.functional.jacobian(function, module.tensor(at)).numpy()
+    np.testing.assert_array_equal(system["driver"].start("force"), force[::-1])
+    np.testing.assert_allclose(jacobian, system.gradient(METRICS, names, **OPTIONS).jacobian, rtol=1e-14)
+    assert (jacobian != 0.0).all()
 
 
 @pytest.mark.full

@@ -205,7 +205,7 @@ def test_many_parameters_are_shared_among_copies() -> None:
         ("car.solver.step", "car.solver.step has no derivative: it sets the number of solver steps"),
         ("car.force", None),
         ("car.body.az", "car.body.az has no derivative: it is calculated, so no start value can be given"),
-        ("car.no*", "'car.no*' fits no parameter, start value or unconnected input that is a real number"),
+        ("car.no*", "'car.no*' fits no parameter, start value, series or unconnected input of real numbers"),
         ([], "there is no parameter to differentiate by: name one, such as car.body.mass"),
     ],
 )
@@ -306,6 +306,28 @@ def test_an_instance_beside_the_run_that_fails_is_named(first: float, tmp_path: 
         system.isolate("root")
         with pytest.raises(CosimError, match="'root': an instance beside it, for differences, failed where it did not"):
             system.gradient({"end": Final("root.flow")}, "shifted.height", stop_time="0.1 s")
+
+
+def test_ties_are_told_with_their_time(tmp_path: Path) -> None:
+    """Of a ramp that is cut off at 0: it is 0 in the sample at 0.05 s, and has other slopes to either side."""
+    ramp = Component("Ramp", kind="discrete", description="a ramp", source="none", sample_time=0.01)
+    height = ramp.parameter("height", 1.0, "1", "height", source="assumed")
+    count = ramp.state("count", "1", "samples so far", start=0.0)
+    ramp.update(count, count + 1.0)
+    ramp.output("cut", ca.fmax(count - 6.0 + height, 0.0), "1", "the ramp, at least 0")
+    ramp.output("same", ca.fmax(height, 1.0 * height), "1", "equal numbers that do not move apart")
+    path = tmp_path / "ramp.fmu"
+    path.write_bytes(build_fmu(ramp, 3, resolve_platforms("host"), OBJECTS))
+    metrics = {"cut": Final("ramp.cut"), "same": Final("ramp.same")}
+    with System() as system:
+        system.add("ramp", path, step="10 ms")
+        found = system.gradient(metrics, "ramp.height", stop_time="0.05 s")
+        assert found.ties == {"ramp": pytest.approx(0.05)}
+        assert found["same"]["ramp.height"] == 1.0
+        assert "ramp: equal numbers compared at t = 0.05 s" in str(found)
+        assert np.abs(found.trust().deviation[0, 0]) == pytest.approx(1.0)  # 1 or 0 beside the mean of both
+        system["ramp"].set({"height": 1.5})
+        assert system.gradient(metrics, "ramp.height", stop_time="0.05 s").ties == {}
 
 
 def test_python_in_a_gradient_is_refused_in_words_of_gradients(built_fmus: BuiltFmus) -> None:

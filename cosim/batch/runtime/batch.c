@@ -5,6 +5,7 @@
 #include "batch.h"
 #include "environment.h"
 #include "hints.h"
+#include "table.h"
 
 typedef struct {
     Batch *b;
@@ -77,6 +78,25 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
     }
 }
 
+INLINE const Table *table_of(const Group *g, int32_t number) {
+    return (const Table *)g->b->components[number].alone[g->group]->components[number].instance;
+}
+
+#ifdef HAS_SIDES
+/* Derivatives of the outputs of a table by its samples. */
+static void follow_samples(Group *g, const EngineComponent *of, int32_t number) {
+    const Table *const s = table_of(g, number);
+    const lanes *const samples = (const lanes *)g->b->components[number].samples;
+    const lanes *const row = samples + ((size_t)g->group * s->rows + s->row) * s->width;
+    for (size_t i = 0; i < s->n; i++) {
+        lanes *const y = &g->values[of->first + s->places[i]];
+        const lanes *const x = &row[s->columns[i]];
+        if (i < s->n_linear && s->weight > 0.0) *y = chain(y->v, 1.0 - s->weight, x[0], s->weight, x[s->width]);
+        else *y = moved(y->v, x[0]);
+    }
+}
+#endif
+
 #ifdef TANGENTS
 /* Derivatives of its outputs: differences of two others, which go through the run on either side of it. Their states
  * are those that the neighboring inputs lead to, so that nothing has to be known of them. */
@@ -121,6 +141,9 @@ static void run_alone(Group *g, const EngineComponent *of, int32_t number, doubl
         }
         if (result) end_copies(g, 1u << i, number, result, e->call, e->status);
     }
+#ifdef HAS_SIDES
+    if (m->samples) follow_samples(g, of, number);
+#endif
 #ifdef TANGENTS
     if (m->probes) run_probes(g, of, number, t);
 #endif
@@ -231,7 +254,9 @@ static void settle(Group *g, Engine *e, lanes *before) {
     for (int32_t round = 0; round < 20 + e->n_components && g->alive; round++) {
         memcpy(before, g->values, b->n_values * sizeof(lanes));
         for (int32_t i = 0; i < e->n_components; i++) {
-            if (b->components[i].begin) run_lanes(g, &e->components[i], i, b->components[i].begin, 0.0);
+            const BatchComponent *const m = &b->components[i];
+            if (m->begin) run_lanes(g, &e->components[i], i, m->begin, 0.0);
+            else if (m->samples) run_alone(g, &e->components[i], i, *table_of(g, i)->now);
             publish(e);
         }
         mask moved = {0}, changed = {0};

@@ -285,6 +285,9 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
     unsigned failed = 0;
     (void)t;
     (void)h;
+#ifdef HAS_SIDES
+    tied = 0;
+#endif
 #if HAS_START
     const FmuArguments begin = arguments(m, 0.0, X);
     memcpy(next, X, N_STATES * sizeof(lanes));
@@ -294,16 +297,20 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
 #endif
     solve_at(m, time, 1);
     evaluate(m, time, next);
+#ifdef HAS_SIDES
+    note_tie(&m->sides, time);
+#endif
     return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
     sides = 0;
+    tied = 0;
 #endif
     const unsigned failed = step(m, t, h, of);
 #ifdef HAS_SIDES
-    note_sides(&m->sides);
+    note_sides(&m->sides, t);
 #endif
     return failed;
 }

@@ -10,7 +10,7 @@
  *
  * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side
  * taken. Comparisons of what depends on a direction are noted, so that two runs can be compared that should take the
- * same sides. */
+ * same sides; so are ties. */
 #ifndef NUMBERS_H
 #define NUMBERS_H
 
@@ -39,24 +39,32 @@ typedef int condition;
 
 /* ------------------------------------------------------------------ sides */
 
-/* The sides taken in this step by what depends on a direction; of the component that this library is of. */
+/* The sides taken in this step by what depends on a direction, and whether there was a tie: equal numbers that move
+ * apart, so that the derivative is that of one side. Of the component that this library is of. */
 static __thread uint64_t sides;
+static __thread int tied;
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
 
 /* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, and
- * those of the first step where nothing was noted before. */
+ * those of the first step where nothing was noted before. Steps with a tie, and the time of the first of them. */
 typedef struct {
-    uint64_t all, last, changes, first;
+    uint64_t all, last, changes, first, ties;
+    double tie;
 } Sides;
 
 /* At first those that values which follow from the parameters alone have taken. */
 INLINE void begin_sides(Sides *of) {
     of->all = of->last = sides;
-    of->changes = of->first = 0;
+    of->changes = of->first = of->ties = 0;
 }
 
-INLINE void note_sides(Sides *of) {
+INLINE void note_tie(Sides *of, double t) {
+    if (tied && !of->ties++) of->tie = t;
+}
+
+INLINE void note_sides(Sides *of, double t) {
+    note_tie(of, t);
     if (!of->all) of->first = sides;
     of->changes += of->last && sides != of->last;
     of->last = sides;
@@ -64,17 +72,22 @@ INLINE void note_sides(Sides *of) {
     of->all = sides;
 }
 
-INLINE int noted(int moving, int side) {
-    if (moving) take_side((uint64_t)(int64_t)side);
+INLINE int noted(int moving, int side, int tie = 0) {
+    if (moving) {
+        take_side((uint64_t)(int64_t)side);
+        tied |= tie;
+    }
     return side;
 }
 
 /* ------------------------------------------------------------------ comparisons */
 
-#define COMPARED(is)                                                                                         \
-    OPERATION int operator is(const Number &x, const Number &y) { return noted(depends(x, y), x.v is y.v); } \
-    OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y); }             \
-    OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v); }
+#define COMPARED(is)                                                                                     \
+    OPERATION int operator is(const Number &x, const Number &y) {                                        \
+        return noted(depends(x, y), x.v is y.v, x.v == y.v);                                             \
+    }                                                                                                    \
+    OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y, x.v == y); } \
+    OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v, x == y.v); }
 COMPARED(<)
 COMPARED(<=)
 COMPARED(>)
@@ -98,17 +111,19 @@ INLINE double lanes_size(const lanes &x) { return fabs(x.v); }
 
 /* ------------------------------------------------------------------ what equations are written with */
 
-OPERATION double fmu_side(const Number &x, const Number &y) { return noted(depends(x, y), (x.v > y.v) - (x.v < y.v)); }
+OPERATION double fmu_side(const Number &x, const Number &y) {
+    return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
+}
 
 OPERATION Number number_square(const Number &x) { return chain(x.v * x.v, 2.0 * x.v, x); }
 OPERATION Number number_sign(const Number &x) {
-    noted(depends(x), (x.v > 0.0) - (x.v < 0.0));
+    noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
     return Number(sign(x.v));
 }
 OPERATION Number number_when(int holds, const Number &a) { return holds ? a : Number(0.0); }
 OPERATION Number number_if_else(int holds, const Number &a, const Number &b) { return (holds ? a : b) + 0.0; }
 OPERATION Number number_fabs(const Number &x) {
-    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0));
+    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
     return chain(fabs(x.v), side, x);
 }
 OPERATION Number number_copysign(const Number &x, const Number &y) {
