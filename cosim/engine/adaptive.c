@@ -113,7 +113,7 @@ static double largest_error(const Engine *e, EngineAdaptive *a) {
     double largest = 0.0;
     a->worst = 0;
     for (uint32_t k = 0; k < a->n; k++) {
-        if (!(a->use[k] & ENGINE_COUNTS)) continue;
+        if (!(a->use[k] & ENGINE_READ)) continue;
         const double size = fabs(arrived[k]) > a->size[k] ? fabs(arrived[k]) : a->size[k];
         const double expected = a->begin[k] + h * (a->slope[k] + a->curve[k] * (h + a->over));
         const double error = fabs(arrived[k] - expected) / (a->tolerance * size);

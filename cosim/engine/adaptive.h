@@ -9,7 +9,7 @@
 
 /* How an output of a continuous component is used; flags. */
 typedef enum {
-    ENGINE_COUNTS = 1, /* its error decides on the steps */
+    ENGINE_READ = 1, /* a continuous component reads it: its error counts */
     ENGINE_HELD = 2, /* it is not extrapolated */
     ENGINE_STEPWISE = 4 /* between communication points it keeps its value */
 } EngineUse;

@@ -13,9 +13,9 @@ discrete component, so these run at their exact instants.
    smallest step in one), with two constant inputs that have the mean and the first moment of the parabola, so that the
    exchange is of third order: constants in the middle would leave an error of second order that no output shows. Then
    1 is repeated at the end of the step. Where a loop has no solution there, a shorter step is tried.
-4. The error is the largest difference, among real outputs and those that continuous components read, between the value
-   that has arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal,
-   largest magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step
+4. The error is the largest difference, among the outputs that continuous components read, between the value that has
+   arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
+   magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step
    that was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next
    one, as it grows with the product of the distances to the values of the parabola.
 
@@ -59,12 +59,12 @@ PARTS = 4096
 """The smallest step is this part of the smallest step that a continuous component has without a tolerance."""
 LARGEST = 64
 """The largest step is so many of these."""
-SHARE = 0.05
+SHARE = 0.03
 """The part of the tolerance that the error of one step may be: errors add up."""
-FLOOR = 0.01
+FLOOR = 0.001
 """The part of its nominal value relative to which the error of a smaller output is measured."""
 SAVE, RESTORE = -2, -3
-_COUNTS, _HELD, _STEPWISE = 1, 2, 4
+_READ, _HELD, _STEPWISE = 1, 2, 4
 _Value = tuple[SystemComponent, str] | AlgebraicLoop
 States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
 State = tuple[Array, npt.NDArray[np.int64], States | None]
@@ -167,8 +167,9 @@ class AdaptiveSteps:
             if (c.source, c.output) == (component, variable) and not c.target.discrete
         ]
         real = variable.type == "real"
-        counts = bool(readers) or (real and variable.variability == "continuous")
-        return _COUNTS * counts + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
+        return (
+            _READ * bool(readers) + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
+        )
 
     def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
         self._keep.append(array)

@@ -17,9 +17,6 @@ from cosim import Execution, Recording, System
 from cosim.engine.adaptive import FLOOR, SHARE
 from oracles.exchange_rule import Key, Rule
 
-_REAL = "real", "continuous"
-
-
 class AdaptiveRule(Rule):
     """A system that has just been initialized, taken through a run with a tolerance."""
 
@@ -37,7 +34,6 @@ class AdaptiveRule(Rule):
         self.read = {(c.source, c.output) for c in self.connections}
         self.held = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.held}
         self.held |= {key for key in self.outputs if key[1].type != "real"}
-        self.counted = [k for k in self.outputs if k in self.read or (k[1].type, k[1].variability) == _REAL]
         self.loops = list(self.exchange.loops)
         self.refreshed = self.in_order()
         self.size = {(m, v): FLOOR * v.nominal for m, v in self.outputs}
@@ -193,12 +189,12 @@ class AdaptiveRule(Rule):
             self.back, self.past = self.slope, n
 
     def error(self, h: float) -> tuple[float, Key | None]:
-        """The largest error of what counts, relative to what a step may have."""
+        """The largest error of what continuous components read, relative to what a step may have."""
         over = float(self.over * self.tick)
-        expected = {k: self.at[k] + h * (self.slope[k] + self.curve[k] * (h + over)) for k in self.counted}
+        expected = {k: self.at[k] + h * (self.slope[k] + self.curve[k] * (h + over)) for k in self.outputs}
         errors = {
             key: abs(y - expected[key]) / (self.tolerance * max(self.size[key], abs(y)))
-            for key, y in ((key, self.computed[key]) for key in self.counted)
+            for key, y in ((key, self.computed[key]) for key in self.outputs if key in self.read)
         }
         largest = max(errors.values(), default=0.0)
         return largest, next((key for key, e in errors.items() if e == largest), None)
