@@ -71,14 +71,17 @@ static int refresh(Engine *e, EngineAdaptive *a, bool after) {
 }
 
 /* What components read in a half of the step, or in all of it: two constants that have the mean and the first moment of
- * begin + slope s + curve s (s + over) over it. */
+ * begin + slope s + curve s (s + over) over it; or the mean, and its last value at the end. */
 static void extrapolate(const Engine *e, const EngineAdaptive *a, bool halves, bool second) {
     double *published = e->values + a->published;
     const double h = duration(e, a->steps->tried);
     for (uint32_t k = 0; k < a->n; k++) {
         const double slope = a->slope[k] + a->curve[k] * a->over, bend = a->curve[k] * h;
-        const double mean = a->begin[k] + h * (slope / 2.0 + bend / 3.0), change = halves ? h * (slope + bend) / 3.0 : 0.0;
-        published[k] = second ? mean + change : mean - change;
+        const double mean = a->begin[k] + h * (slope / 2.0 + bend / 3.0);
+        const double change = a->use[k] & ENGINE_LAST ? h * (slope / 2.0 + bend * 2.0 / 3.0)
+            : halves                                  ? h * (slope + bend) / 3.0
+                                                      : 0.0;
+        published[k] = second || !halves ? mean + change : mean - change;
     }
 }
 
@@ -128,7 +131,7 @@ static double largest_error(const Engine *e, EngineAdaptive *a) {
 /* The second divided difference of an output over a step of length h that begins at the present begin, or that was
  * accepted or rejected there. */
 static double curve(const EngineAdaptive *a, uint32_t k, double slope, double h, double past) {
-    return past > 0.0 && !(a->use[k] & ENGINE_HELD) ? (slope - a->back[k]) / (h + past) : 0.0;
+    return past > 0.0 && !(a->use[k] & ENGINE_STEPWISE) ? (slope - a->back[k]) / (h + past) : 0.0;
 }
 
 /* The change of each output in the step that was accepted, or in one that was rejected, tells its slope, and with that
@@ -138,7 +141,7 @@ static void learn(const Engine *e, EngineAdaptive *a, int64_t length, bool accep
     const double *arrived = e->values + a->computed, h = duration(e, length), past = duration(e, s->past);
     if (!length) s->past = 0;
     for (uint32_t k = 0; k < a->n; k++) {
-        const double slope = length && !(a->use[k] & ENGINE_HELD) ? (arrived[k] - a->begin[k]) / h : 0.0;
+        const double slope = length && !(a->use[k] & ENGINE_STEPWISE) ? (arrived[k] - a->begin[k]) / h : 0.0;
         a->curve[k] = length ? curve(a, k, slope, h, past) : 0.0;
         a->slope[k] = slope;
         if (accepted) a->back[k] = slope;
@@ -197,8 +200,8 @@ static double growth(double f, double over, double far) {
  * its end, or itself again. */
 static double factor_of(const EngineAdaptive *a, double error, double most, bool next) {
     const EngineSteps *s = a->steps;
-    const bool held = a->slope[a->worst] == 0.0;
-    const double h = (double)s->tried, over = held ? 0.0 : (double)s->over / h, far = held ? 0.0 : (double)s->far / h;
+    const bool flat = a->slope[a->worst] == 0.0;
+    const double h = (double)s->tried, over = flat ? 0.0 : (double)s->over / h, far = flat ? 0.0 : (double)s->far / h;
     const double then = next && over != 0.0 ? 1.0 : over, ago = next && far != 0.0 ? 1.0 + (double)s->past / h : far;
     const double allowed = SAFETY * growth(1.0, over, far);
     while (most > LEAST_FACTOR && error * growth(most, then, ago) > allowed) most *= FINER;

@@ -10,8 +10,8 @@
 /* How an output of a continuous component is used; flags. */
 typedef enum {
     ENGINE_READ = 1, /* a continuous component reads it: its error counts */
-    ENGINE_HELD = 2, /* it is not extrapolated */
-    ENGINE_STEPWISE = 4 /* between communication points it keeps its value */
+    ENGINE_LAST = 2, /* outputs that follow in steps only depend directly on it: it ends a step with its last value */
+    ENGINE_STEPWISE = 4 /* it is not extrapolated, and between communication points it keeps its value */
 } EngineUse;
 
 /* Where the steps stand [ticks], and what they have cost. */

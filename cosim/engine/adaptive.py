@@ -8,11 +8,12 @@ discrete component, so these run at their exact instants.
    solved; loops whose components repeat their steps only at the end of a step, which is then repeated.
 2. The state of each continuous component is saved.
 3. Every input that another continuous component drives is extrapolated along the parabola through its values at the
-   last three communication points; not from integers and Booleans, and not from outputs that are read by a component
-   which computes outputs with direct dependencies in steps only. All components take the step in two halves (the
+   last three communication points, except for integers and Booleans. All components take the step in two halves (the
    smallest step in one), with two constant inputs that have the mean and the first moment of the parabola, so that the
-   exchange is of third order: constants in the middle would leave an error of second order that no output shows. Then
-   1 is repeated at the end of the step. Where a loop has no solution there, a shorter step is tried.
+   exchange is of third order: constants in the middle would leave an error of second order that no output shows. Where
+   a reader computes outputs with direct dependencies in steps only, the second constant is the value at the end, which
+   these outputs need, and both have the mean. Then 1 is repeated at the end of the step. Where a loop has no solution
+   there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
    magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step
@@ -64,7 +65,7 @@ SHARE = 0.03
 FLOOR = 0.001
 """The part of its nominal value relative to which the error of a smaller output is measured."""
 SAVE, RESTORE = -2, -3
-_READ, _HELD, _STEPWISE = 1, 2, 4
+_READ, _LAST, _STEPWISE = 1, 2, 4
 _Value = tuple[SystemComponent, str] | AlgebraicLoop
 States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
 State = tuple[Array, npt.NDArray[np.int64], States | None]
@@ -132,7 +133,7 @@ class AdaptiveSteps:
         self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
         n = len(self._outputs)
         self._keep: list[Any] = []
-        self.held, refreshed = _direct(schedule, layout, loops, repeated)
+        self.in_steps, refreshed = _direct(schedule, layout, loops, repeated)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
         self._pool = EngineStatePool(calls) if calls else None
@@ -166,10 +167,8 @@ class AdaptiveSteps:
             for c in self._schedule.connections
             if (c.source, c.output) == (component, variable) and not c.target.discrete
         ]
-        real = variable.type == "real"
-        return (
-            _READ * bool(readers) + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
-        )
+        last = any(m in self.in_steps for m in readers)
+        return _READ * bool(readers) + _LAST * last + _STEPWISE * (variable.type != "real")
 
     def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
         self._keep.append(array)

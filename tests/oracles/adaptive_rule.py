@@ -32,8 +32,8 @@ class AdaptiveRule(Rule):
         ]
         self.connections = [c for c in self.schedule.connections if not c.target.discrete]
         self.read = {(c.source, c.output) for c in self.connections}
-        self.held = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.held}
-        self.held |= {key for key in self.outputs if key[1].type != "real"}
+        self.last = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.in_steps}
+        self.held = {key for key in self.outputs if key[1].type != "real"}
         self.loops = list(self.exchange.loops)
         self.refreshed = self.in_order()
         self.size = {(m, v): FLOOR * v.nominal for m, v in self.outputs}
@@ -54,7 +54,7 @@ class AdaptiveRule(Rule):
             return next((k for k in self.loops if any((c.source, c.output) == (m, v) for c in k.connections)), None)
 
         def inputs(m: Any, v: Any) -> list[Any]:
-            held = m in self.exchange.adaptive.held
+            held = m in self.exchange.adaptive.in_steps
             return [] if held else [(c.source, c.output) for c in direct(m, v) if not c.source.discrete]
 
         def level(m: Any, v: Any) -> int:
@@ -67,7 +67,7 @@ class AdaptiveRule(Rule):
 
         levels: dict[int, set[Any]] = {}
         for m, v in {*self.outputs} | {key for key in self.read if not key[0].discrete}:
-            if loop_of(m, v) or (direct(m, v) and m not in self.exchange.adaptive.held):
+            if loop_of(m, v) or (direct(m, v) and m not in self.exchange.adaptive.in_steps):
                 levels.setdefault(level(m, v), set()).add(loop_of(m, v) or m)
         return [
             item
@@ -168,7 +168,10 @@ class AdaptiveRule(Rule):
     def constant(self, key: Key, h: float, side: int) -> float:
         """What is read in a half of the step, the first (-1) or the second (1), or in all of it (0)."""
         slope, bend = self.slope[key] + self.curve[key] * float(self.over * self.tick), self.curve[key] * h
-        return self.at[key] + h * (slope / 2.0 + bend / 3.0) + side * (h * (slope + bend) / 3.0)
+        change = side * (h * (slope + bend) / 3.0)
+        if key in self.last:
+            change = (side or 1) * (h * (slope / 2.0 + bend * 2.0 / 3.0))
+        return self.at[key] + h * (slope / 2.0 + bend / 3.0) + change
 
     def bend(self, key: Key, slope: float, h: float) -> float:
         """The second divided difference over the step before and one of length h."""
