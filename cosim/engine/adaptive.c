@@ -161,6 +161,7 @@ static int begin_step(Engine *e, EngineAdaptive *a) {
     if (e->n_due_discrete || s->changed) {
         const int result = refresh(e, a, false);
         if (result) return result;
+        s->past = 0; /* slopes may jump here */
     }
     s->changed = 0;
     memcpy(a->begin, e->values + a->published, a->n * sizeof(double));

@@ -17,6 +17,7 @@ from cosim import Execution, Recording, System
 from cosim.engine.adaptive import FLOOR, SHARE
 from oracles.exchange_rule import Key, Rule
 
+
 class AdaptiveRule(Rule):
     """A system that has just been initialized, taken through a run with a tolerance."""
 
@@ -127,6 +128,7 @@ class AdaptiveRule(Rule):
         most = int(left / self.tick)
         if changes or t == self.start:
             self.refresh(after=False)
+            self.past = 0
         self.at = {key: self.published[key] for key in self.outputs}
         for key, y in self.at.items():
             self.size[key] = max(self.size[key], abs(y))
