@@ -23,6 +23,7 @@ discrete component, so these run at their exact instants.
 Errors of steps add up over a run, and the coupling amplifies them; the share leaves room for that. A mathematical bound
 needs what the master cannot know of the components: docs/reference/masters.md has measurements.
 
+Values before an instant of a discrete component, or before an input was set from outside, tell slopes but no curves.
 A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
 one begins without slopes. If its error is as large although it is a smallest step too, the value is steep, and those
 after it have slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
@@ -236,8 +237,9 @@ class AdaptiveSteps:
     def failure(self, t: float) -> ToleranceExceeded:
         """Why they cannot continue at `t` [s]."""
         component, variable = self._outputs[self.struct.worst]
-        error, second = self.struct.error * self.struct.tolerance, float(self._base.tick)
-        return ToleranceExceeded(component.name, variable.name, error, self._tolerance, self.ticks * second, t)
+        most, smallest = float(self.struct.tolerance), self.ticks * float(self._base.tick)
+        error = self.struct.error * most
+        return ToleranceExceeded(component.name, variable.name, error, most, self._tolerance, smallest, t)
 
     @property
     def effort(self) -> StepEffort:
