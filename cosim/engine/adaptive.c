@@ -192,7 +192,7 @@ static void accept(Engine *e, EngineAdaptive *a) {
     memcpy(e->values + a->published, a->begin, a->n * sizeof(double));
 }
 
-/* How the error grows with the length f of a step, beside values that were known `over` and `far` before it; 0: none. */
+/* How the error grows with the length f of a step, whose begin is `over` and `far` after known values; 0: none. */
 static double growth(double f, double over, double far) {
     return f * (over == 0.0 ? 1.0 : fabs(f + over)) * (far == 0.0 ? 1.0 : f + far);
 }

@@ -20,8 +20,8 @@ discrete component, so these run at their exact instants.
    that was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next
    one, as it grows with the product of the distances to the values of the parabola.
 
-Errors of steps add up over a run, and the coupling amplifies them; the share leaves room for that. A mathematical bound
-needs what the master cannot know of the components: docs/reference/masters.md has measurements.
+Errors of steps add up over a run, and the coupling amplifies them: hence the share. A mathematical bound needs what the
+master cannot know of the components: docs/reference/masters.md has measurements.
 
 Values before an instant of a discrete component, or before an input was set from outside, tell slopes but no curves.
 A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next

@@ -38,7 +38,7 @@ typedef struct {
     EngineStep3 step;          /* of the FMU */
     const double *values, *scale, *offset;
     const EngineAdaptive *adaptive; /* in a run with a tolerance */
-    const EngineExtrapolation *lines; /* of n_lines elements; `now` is a number of an output with `adaptive`. Period 0: held */
+    const EngineExtrapolation *lines; /* of n_lines elements; `now`: an output of `adaptive`. Period 0: held */
     const uint32_t *element;   /* of n_lines: which of update.n they are; the others keep what `line` has of them */
     uint32_t n_lines;
 } IntermediateStep;
