@@ -37,11 +37,8 @@ def costs(subject: Subject, result: Result, peers: str) -> list[str]:
 
 
 def cost(found: Cost) -> str:
-    """Error and calls, with a tolerance also the error in its measure."""
-    if not found.error < 1.0:
-        return "diverges"
-    times = "" if found.times is None else f"; {found.times:.1f} times"
-    return f"{found.error:.2g} ({found.calls:,} calls{times})"
+    """Error and calls."""
+    return f"{found.error:.2g} ({found.calls:,} calls)" if found.error < 1.0 else "diverges"
 
 
 def table(name: str, rows: Sequence[Sequence[str]]) -> str:

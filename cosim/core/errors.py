@@ -159,18 +159,21 @@ class LoopNotSolved(CallFailed):
 
 
 class ToleranceExceeded(CallFailed):
-    """The error of an output exceeds the tolerance of the run even in steps of the `smallest` length [s]."""
+    """The error of an output exceeds the part of the tolerance that a step may make even in the `smallest` [s]."""
 
-    def __init__(self, component: str, variable: str, error: float, tolerance: float, smallest: float, at: float):
-        self.variable, self.error, self.tolerance, self.smallest, self.at = variable, error, tolerance, smallest, at
+    def __init__(
+        self, component: str, variable: str, error: float, most: float, tolerance: float, smallest: float, at: float
+    ):
+        self.variable, self.error, self.most, self.tolerance = variable, error, most, tolerance
+        self.smallest, self.at = smallest, at
         super().__init__(component, "exchange", 3)
         self.status = "not within the tolerance"
 
     def _text(self, time: float | None) -> str:  # noqa: ARG002
         return (
             f"the exchange of {self.component}.{self.variable} does not reach the tolerance of {self.tolerance:g} at"
-            f" t = {self.at:.9g} s: its error is {self.error:.2g} in steps of {self.smallest:.2g} s, the smallest ones;"
-            " run with a larger tolerance, or without one"
+            f" t = {self.at:.9g} s: its error is {self.error:.2g} instead of {self.most:.2g} in a step"
+            f" of {self.smallest:.2g} s, the smallest one; run with a larger tolerance, or without one"
         )
 
 

@@ -11,6 +11,7 @@ enum { LARGEST_SUCCESS = 1, DISCARD = 2, MOST_JUMPS = 10, SAVE = -2, RESTORE = -
 #define SAFETY 0.9
 #define LEAST_FACTOR 0.1 /* by which a step becomes shorter */
 #define MOST_FACTOR 2.0  /* by which the next step becomes longer */
+#define FINER 0.96       /* ratio of the factors that are considered */
 
 static double duration(const Engine *e, int64_t ticks) { return (double)(ticks * e->a) / (double)e->d; }
 
@@ -69,24 +70,43 @@ static int refresh(Engine *e, EngineAdaptive *a, bool after) {
     return ENGINE_AT_END;
 }
 
-/* All components from the begin of the step on, with inputs of its middle; their outputs at its end are published. */
-static int try_step(Engine *e, EngineAdaptive *a, double t) {
+/* What components read in a half of the step, or in all of it: two constants that have the mean and the first moment of
+ * begin + slope s + curve s (s + over) over it; or the mean, and its last value at the end. */
+static void extrapolate(const Engine *e, const EngineAdaptive *a, bool halves, bool second) {
     double *published = e->values + a->published;
     const double h = duration(e, a->steps->tried);
+    for (uint32_t k = 0; k < a->n; k++) {
+        const double slope = a->slope[k] + a->curve[k] * a->over, bend = a->curve[k] * h;
+        const double mean = a->begin[k] + h * (slope / 2.0 + bend / 3.0);
+        const double change = a->use[k] & ENGINE_LAST ? h * (slope / 2.0 + bend * 2.0 / 3.0)
+            : halves                                  ? h * (slope + bend) / 3.0
+                                                      : 0.0;
+        published[k] = second || !halves ? mean + change : mean - change;
+    }
+}
+
+/* All components from the begin of the step on, in two halves, the smallest step in one; their outputs at its end are
+ * published. */
+static int try_step(Engine *e, EngineAdaptive *a, double t) {
+    const bool halves = a->steps->tried > 1;
+    const double whole = duration(e, a->steps->tried), h = halves ? 0.5 * whole : whole;
+    const int32_t n = e->n_components - e->n_discrete, done = e->n_stepped - e->n_due_discrete;
+    const int32_t first = done > 0 ? done : 0;
     a->since = t;
-    const int32_t done = e->n_stepped - e->n_due_discrete;
-    for (uint32_t k = 0; k < a->n; k++) published[k] = a->begin[k] + a->slope[k] * (0.5 * h);
-    for (int32_t i = e->n_discrete + (done > 0 ? done : 0); i < e->n_components; i++) {
-        EngineComponent *m = &e->components[i];
+    a->over = duration(e, a->steps->over);
+    for (int32_t i = first; i < (halves ? 2 * n : n); i++) {
+        const bool second = i >= n;
+        if (i == first || i == n) extrapolate(e, a, halves, second);
+        EngineComponent *m = &e->components[e->n_discrete + (second ? i - n : i)];
         m->step = h;
-        int result = engine_component(e, i, t);
+        int result = engine_component(e, (int32_t)(m - e->components), second ? t + h : t);
         if (!result) result = finite_or(e, m);
         if (result) {
-            e->n_stepped = e->n_due_discrete + i - e->n_discrete + 1;
+            e->n_stepped = e->n_due_discrete + i + 1;
             return result;
         }
     }
-    memcpy(published, e->values + a->computed, a->n * sizeof(double));
+    memcpy(e->values + a->published, e->values + a->computed, a->n * sizeof(double));
     return refresh(e, a, true);
 }
 
@@ -98,7 +118,8 @@ static double largest_error(const Engine *e, EngineAdaptive *a) {
     for (uint32_t k = 0; k < a->n; k++) {
         if (!(a->use[k] & ENGINE_READ)) continue;
         const double size = fabs(arrived[k]) > a->size[k] ? fabs(arrived[k]) : a->size[k];
-        const double error = fabs(arrived[k] - (a->begin[k] + a->slope[k] * h)) / (a->tolerance * size);
+        const double expected = a->begin[k] + h * (a->slope[k] + a->curve[k] * (h + a->over));
+        const double error = fabs(arrived[k] - expected) / (a->tolerance * size);
         if (error > largest) {
             largest = error;
             a->worst = k;
@@ -107,17 +128,32 @@ static double largest_error(const Engine *e, EngineAdaptive *a) {
     return a->error = largest;
 }
 
-/* The change of each output in the step before, or in one that was rejected (negative), tells its slope. */
-static void learn(const Engine *e, EngineAdaptive *a, int64_t over) {
-    const double *arrived = e->values + a->computed, h = fabs(duration(e, over));
-    for (uint32_t k = 0; k < a->n; k++)
-        a->slope[k] = over && !(a->use[k] & ENGINE_HELD) ? (arrived[k] - a->begin[k]) / h : 0.0;
-    a->steps->over = over;
+/* The second divided difference of an output over a step of length h that begins at the present begin, or that was
+ * accepted or rejected there. */
+static double curve(const EngineAdaptive *a, uint32_t k, double slope, double h, double past) {
+    return past > 0.0 && !(a->use[k] & ENGINE_STEPWISE) ? (slope - a->back[k]) / (h + past) : 0.0;
+}
+
+/* The change of each output in the step that was accepted, or in one that was rejected, tells its slope, and with that
+ * in the step before its curve. A length of 0 tells nothing. */
+static void learn(const Engine *e, EngineAdaptive *a, int64_t length, bool accepted) {
+    EngineSteps *s = a->steps;
+    const double *arrived = e->values + a->computed, h = duration(e, length), past = duration(e, s->past);
+    if (!length) s->past = 0;
+    for (uint32_t k = 0; k < a->n; k++) {
+        const double slope = length && !(a->use[k] & ENGINE_STEPWISE) ? (arrived[k] - a->begin[k]) / h : 0.0;
+        a->curve[k] = length ? curve(a, k, slope, h, past) : 0.0;
+        a->slope[k] = slope;
+        if (accepted) a->back[k] = slope;
+    }
+    s->far = s->past && accepted ? s->past + length : s->past;
+    s->over = accepted ? length : -length;
+    if (accepted) s->past = length;
 }
 
 /* The step before, over which slopes are measured; 0: none. The one with a jump tells no slope; where its successor is
  * as bad without slopes, the value is steep, and its own slope serves. */
-static int64_t measured_over(const EngineSteps *s) { return s->jumps % 2 ? 0 : s->end - s->begin; }
+static int64_t measured_over(const EngineSteps *s) { return s->jumps == 1 ? 0 : s->end - s->begin; }
 
 /* Values at the begin of a step, after the discrete components. */
 static int begin_step(Engine *e, EngineAdaptive *a) {
@@ -125,6 +161,7 @@ static int begin_step(Engine *e, EngineAdaptive *a) {
     if (e->n_due_discrete || s->changed) {
         const int result = refresh(e, a, false);
         if (result) return result;
+        s->past = 0; /* slopes may jump here */
     }
     s->changed = 0;
     memcpy(a->begin, e->values + a->published, a->n * sizeof(double));
@@ -155,18 +192,27 @@ static void accept(Engine *e, EngineAdaptive *a) {
     memcpy(e->values + a->published, a->begin, a->n * sizeof(double));
 }
 
-/* The length that the error of the accepted step allows for the next one. That of a value which is held grows with the
- * length h. That of an extrapolated one grows with h |h + g|, where its slope was measured over a length of g: the next
- * length is f h with f (f + 1) = SAFETY |1 + g / h| / error. */
+/* How the error grows with the length f of a step, whose begin is `over` and `far` after known values; 0: none. */
+static double growth(double f, double over, double far) {
+    return f * (over == 0.0 ? 1.0 : fabs(f + over)) * (far == 0.0 ? 1.0 : f + far);
+}
+
+/* The largest factor up to `most` by which a step may differ from the one that was tried: the next one, which begins at
+ * its end, or itself again. */
+static double factor_of(const EngineAdaptive *a, double error, double most, bool next) {
+    const EngineSteps *s = a->steps;
+    const bool flat = a->slope[a->worst] == 0.0;
+    const double h = (double)s->tried, over = flat ? 0.0 : (double)s->over / h, far = flat ? 0.0 : (double)s->far / h;
+    const double then = next && over != 0.0 ? 1.0 : over, ago = next && far != 0.0 ? 1.0 + (double)s->past / h : far;
+    const double allowed = SAFETY * growth(1.0, over, far);
+    while (most > LEAST_FACTOR && error * growth(most, then, ago) > allowed) most *= FINER;
+    return most > LEAST_FACTOR ? most : LEAST_FACTOR;
+}
+
+/* The length that the error of the accepted step allows for the next one. */
 static void control(EngineAdaptive *a) {
     EngineSteps *s = a->steps;
-    double factor = MOST_FACTOR;
-    if (a->error > 0.0 && a->slope[a->worst] == 0.0) factor = SAFETY / a->error;
-    else if (a->error > 0.0) {
-        const double reach = fabs(1.0 + (double)s->over / (double)s->tried);
-        factor = 0.5 * (sqrt(1.0 + 4.0 * SAFETY * reach / a->error) - 1.0);
-    }
-    if (factor < LEAST_FACTOR) factor = LEAST_FACTOR;
+    const double factor = factor_of(a, a->error, MOST_FACTOR, true);
     if (factor < MOST_FACTOR) s->next = (int64_t)(factor * (double)s->tried);
     else if (s->next < 2 * s->tried) s->next = 2 * s->tried; /* else the step was cut short */
     if (s->next < 1) s->next = 1;
@@ -201,10 +247,10 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
             break;
         }
         s->n_rejected++;
-        if (!result) learn(e, a, -s->tried);
+        const double factor = factor_of(a, error, SAFETY, false);
+        if (!result) learn(e, a, s->tried, false);
         if ((result = restore(e, a))) return result;
         e->n_stepped = 0;
-        const double factor = SAFETY / error > LEAST_FACTOR ? SAFETY / error : LEAST_FACTOR;
         s->tried = (int64_t)(factor * (double)s->tried);
         if (s->tried < 1) s->tried = 1;
         s->next = s->tried;
@@ -227,7 +273,7 @@ int engine_adaptive_cut(Engine *e, EngineAdaptive *a, int64_t tick) {
     s->end = tick;
     s->total += s->tried - before;
     if (s->tried < s->smallest) s->smallest = s->tried;
-    learn(e, a, measured_over(s));
+    learn(e, a, measured_over(s), true);
     e->tick = tick;
     return ENGINE_AT_END;
 }
@@ -239,12 +285,16 @@ int engine_adaptive_arrive(Engine *e, EngineAdaptive *a, double t) {
     double *published = e->values + a->published;
     const double *computed = e->values + a->computed;
     if (e->tick == s->end) {
-        learn(e, a, measured_over(s)); /* before a discrete component changes a loop */
+        learn(e, a, measured_over(s), true); /* before a discrete component changes a loop */
         memcpy(published, computed, a->n * sizeof(double));
     } else {
+        const double h = duration(e, s->end - s->begin), past = duration(e, s->past);
         const double share = (double)(e->tick - s->begin) / (double)(s->end - s->begin);
-        for (uint32_t k = 0; k < a->n; k++)
-            published[k] = a->begin[k] + (a->use[k] & ENGINE_STEPWISE ? 0.0 : (computed[k] - a->begin[k]) * share);
+        for (uint32_t k = 0; k < a->n; k++) {
+            const double change = a->use[k] & ENGINE_STEPWISE ? 0.0 : computed[k] - a->begin[k];
+            const double bend = curve(a, k, change / h, h, past) * h * h;
+            published[k] = a->begin[k] + share * (change - bend * (1.0 - share));
+        }
     }
     return engine_arrive(e, t);
 }

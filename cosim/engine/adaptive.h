@@ -10,8 +10,8 @@
 /* How an output of a continuous component is used; flags. */
 typedef enum {
     ENGINE_READ = 1, /* a continuous component reads it: its error counts */
-    ENGINE_HELD = 2, /* it is not extrapolated */
-    ENGINE_STEPWISE = 4 /* between communication points it keeps its value */
+    ENGINE_LAST = 2, /* outputs that follow in steps only depend directly on it: it ends a step with its last value */
+    ENGINE_STEPWISE = 4 /* it is not extrapolated, and between communication points it keeps its value */
 } EngineUse;
 
 /* Where the steps stand [ticks], and what they have cost. */
@@ -19,6 +19,8 @@ typedef struct {
     int64_t begin, end;      /* of the present step; they are equal before the first one */
     int64_t tried;           /* length of the step that is or was tried last */
     int64_t over;            /* what slopes were measured over: the step before, or minus the rejected one; 0: none */
+    int64_t far;             /* how long ago the third value is that tells the curves; 0: none */
+    int64_t past;            /* length of the step before, over which `back` was measured; 0: none */
     int64_t next;            /* length that the error allows for the next step */
     int64_t jumps;           /* smallest steps in a row that exceeded the tolerance */
     int64_t changed;         /* inputs or parameters were set from outside */
@@ -41,8 +43,9 @@ typedef struct {
     void **states;               /* of n_fmus; they were saved once before */
     int32_t n_fmus;
     bool others;                 /* `back` saves and restores other states, as components -2 and -3 */
-    double *begin, *slope, *size; /* of n: value at the begin of the step, its slope, the largest magnitude so far */
-    double since;                /* begin of the step [s] */
+    double *begin, *size;        /* of n: value at the begin of the step; the largest magnitude so far */
+    double *slope, *curve, *back; /* of n: first and second divided difference there, slope in the step before */
+    double since, over;          /* begin of the step, EngineSteps.over [s] */
     EngineSteps *steps;
     uint32_t worst;              /* the output with the largest error in the last trial */
     double error;                /* relative to the tolerance */

@@ -7,19 +7,27 @@ discrete component, so these run at their exact instants.
 1. Outputs that depend directly on inputs are computed again from the inputs as they are now, and algebraic loops are
    solved; loops whose components repeat their steps only at the end of a step, which is then repeated.
 2. The state of each continuous component is saved.
-3. Every input that another continuous component drives is extrapolated linearly: from the last two communication
-   points, to the middle of the step; not from integers and Booleans, and not from outputs that are read by a component
-   which computes outputs with direct dependencies in steps only. All components take the step with these inputs. Then
-   1 is repeated at the end of the step. Where a loop has no solution there, a shorter step is tried.
+3. Every input that another continuous component drives is extrapolated along the parabola through its values at the
+   last three communication points, except for integers and Booleans. All components take the step in two halves (the
+   smallest step in one), with two constant inputs that have the mean and the first moment of the parabola, so that the
+   exchange is of third order: constants in the middle would leave an error of second order that no output shows. Where
+   a reader computes outputs with direct dependencies in steps only, the second constant is the value at the end, which
+   these outputs need, and both have the mean. Then 1 is repeated at the end of the step. Where a loop has no solution
+   there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
-   arrived and the one that was extrapolated to the end, relative to tolerance * max(nominal, largest magnitude so far).
-   If it is above 1, the states are restored, the slopes are those of the step that was tried, and a shorter one is
-   tried. Otherwise it is accepted, and the error decides on the length of the next one.
+   arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
+   magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step
+   that was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next
+   one, as it grows with the product of the distances to the values of the parabola.
 
+Errors of steps add up over a run, and the coupling amplifies them: hence the share. A mathematical bound needs what the
+master cannot know of the components: docs/reference/masters.md has measurements.
+
+Values before an instant of a discrete component, or before an input was set from outside, tell slopes but no curves.
 A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
-one begins without slopes. If its error is as large although it is a smallest step too, the value is steep: the step
-after it has slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
-interpolated linearly, for the recording and for everything else that reads them.
+one begins without slopes. If its error is as large although it is a smallest step too, the value is steep, and those
+after it have slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
+interpolated along the parabola, for the recording and for everything else that reads them.
 
 `adaptive.c` executes the rule; tests/oracles/adaptive_rule.py states it once more, in Python.
 """
@@ -53,8 +61,12 @@ PARTS = 4096
 """The smallest step is this part of the smallest step that a continuous component has without a tolerance."""
 LARGEST = 64
 """The largest step is so many of these."""
+SHARE = 0.03
+"""The part of the tolerance that the error of one step may be: errors add up."""
+FLOOR = 0.001
+"""The part of its nominal value relative to which the error of a smaller output is measured."""
 SAVE, RESTORE = -2, -3
-_READ, _HELD, _STEPWISE = 1, 2, 4
+_READ, _LAST, _STEPWISE = 1, 2, 4
 _Value = tuple[SystemComponent, str] | AlgebraicLoop
 States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and of all other continuous components
 State = tuple[Array, npt.NDArray[np.int64], States | None]
@@ -122,19 +134,19 @@ class AdaptiveSteps:
         self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
         n = len(self._outputs)
         self._keep: list[Any] = []
-        self.held, refreshed = _direct(schedule, layout, loops, repeated)
+        self.in_steps, refreshed = _direct(schedule, layout, loops, repeated)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
         self._pool = EngineStatePool(calls) if calls else None
         self._states = self._save_states()  # at the begin of the step
-        self._memory: Array = np.zeros((3, n))  # begin, slope, size
-        self._memory[2] = [v.nominal for _, v in self._outputs]
+        self._memory: Array = np.zeros((5, n))  # begin, size, slope, curve, back
+        self._memory[1] = [FLOOR * v.nominal for _, v in self._outputs]
         self._steps: npt.NDArray[np.int64] = np.zeros(self._ffi.sizeof("EngineSteps") // 8, dtype=np.int64)
         smallest = smallest_step(schedule.components)
         assert smallest is not None
         tick = base.count(smallest)
         self.struct = a = self._ffi.new("EngineAdaptive*")
-        a.n, a.tolerance, a.stop, a.largest = n, tolerance, stop, LARGEST * PARTS * tick
+        a.n, a.tolerance, a.stop, a.largest = n, SHARE * tolerance, stop, LARGEST * PARTS * tick
         first = self._outputs[0] if self._outputs else None
         a.published, a.computed = (layout.visible[first], layout.latest[first]) if first else (0, 0)
         a.use = self._pointer("uint8_t*", np.array([self._use(m, v) for m, v in self._outputs], dtype=np.uint8))
@@ -146,7 +158,7 @@ class AdaptiveSteps:
             self._use_states()
             a.fmus, a.n_fmus = self._pool.structs, len(calls)
             a.numbers = self._pointer("int32_t*", np.array([numbers[m] for m in calls], dtype=np.int32))
-        a.begin, a.slope, a.size = (self._pointer("double*", row) for row in self._memory)
+        a.begin, a.size, a.slope, a.curve, a.back = (self._pointer("double*", row) for row in self._memory)
         a.steps = self._pointer("EngineSteps*", self._steps)
         a.steps.next, a.steps.changed = PARTS * tick, True
 
@@ -156,10 +168,8 @@ class AdaptiveSteps:
             for c in self._schedule.connections
             if (c.source, c.output) == (component, variable) and not c.target.discrete
         ]
-        real = variable.type == "real"
-        return (
-            _READ * bool(readers) + _HELD * (not real or any(m in self.held for m in readers)) + _STEPWISE * (not real)
-        )
+        last = any(m in self.in_steps for m in readers)
+        return _READ * bool(readers) + _LAST * last + _STEPWISE * (variable.type != "real")
 
     def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
         self._keep.append(array)
@@ -227,8 +237,9 @@ class AdaptiveSteps:
     def failure(self, t: float) -> ToleranceExceeded:
         """Why they cannot continue at `t` [s]."""
         component, variable = self._outputs[self.struct.worst]
-        error, second = self.struct.error * self._tolerance, float(self._base.tick)
-        return ToleranceExceeded(component.name, variable.name, error, self._tolerance, self.ticks * second, t)
+        most, smallest = float(self.struct.tolerance), self.ticks * float(self._base.tick)
+        error = self.struct.error * most
+        return ToleranceExceeded(component.name, variable.name, error, most, self._tolerance, smallest, t)
 
     @property
     def effort(self) -> StepEffort:

@@ -55,9 +55,9 @@ class Execution:
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run.
         loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
-        tolerance: of the error of the exchange between continuous components, relative to max(nominal value, largest
-            magnitude so far) of each value: their communication steps follow it (`cosim.engine.adaptive`). None: their
-            steps are fixed.
+        tolerance: of the error that the exchange between continuous components makes in a run, relative to the largest
+            magnitude of each value: their communication steps follow it (`cosim.engine.adaptive`). None: their steps
+            are fixed.
         lanes: the vectors in which studies, sweeps and searches run copies of a system side by side, as in
             `cosim.batch.Batch`; "off": in none; None: in "auto" if it saves more time than their compilation takes.
     """

@@ -49,9 +49,12 @@ uint32_t intermediate_step(void *steps, double t, double h, bool no_set_prior, b
         const double scale = s->scale ? s->scale[x->input] : 1.0, offset = s->scale ? s->offset[x->input] : 0.0;
         double now, rate = 0.0;
         if (x->period == 0.0) now = s->values[x->now]; /* it is held */
-        else if (s->begin) {
-            rate = s->slopes[x->now];
-            now = s->begin[x->now] + rate * (t - *s->since);
+        else if (s->adaptive) { /* of its parabola, the mean and the slope in the middle */
+            const EngineAdaptive *const a = s->adaptive;
+            const double middle = t - a->since + 0.5 * h, slope = a->slope[x->now], curve = a->curve[x->now];
+            rate = slope + curve * (2.0 * middle + a->over);
+            now = a->begin[x->now] + middle * (slope + curve * (middle + a->over)) + curve * h * h / 12.0;
+            now -= 0.5 * h * rate;
         } else {
             const double last = s->values[x->now], change = last - s->values[x->before];
             rate = change / x->period;

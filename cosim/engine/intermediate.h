@@ -7,7 +7,7 @@
 #ifndef INTERMEDIATE_H
 #define INTERMEDIATE_H
 
-#include "engine.h"
+#include "adaptive.h"
 
 /* Why inputs were not set. */
 typedef enum {
@@ -37,8 +37,8 @@ typedef struct {
     IntermediateUpdate update;
     EngineStep3 step;          /* of the FMU */
     const double *values, *scale, *offset;
-    const double *begin, *slopes, *since; /* in a run with a tolerance: EngineAdaptive.begin, slope and since */
-    const EngineExtrapolation *lines; /* of n_lines elements; `now` is in `begin` if there is one. Period 0: held */
+    const EngineAdaptive *adaptive; /* in a run with a tolerance */
+    const EngineExtrapolation *lines; /* of n_lines elements; `now`: an output of `adaptive`. Period 0: held */
     const uint32_t *element;   /* of n_lines: which of update.n they are; the others keep what `line` has of them */
     uint32_t n_lines;
 } IntermediateStep;

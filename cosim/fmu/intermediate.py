@@ -128,10 +128,8 @@ class IntermediateUpdates:
         first = component.u - values  # where nothing is copied
         where = {i: component.index[i] if component.n_inputs else first + i for i in self._places}
         lines = {line.input: line for line in component.extrapolations[0 : component.n_extrapolations]}
-        steps.begin, steps.update.begins = ffi.NULL, adaptive != ffi.NULL
+        steps.adaptive, steps.update.begins = adaptive, adaptive != ffi.NULL
         if adaptive != ffi.NULL:
-            steps.begin, steps.slopes = adaptive.begin, adaptive.slope
-            steps.since = ffi.addressof(adaptive[0], "since")
             for i, slot in where.items():
                 if adaptive.published <= slot < adaptive.published + adaptive.n:
                     lines[i] = {"input": i, "now": slot - adaptive.published, "period": 1.0}

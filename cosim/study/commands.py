@@ -59,7 +59,7 @@ TOLERANCE = click.Option(
     ["--tolerance", "tolerance_"],
     type=float,
     metavar="RELATIVE",
-    help="let the communication steps of continuous components follow the error of the exchange, so that it stays about"
+    help="let the communication steps of continuous components follow the error of the exchange, so that it stays below"
     " this part of each value, and report the steps (default: fixed steps)",
 )
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare

@@ -14,11 +14,11 @@ NAMES = ["a.x", "a.v", "b.x", "b.v"]
 
 
 class Mass(PythonComponent):
-    """A mass of 1 kg on its own spring of K N/m and damper of d Ns/m; exact for a force that is held."""
+    """A mass of 1 kg on its own spring of k N/m and damper of d Ns/m; exact for a force that is held."""
 
     inputs = ("force",)
     outputs = ("x", "v")
-    parameters = {"x0": 1.0, "d": 0.0}  # noqa: RUF012
+    parameters = {"x0": 1.0, "d": 0.0, "k": K}  # noqa: RUF012
     feedthrough = {"x": (), "v": ()}  # noqa: RUF012
 
     def begin(self) -> None:
@@ -28,8 +28,8 @@ class Mass(PythonComponent):
         y[:] = self.x, self.v
 
     def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
-        rest, decay = u[0] / K, 0.5 * self.d
-        w = np.sqrt(K - decay * decay)
+        rest, decay = u[0] / self.k, 0.5 * self.d
+        w = np.sqrt(self.k - decay * decay)
         c, s, x = np.cos(w * h), np.sin(w * h), self.x - rest
         p = (self.v + decay * x) / w
         e = np.exp(-decay * h)

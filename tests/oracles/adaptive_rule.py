@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim import Execution, Recording, System
+from cosim.engine.adaptive import FLOOR, SHARE
 from oracles.exchange_rule import Key, Rule
 
 
@@ -24,7 +25,7 @@ class AdaptiveRule(Rule):
         self, system: System, stop: Fraction, record: Sequence[str], interval: Fraction | None, tolerance: float
     ):
         super().__init__(system, stop, record, interval, Execution(tolerance=tolerance))
-        self.tick, self.tolerance = self.exchange.base.tick, tolerance
+        self.tick, self.tolerance = self.exchange.base.tick, SHARE * tolerance
         declared = min(m.step for m in self.schedule.continuous)
         self.next, self.largest = int(declared / self.tick), int(64 * declared / self.tick)
         self.outputs: list[Key] = [
@@ -32,11 +33,13 @@ class AdaptiveRule(Rule):
         ]
         self.connections = [c for c in self.schedule.connections if not c.target.discrete]
         self.read = {(c.source, c.output) for c in self.connections}
-        self.held = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.held}
-        self.held |= {key for key in self.outputs if key[1].type != "real"}
+        self.last = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.in_steps}
+        self.held = {key for key in self.outputs if key[1].type != "real"}
         self.loops = list(self.exchange.loops)
         self.refreshed = self.in_order()
-        self.size = {(m, v): v.nominal for m, v in self.outputs}
+        self.size = {(m, v): FLOOR * v.nominal for m, v in self.outputs}
+        self.back = dict.fromkeys(self.outputs, 0.0)  # slopes in the step before, of so many ticks
+        self.past = 0
         self.at = dict.fromkeys(self.outputs, 0.0)
         self.begin = self.end = self.start
         self.jumps, self.accepted, self.rejected = 0, 0, 0
@@ -52,7 +55,7 @@ class AdaptiveRule(Rule):
             return next((k for k in self.loops if any((c.source, c.output) == (m, v) for c in k.connections)), None)
 
         def inputs(m: Any, v: Any) -> list[Any]:
-            held = m in self.exchange.adaptive.held
+            held = m in self.exchange.adaptive.in_steps
             return [] if held else [(c.source, c.output) for c in direct(m, v) if not c.source.discrete]
 
         def level(m: Any, v: Any) -> int:
@@ -65,7 +68,7 @@ class AdaptiveRule(Rule):
 
         levels: dict[int, set[Any]] = {}
         for m, v in {*self.outputs} | {key for key in self.read if not key[0].discrete}:
-            if loop_of(m, v) or (direct(m, v) and m not in self.exchange.adaptive.held):
+            if loop_of(m, v) or (direct(m, v) and m not in self.exchange.adaptive.in_steps):
                 levels.setdefault(level(m, v), set()).add(loop_of(m, v) or m)
         return [
             item
@@ -106,24 +109,26 @@ class AdaptiveRule(Rule):
         return Recording(np.array(times), list(names), data, {})
 
     def arrive(self, t: Fraction) -> None:
-        """What is computed is published; within a step, on the line from its begin to its end."""
+        """What is computed is published; within a step, on a parabola."""
         if t == self.end:
-            self.over = 0 if self.jumps % 2 else int((self.end - self.begin) / self.tick)
-            self.slope = self.slopes(self.over)
-        share = 1.0 if t == self.end else ((t - self.begin) / self.tick) / float((self.end - self.begin) / self.tick)
+            self.learn(0 if self.jumps == 1 else int((self.end - self.begin) / self.tick), accepted=True)
+            self.published |= {key: self.computed[key] for key in self.outputs}
+            return
+        h, share = (
+            float(self.end - self.begin),
+            int((t - self.begin) / self.tick) / int((self.end - self.begin) / self.tick),
+        )
         for key in self.outputs:
-            if t == self.end:
-                self.published[key] = self.computed[key]
-            elif key[1].type == "real":
-                self.published[key] = self.at[key] + (self.computed[key] - self.at[key]) * float(share)
-            else:
-                self.published[key] = self.at[key]
+            change = self.computed[key] - self.at[key] if key[1].type == "real" else 0.0
+            bend = self.bend(key, change / h, h) * h * h
+            self.published[key] = self.at[key] + share * (change - bend * (1.0 - share))
 
     def take_step(self, t: Fraction, left: Fraction, *, changes: bool) -> None:
         """A step from t on, no longer than `left`; `changes`: discrete components have just changed something."""
-        most, over, slope = int(left / self.tick), self.over, self.slope
+        most = int(left / self.tick)
         if changes or t == self.start:
             self.refresh(after=False)
+            self.past = 0
         self.at = {key: self.published[key] for key in self.outputs}
         for key, y in self.at.items():
             self.size[key] = max(self.size[key], abs(y))
@@ -131,10 +136,12 @@ class AdaptiveRule(Rule):
         states = {m: m.implementation.save() for m in self.schedule.continuous}
         while True:
             h = float(n * self.tick)
-            for key in self.outputs:
-                self.published[key] = self.at[key] + slope[key] * (0.5 * h)
-            for m in self.schedule.continuous:
-                self.advance(m, float(t), h)
+            parts = [-1, 1] if n > 1 else [0]
+            for i, side in enumerate(parts):
+                for key in self.outputs:
+                    self.published[key] = self.constant(key, h, side)
+                for m in self.schedule.continuous:
+                    self.advance(m, float(t) + i * h / 2, h / len(parts))
             for key in self.outputs:
                 self.published[key] = self.computed[key]
             solved = True
@@ -142,48 +149,72 @@ class AdaptiveRule(Rule):
                 self.refresh(after=True)
             except ArithmeticError:
                 solved = False
-            error, worst = self.error(slope, h) if solved else (math.inf, None)
+            error, worst = self.error(h) if solved else (math.inf, None)
             if error <= 1.0 or n == 1:
                 break
             self.rejected += 1
+            factor = self.factor(n, error, worst, 0.9, follows=False)
             if solved:
-                slope, over = self.slopes(-n), -n
+                self.learn(n, accepted=False)
             for m, state in states.items():
                 m.implementation.restore(state)
-            n = self.next = max(1, int(max(0.9 / error, 0.1) * n))
+            n = self.next = max(1, int(factor * n))
         self.jumps = 0 if error <= 1.0 else self.jumps + 1
         self.accepted += 1
-        self.control(n, error, over, held=worst is not None and slope[worst] == 0.0)
+        factor = self.factor(n, error, worst, 2.0, follows=True)
+        self.next = int(factor * n) if factor < 2.0 else max(self.next, 2 * n)
+        self.next = min(max(self.next, 1), self.largest)
         self.begin, self.end = t, t + n * self.tick
         self.published |= self.at
 
-    def slopes(self, over: int) -> dict[Key, float]:
-        """Slopes from the begin to the end of the step before, or of one that was rejected."""
-        h = abs(float(over * self.tick))
-        return {
-            key: (self.computed[key] - self.at[key]) / h if over and key not in self.held else 0.0
-            for key in self.outputs
-        }
+    def constant(self, key: Key, h: float, side: int) -> float:
+        """What is read in a half of the step, the first (-1) or the second (1), or in all of it (0)."""
+        slope, bend = self.slope[key] + self.curve[key] * float(self.over * self.tick), self.curve[key] * h
+        change = side * (h * (slope + bend) / 3.0)
+        if key in self.last:
+            change = (side or 1) * (h * (slope / 2.0 + bend * 2.0 / 3.0))
+        return self.at[key] + h * (slope / 2.0 + bend / 3.0) + change
 
-    def error(self, slope: dict[Key, float], h: float) -> tuple[float, Key | None]:
-        """The largest error of what continuous components read, relative to the tolerance."""
+    def bend(self, key: Key, slope: float, h: float) -> float:
+        """The second divided difference over the step before and one of length h."""
+        past = float(self.past * self.tick)
+        return (slope - self.back[key]) / (h + past) if past and key not in self.held else 0.0
+
+    def learn(self, n: int, *, accepted: bool) -> None:
+        """Slopes and curves by the step that was accepted, or by one that was rejected; n = 0: there are none."""
+        h = float(n * self.tick)
+        if not n:
+            self.past = 0
+        known = [key for key in self.outputs if n and key not in self.held]
+        self.slope = dict.fromkeys(self.outputs, 0.0)
+        self.slope |= {key: (self.computed[key] - self.at[key]) / h for key in known}
+        self.curve = {key: self.bend(key, slope, h) if n else 0.0 for key, slope in self.slope.items()}
+        self.over, self.far = n if accepted else -n, self.past + n if accepted and self.past else self.past
+        if accepted:
+            self.back, self.past = self.slope, n
+
+    def error(self, h: float) -> tuple[float, Key | None]:
+        """The largest error of what continuous components read, relative to what a step may have."""
+        over = float(self.over * self.tick)
+        expected = {k: self.at[k] + h * (self.slope[k] + self.curve[k] * (h + over)) for k in self.outputs}
         errors = {
-            key: abs(y - (self.at[key] + slope[key] * h)) / (self.tolerance * max(self.size[key], abs(y)))
+            key: abs(y - expected[key]) / (self.tolerance * max(self.size[key], abs(y)))
             for key, y in ((key, self.computed[key]) for key in self.outputs if key in self.read)
         }
         largest = max(errors.values(), default=0.0)
         return largest, next((key for key, e in errors.items() if e == largest), None)
 
-    def control(self, n: int, error: float, over: int, *, held: bool) -> None:
-        """The length of the next step."""
-        factor = 2.0
-        if error > 0.0 and held:
-            factor = 0.9 / error
-        elif error > 0.0:
-            factor = 0.5 * (math.sqrt(1.0 + 4.0 * 0.9 * abs(1.0 + over / n) / error) - 1.0)
-        factor = max(factor, 0.1)
-        self.next = int(factor * n) if factor < 2.0 else max(self.next, 2 * n)
-        self.next = min(max(self.next, 1), self.largest)
+    def factor(self, n: int, error: float, worst: Key | None, most: float, *, follows: bool) -> float:
+        """By which the next step, or this one when it is tried again, may be longer: `most`, or less by the error.
+
+        The error grows with the distances from the end of a step to the three values that it was extrapolated from.
+        """
+        known = worst is not None and self.slope[worst] != 0.0
+        before = [x / n for x in (self.over, self.far) if x] if known else []
+        after = [1.0, 1.0 + self.past / n][: len(before)] if follows else before
+        while most > 0.1 and error * growth(most, after) > 0.9 * growth(1.0, before):
+            most *= 0.96
+        return max(most, 0.1)
 
     def solve_unless_repeated(self, loop: Any) -> None:
         if not any(m in self.exchange.repeated for m in loop.components):
@@ -210,6 +241,14 @@ class AdaptiveRule(Rule):
         port.u[:] = [self.input(m, v, now) for v in port.inputs]
         self.exchange.ports[m].run(now, h)
         self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+
+
+def growth(f: float, distances: Sequence[float]) -> float:
+    """How an error grows with the length f of a step, beside its distances to known values."""
+    product = f
+    for distance in distances:
+        product *= abs(f + distance)
+    return product
 
 
 def after(since: Fraction, offset: Fraction, step: Fraction) -> Fraction:
