@@ -111,12 +111,14 @@ class AdjointRun(Batch):
                 break
             self._begun = self._tape = Tape(4 * len(self._begun.ends))
         # Memory of the exchange and of each component, and rows that can depend on the parameters between instants.
-        self._components = [m for m in self._schedule.components if m in self._lanes]
+        self._components = [m for m in self._schedule.components if m in self._lanes and m in self._followed]
         self._arrays = [(self._whole[0], np.arange(len(self._whole[0])))]
         self._arrays += [(self._lanes[m].whole[0], self._lasting(m)) for m in self._components]
         self._borders = np.cumsum([len(rows) for _, rows in self._arrays])[:-1]
+        self._counts = [self._lanes[m].source.n_values for m in self._components]
+        self._warm_starts = [self._warm_starts_of(m) for m in self._components]
         self._first = self._indices()
-        self._sides = [self._sides_of(m) for m in self._components]  # views: all, last, changes, first (numbers.h)
+        self._sides = [self._sides_of(m) for m in self._components]  # views of Sides (numbers.h)
         self._first_sides = [each.copy() for each in self._sides]
 
     def _with_derivatives(self) -> Target:
@@ -128,18 +130,18 @@ class AdjointRun(Batch):
         end, further = lanes.library.cosim_lanes_numbers(), sum(lanes.source.sizes[k] for k in ("qp_solution", "fixed"))
         return np.r_[HEADER : HEADER + lanes.source.n_values, end - further : end]
 
-    def _warm_starts(self, m: SystemComponent) -> Numbers:
+    def _warm_starts_of(self, m: SystemComponent) -> Numbers:
         at = self._lanes[m].library.cosim_lanes_memory() // 8
         return self._lanes[m].whole[0].reshape(-1)[at : at + self._lanes[m].source.sizes["qp_memory"]]
 
     def _sides_of(self, m: SystemComponent) -> Indices:
         at = self._lanes[m].library.cosim_lanes_sides() // 8
-        return self._lanes[m].whole[0].view(np.uint64).reshape(-1)[at : at + 4]
+        return self._lanes[m].whole[0].view(np.uint64).reshape(-1)[at : at + 5]
 
     @property
     def side_changes(self) -> dict[str, int]:
         """As of a batch, after `backward`."""
-        taken = np.array(self._taken)  # (segments, components, 4)
+        taken = np.array(self._taken)  # (segments, components, 5)
         between = (taken[:-1, :, 1] != 0) & (taken[:-1, :, 1] != taken[1:, :, 3])
         counts = taken[:, :, 2].sum(axis=0, dtype=int) + between.sum(axis=0)
         return {m.name: int(n) for m, n in zip(self._components, counts, strict=True)}
@@ -167,7 +169,7 @@ class AdjointRun(Batch):
             record_interval=self._interval,
             stop_time=self.stop_time,
         )
-        counts = [self._lanes[m].source.n_values + self._lanes[m].source.sizes["qp_memory"] for m in self._components]
+        counts = [n + len(warm) for n, warm in zip(self._counts, self._warm_starts, strict=True)]
         with simulation:
             for tick, following in pairwise(bounds):
                 data = [m.implementation.serialize() for m in self._components]  # type: ignore[attr-defined]
@@ -239,11 +241,10 @@ class AdjointRun(Batch):
             self._use(Tape(_ENTRIES))
         while True:
             self._whole[0, :, 0] = state.exchange
-            for m, (header, values) in zip(self._components, state.components, strict=True):
-                memory = self._lanes[m].memory[0]
-                n = self._lanes[m].source.n_values
-                memory[: len(header), 0], memory[HEADER : HEADER + n, 0] = header, values[:n]
-                self._warm_starts(m)[:] = values[n:]
+            for (array, _), n, warm, (header, values) in zip(
+                self._arrays[1:], self._counts, self._warm_starts, state.components, strict=True
+            ):
+                array[: len(header), 0], array[HEADER : HEADER + n, 0], warm[:] = header, values[:n], values[n:]
             for (array, its_rows), own in zip(self._arrays, np.split(indices, self._borders), strict=True):
                 array[its_rows, 1] = own.view(np.float64)
             for sides, at_first in zip(self._sides, self._first_sides, strict=True):

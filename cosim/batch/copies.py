@@ -34,7 +34,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
 from cosim.system.wiring import Wiring
 
-SIDES = 6  # numbers of `Sides` (numbers.h)
+SIDES = 7  # numbers of `Sides` (numbers.h)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
@@ -110,6 +110,7 @@ class Batch(Copies):
         seeds: derivatives of parameters and start values, by full name (copies, directions): a multiple of 8
             directions, the same number for all; of a series (rows, copies, directions). What is recorded then has
             derivatives (`BatchRecording.tangents`).
+            Components that what is read does not depend on do without.
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
@@ -215,7 +216,9 @@ class Batch(Copies):
                 )
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
         tables = {m for m in self._fixed_reasons if m.description.native}
-        self._probed = (self._moving() & set(self._fixed_reasons)) - tables
+        self._followed = self._reached({m for m, _ in (*self._outputs, *self._record)}, backward=True)
+        moving = self._followed & self._reached({m for m, _ in self._seeds})
+        self._probed = (moving & set(self._fixed_reasons)) - tables
         self._check_memory()
         super().__init__()
         self._pool: ThreadPoolExecutor | None = None
@@ -254,11 +257,11 @@ class Batch(Copies):
                 f" {physical_memory() / 1e9:.3g} GB: {instead}"
             )
 
-    def _moving(self) -> set[SystemComponent]:
-        """Components that depend on the directions of the seeds."""
-        found = {m for m, _ in self._seeds}
-        while more := {c.target for c in self.system.connections.values() if c.source in found} - found:
-            found |= more
+    def _reached(self, found: set[SystemComponent], *, backward: bool = False) -> set[SystemComponent]:
+        """With all components that depend on these, or that these depend on."""
+        pairs = [(c.source, c.target)[:: -1 if backward else 1] for c in self.system.connections.values()]
+        while more := {b for a, b in pairs if a in found} - found:
+            found = found | more
         return found
 
     def _lanes_of(self, component: SystemComponent) -> LaneSource:
@@ -573,13 +576,13 @@ class Batch(Copies):
         """By component in which a tie has decided a derivative, the time [s] of the first step with one."""
         found = self._sides_by_name().items()
         return {
-            name: float(sides[..., 5].view(np.float64)[sides[..., 4] > 0].min())
+            name: float(sides[..., 6].view(np.float64)[sides[..., 5] > 0].min())
             for name, sides in found
-            if sides[..., 4].any()
+            if sides[..., 5].any()
         }
 
     def _sides_by_name(self) -> dict[str, npt.NDArray[np.uint64]]:
-        """Of components with derivatives what sides they have taken (copies, 6), see `Sides` of numbers.h."""
+        """Of components with derivatives what sides they have taken (copies, 7), see `Sides` of numbers.h."""
         found = {}
         for m, lanes in self._lanes.items():
             if at := lanes.library.cosim_lanes_sides() // 8:

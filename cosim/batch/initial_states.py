@@ -51,6 +51,7 @@ class Copies:
     _sources: dict[SystemComponent, LaneSource]
     _alone: dict[SystemComponent, str]
     _seeds: Mapping[tuple[SystemComponent, str], Array]
+    _followed: Collection[SystemComponent]
     _probed: Collection[SystemComponent]
     _words: tuple[str, str]
 
@@ -148,6 +149,7 @@ class Copies:
             self.threads,
             self._probes,
             self._samples,
+            self._followed,
         )
 
     def _settle(self, given: Mapping[tuple[SystemComponent, str], list[Any]]) -> list[int]:

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from build_fmus import compile as building
 from cosim.core.description import Variable
@@ -30,7 +31,7 @@ class NoLanes(Exception):  # noqa: N818
     """An FMU that is not vectorizable; the argument says why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LaneSource:
     """What lanes of an FMU are made of (`build_fmus.generate.lane_table`).
 
@@ -126,8 +127,13 @@ class LaneSource:
         ]
 
 
+_known: WeakKeyDictionary[FmuFile, LaneSource] = WeakKeyDictionary()
+
+
 def lane_source(fmu: FmuFile) -> LaneSource:
     """What lanes of an FMU are made of. Raises NoLanes saying why it has none."""
+    if (known := _known.get(fmu)) is not None:
+        return known
     if fmu.description.kind is None:
         raise NoLanes("it is no FMU of this project")
     files = _sources(fmu.path)
@@ -150,6 +156,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         raise NoLanes("it has operations that lanes do not have, such as solving linear equations")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
         raise other
+    _known[fmu] = source
     return source
 
 

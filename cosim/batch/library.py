@@ -143,6 +143,7 @@ def _over(target: Target, name: str, settings: Sequence[str], included: Sequence
     return f"{name}_of_{value}s.{'cpp' if target.directions else 'c'}", "\n".join(code).encode()
 
 
+@lru_cache(maxsize=256)
 def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
     """Lanes of an FMU, of which outputs with these slots are read. Raises CosimError without a compiler."""
     return _loaded_from(*_lane_files(source, outputs, target, ()))
@@ -161,7 +162,9 @@ def _lane_files(
 ) -> tuple[dict[str, bytes], tuple[str, ...], str]:
     """Files of a library, those that are compiled, and its name."""
     included = ["VALUE_equations.h", "lane_profiles.h", "model.c", "lane_component.h", *further]
-    name, code = _over(target, "component", source.settings(outputs), included)
+    plain = bool(target.directions) and not further and not source.one_at_a_time
+    settings = [*source.settings(outputs), f"#define HAS_PLAIN {int(plain)}"]
+    name, code = _over(target, "component", settings, included)
     files = {n: d for n, d in source.files.items() if n.startswith("musl/") or n.endswith(".h")}
     if target.directions:
         files |= {f"musl/{p.name}": p.read_bytes() for p in MUSL.glob("*.[ch]")}  # derivatives call others
@@ -171,6 +174,11 @@ def _lane_files(
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
     files["model.c"] = source.files["model.c"]
+    if plain:  # where nothing moves (lane_component.h)
+        names = [f"#define cosim_lanes_{n} plain_{n}" for n in re.findall(r"cosim_lanes_(\w+)", _EXPORTED)]
+        of_plain, code_of_plain = _over(TARGETS["baseline"], "component", [*source.settings(outputs), *names], included)
+        files[of_plain] = code_of_plain
+        sources.append(of_plain)
     if source.profiles:  # each copy has its own, which the FMU's own code computes
         files |= {
             "random_profiles.c": source.files["random_profiles.c"],

@@ -80,6 +80,7 @@ class Structs:
 
     `exchanges`: of each copy, None where it could not be initialized; those of copies with scalar components are
         kept. `samples`: of tables with derivatives, numbers (copies, rows * columns, numbers of a value).
+    `followed`: components that what is read depends on.
     """
 
     def __init__(
@@ -95,8 +96,10 @@ class Structs:
         threads: int,
         probes: Probes | None = None,
         samples: Mapping[SystemComponent, npt.NDArray[np.float64]] | None = None,
+        followed: Collection[SystemComponent] = (),
     ):
         self._probes, self._samples = probes, samples or {}
+        self._followed = followed
         self._plan, self._exchange, self._lanes, self._target = plan, exchange, lanes, target
         self._keep: list[Any] = []
         self._engines: list[BoundEngine | None] = []
@@ -159,6 +162,7 @@ class Structs:
     def _fill(self, m: Any, plan: ComponentPlan) -> None:
         ffi = interface()
         m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
+        m.followed = plan.component in self._followed
         if plan.component not in self._lanes:
             reads = {int(i) for i in plan.index} | {i for line in plan.extrapolations for i in line[1:4]}
             m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)

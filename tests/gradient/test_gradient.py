@@ -188,6 +188,24 @@ def test_a_gradient_is_of_the_values_it_was_computed_at(quarter_car: System) -> 
         quarter_car["car"].values = kept
 
 
+def test_what_no_metric_depends_on_has_no_derivatives(built_fmus: BuiltFmus) -> None:
+    system = System()
+    system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms", start={"body.z": 0.01})
+    alone = system.gradient({"ride": Rms("car.body.az")}, "car.body.mass", stop_time="0.2 s")
+    system.add("follower", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+    system.connect("car.body.z", "follower.road.height")
+    mine, both = {"ride": Rms("car.body.az")}, {"ride": Rms("car.body.az"), "other": Rms("follower.body.az")}
+    for mode in ("forward", "adjoint"):
+        found = system.gradient(mine, "car.body.mass", stop_time="0.2 s", mode=mode)
+        np.testing.assert_allclose(found.jacobian, alone.jacobian, rtol=1e-12)
+        assert system.gradient(both, "car.body.mass", stop_time="0.2 s", mode=mode).jacobian[1, 0] != 0.0
+        assert system.gradient(both, "follower.body.mass", stop_time="0.2 s", mode=mode).jacobian[0, 0] == 0.0
+    system.isolate("follower")
+    assert system.gradient(mine, "car.body.mass", stop_time="0.2 s").by_difference == {}
+    assert list(system.gradient(both, "car.body.mass", stop_time="0.2 s").by_difference) == ["follower"]
+    system.close()
+
+
 def test_many_parameters_are_shared_among_copies() -> None:
     system = system_of(RIDE, RideCase())
     many = system.gradient(RIDES, "car.*.stiffness", stop_time=0.5, interval="10 ms", threads=2)

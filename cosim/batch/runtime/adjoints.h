@@ -84,6 +84,21 @@ INLINE Adjoint chain(double value, double slope, const Adjoint &x) { return OfOn
 INLINE Adjoint chain(double value, double slope, const Adjoint &x, double second, const Adjoint &y) {
     return OfTwo<Adjoint, Adjoint>(value, slope, x, second, y);
 }
+struct OfMany : Expression<OfMany> {
+    enum { OPERANDS = TAPE_SPARE }; /* at most */
+    double v;
+    int n;
+    const double *slopes;
+    const Adjoint *const *of;
+    MEMBER void note(Operands &to, double) const {
+        for (int k = 0; k < n; k++) of[k]->note(to, slopes[k]);
+    }
+};
+NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint *const *of) {
+    OfMany all;
+    all.v = value, all.n = n, all.slopes = slopes, all.of = of;
+    return all;
+}
 INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.index); }
 INLINE int depends(const Adjoint &x) { return x.index != 0; }
 INLINE int depends(const Adjoint &x, const Adjoint &y) { return x.index != y.index; }

@@ -58,6 +58,9 @@ static void run_lanes(Group *g, const EngineComponent *of, int32_t number, Batch
     }
     if (of->scale)
         for (size_t i = 0; i < m->n_inputs; i++) memory[m->to[i]] = memory[m->to[i]] * of->scale[i] + of->offset[i];
+#if defined(TANGENTS) || defined(ADJOINTS)
+    for (size_t i = 0; i < m->n_inputs && !m->followed; i++) memory[m->to[i]] = lanes_all(memory[m->to[i]].v);
+#endif
     unsigned refused = 0;
     if (m->checked)
         for (size_t i = 0; i < m->n_inputs; i++) {
@@ -206,6 +209,9 @@ INLINE int run_component(Engine *e, const EngineComponent *m, double t) {
     Group *const g = (Group *)e->context;
     const int32_t number = (int32_t)(m - e->components);
     const BatchStep run = g->b->components[number].run;
+#ifdef ADJOINTS /* the engine has run all of them before */
+    if (!g->b->components[number].followed) return 0;
+#endif
     if (run) run_lanes(g, m, number, run, t);
     else run_alone(g, m, number, t);
     return 0;

@@ -20,6 +20,7 @@ typedef struct {
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */
     int32_t checked;         /* inputs may be not finite, or beyond limits */
+    int32_t followed;        /* what is read depends on it; else it needs no derivatives */
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;

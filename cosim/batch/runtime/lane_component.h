@@ -35,6 +35,9 @@ typedef struct {
 #ifdef HAS_SIDES
     Sides sides;
 #endif
+#if HAS_PLAIN
+    int prepared; /* values over plain numbers */
+#endif
     double memory[N_QP_MEMORY + 1]; /* warm starts of the quadratic programs */
     int pivots[IS_ROS2 * N_STATES + 1];
 } Component;
@@ -228,7 +231,61 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 }
 #endif
 
-EXPORT size_t cosim_lanes_rows(void) { return (SCRATCH + programs_bytes() + sizeof(lanes) - 1) / sizeof(lanes); }
+#if HAS_PLAIN
+/* The same component over plain numbers (library.py): where nothing that it reads depends on a direction, its steps are
+ * taken there, on a memory behind this one that begins alike. Both lanes are the same copy. */
+enum { PLAIN = (SCRATCH + 63) / 64 * 64, BEFORE_VALUES = offsetof(Component, v) / sizeof(lanes) };
+typedef double Pair[2];
+size_t plain_rows(void);
+void plain_prepare(void *memory);
+unsigned plain_step(void *memory, double t, double h, unsigned of);
+INLINE size_t plain_bytes(void) { return PLAIN - SCRATCH + plain_rows() * sizeof(Pair); }
+
+static void to_plain(Component *m, size_t begin, size_t n) {
+    Pair *const to = (Pair *)((char *)m + PLAIN) + begin;
+    const lanes *const from = (const lanes *)m + begin;
+    for (size_t i = 0; i < n; i++) to[i][0] = to[i][1] = from[i].v;
+}
+
+static void from_plain(Component *m, size_t begin, size_t n) {
+    const Pair *const from = (const Pair *)((const char *)m + PLAIN) + begin;
+    lanes *const to = (lanes *)m + begin;
+    for (size_t i = 0; i < n; i++) to[i] = lanes_all(from[i][0]);
+}
+
+static int moves(const lanes *values, int n) {
+    int any = 0;
+    for (int i = 0; i < n && !any; i++) any = depends(values[i]);
+    return any;
+}
+
+static unsigned step_of_any(Component *m, double t, double h, unsigned of) {
+    enum { INPUTS = BEFORE_VALUES + N_PARAMETERS, STATES = INPUTS + N_INPUTS, OUTPUTS = STATES + 2 * N_STATES };
+    const uint64_t was_plain = m->sides.plain;
+    m->sides.plain = was_plain ? !moves(U, N_INPUTS) : !moves(m->v, N_VALUES);
+    if (was_plain && !m->sides.plain) {
+        from_plain(m, 0, BEFORE_VALUES);
+        from_plain(m, STATES, 2 * N_STATES + N_OUTPUTS);
+    }
+    if (!m->sides.plain) return step(m, t, h, of);
+    if (was_plain) to_plain(m, INPUTS, N_INPUTS);
+    else to_plain(m, 0, OUTPUTS);
+    if (!m->prepared) plain_prepare((char *)m + PLAIN);
+    m->prepared = 1;
+    const unsigned failed = plain_step((char *)m + PLAIN, t, h, 3u) & of;
+    from_plain(m, OUTPUTS, N_OUTPUTS);
+    if (IS_CONTINUOUS) from_plain(m, STATES, N_STATES); /* which others may read */
+    if (failed) from_plain(m, 0, BEFORE_VALUES);
+    return failed;
+}
+#else
+INLINE size_t plain_bytes(void) { return 0; }
+#define step_of_any step
+#endif
+
+EXPORT size_t cosim_lanes_rows(void) {
+    return (SCRATCH + programs_bytes() + plain_bytes() + sizeof(lanes) - 1) / sizeof(lanes);
+}
 
 #if HAS_PROFILES
 const double *lane_profiles(const double *p); /* of one copy: valid until the next call */
@@ -259,6 +316,9 @@ EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
     sides = 0;
+#endif
+#if HAS_PLAIN
+    m->prepared = 0;
 #endif
 #if N_QP_DATA
     memset(m->kept, 0, sizeof m->kept);
@@ -308,7 +368,7 @@ EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) 
     sides = 0;
     tied = 0;
 #endif
-    const unsigned failed = step(m, t, h, of);
+    const unsigned failed = step_of_any(m, t, h, of);
 #ifdef HAS_SIDES
     note_sides(&m->sides, t);
 #endif

@@ -5,6 +5,7 @@
  * The type and its operators come from tangents.h or adjoints.h, with
  *     chain(value, slope, x), chain(value, slope, x, second, y), moved(value, x)  a number that depends on x, on y,
  *                                                                                 or moves as x does;
+ *     chain(value, n, slopes, of)  one that depends on n others;
  *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
  *     lanes_moved, lanes_changed  whether a number is not the same, beyond rounding and at all.
  *
@@ -46,17 +47,18 @@ static __thread int tied;
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
 
-/* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, and
- * those of the first step where nothing was noted before. Steps with a tie, and the time of the first of them. */
+/* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, those
+ * of the first step where nothing was noted before, and whether the last step was over plain numbers. Steps with a tie,
+ * and the time of the first of them. */
 typedef struct {
-    uint64_t all, last, changes, first, ties;
+    uint64_t all, last, changes, first, plain, ties;
     double tie;
 } Sides;
 
 /* At first those that values which follow from the parameters alone have taken. */
 INLINE void begin_sides(Sides *of) {
     of->all = of->last = sides;
-    of->changes = of->first = of->ties = 0;
+    of->changes = of->first = of->ties = of->plain = 0;
 }
 
 INLINE void note_tie(Sides *of, double t) {
@@ -132,11 +134,12 @@ OPERATION Number number_copysign(const Number &x, const Number &y) {
     noted(depends(y), signbit(y.v) != 0);
     return chain(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
 }
-OPERATION Number number_fmax(const Number &x, const Number &y) {
+/* Tables and limits call these two often, which would take minutes to compile in place. */
+NOINLINE Number number_fmax(const Number &x, const Number &y) {
     const double r = fmu_fmax(x.v, y.v);
     return moved(r, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
 }
-OPERATION Number number_fmin(const Number &x, const Number &y) {
+NOINLINE Number number_fmin(const Number &x, const Number &y) {
     const double r = fmu_fmin(x.v, y.v);
     return moved(r, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
 }

@@ -7,19 +7,17 @@
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */
 
-/* Rows of the largest system. */
-static size_t most_unknowns(void) {
-    int most = 0;
-    for (int k = 0; k < qp_count; k++) {
-        const int size = qp_list[k].n + (qp_list[k].n < qp_list[k].m ? qp_list[k].n : qp_list[k].m);
-        most = size > most ? size : most;
-    }
-    return (size_t)most;
+/* What is kept of a program from one solution to the next: its case, from 1 on, number of active rows, these rows, and
+ * the inverse of their system, for as long as they are the same. */
+static size_t kept_numbers(const Qp *qp) {
+    const size_t n = (size_t)qp->n, m = (size_t)qp->m, most = n + (n < m ? n : m);
+    return 2 + m + (2 * most + 1) * most;
 }
 
 static size_t programs_bytes(void) {
-    const size_t n = most_unknowns();
-    return qp_aligned(fmu_qp_functions.scratch_size()) + (2 * n + 1) * n * sizeof(double);
+    size_t numbers = 0;
+    for (int k = 0; k < qp_count; k++) numbers += kept_numbers(&qp_list[k]);
+    return qp_aligned(fmu_qp_functions.scratch_size()) + numbers * sizeof(double);
 }
 
 /* Rows of n numbers, and behind each as many of the unit matrix, which become the inverse: elimination with row
@@ -60,20 +58,24 @@ static int is_active(const double *row, int n, double multiplier, const lanes *l
     return any;
 }
 
-/* Derivatives of the solution of one program. `a`: memory for the system. */
-static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *a) {
+/* Derivatives of the solution of one program. `known`: what is kept of it. */
+static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *known) {
     const int n = qp->n, m = qp->m;
     const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
-    int rows[N_QP_SOLUTION], active = 0;
+    double *const rows = known + 2, *const a = rows + m;
+    const double which = (double)(c - qp->cases) + 1.0;
+    int active = 0, same = known[0] == which;
     for (int i = 0; i < m; i++)
-        if (is_active(c->constraints + (size_t)i * (size_t)n, n, solution[n + i].v, &lower[i], &upper[i]))
-            rows[active++] = i;
+        if (is_active(c->constraints + (size_t)i * (size_t)n, n, solution[n + i].v, &lower[i], &upper[i])) {
+            same &= rows[active] == (double)i;
+            rows[active++] = (double)i;
+        }
     const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
-    if (solved) {
+    if (solved && !(same && known[1] == (double)active)) {
         memset(a, 0, size * width * sizeof *a);
-        for (size_t j = 0; j < size; j++) a[j * width + size + j] = 1.0;
+        for (size_t j = 0; j < size; j++) a[j * width + size + j] = j < (size_t)n ? -1.0 : 1.0;
         for (size_t j = 0; j < (size_t)n; j++)
             memcpy(a + j * width, c->hessian + j * (size_t)n, (size_t)n * sizeof *a);
         for (size_t r = (size_t)n; r < size; r++)
@@ -81,14 +83,24 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
                 a[r * width + j] = a[j * width + r] = c->constraints[(size_t)rows[r - (size_t)n] * (size_t)n + j];
         solved = invert(a, size, a + size * width);
     }
+    known[0] = solved ? which : 0.0;
+    known[1] = (double)active;
+#ifdef ADJOINTS
+    static_assert((int)N_QP_SOLUTION <= (int)TAPE_SPARE, "a solution depends on more than the tape has space for");
+#endif
+    const lanes *of[N_QP_SOLUTION];
+    int column[N_QP_SOLUTION], count = 0;
     for (int k = 0; k < n + active; k++) {
-        lanes *const result = &solution[k < n ? k : n + rows[k - n]];
-        const double value = result->v, *const of = a + (size_t)k * width + size;
-        for (int j = 0; j < n; j++) *result = chain(value, 1.0, *result, solved ? -of[j] : NAN, q[j]);
-        for (int r = 0; r < active; r++) {
-            const lanes *const bound = solution[n + rows[r]].v > 0.0 ? upper : lower;
-            *result = chain(value, 1.0, *result, solved ? of[n + r] : NAN, bound[rows[r]]);
-        }
+        const int row = k < n ? 0 : (int)rows[k - n];
+        of[count] = k < n ? &q[k] : solution[n + row].v > 0.0 ? &upper[row] : &lower[row];
+        column[count] = k;
+        count += depends(*of[count]);
+    }
+    for (int k = 0; k < n + active; k++) {
+        lanes *const result = &solution[k < n ? k : n + (int)rows[k - n]];
+        double slopes[N_QP_SOLUTION];
+        for (int j = 0; j < count; j++) slopes[j] = solved ? a[(size_t)k * width + size + (size_t)column[j]] : NAN;
+        *result = chain(result->v, count, slopes, of);
     }
 }
 
@@ -96,8 +108,8 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
  * solutions that were found, as a program without one gives them again; `trial`: nothing is kept. */
 static void solve_programs(
     lanes *data, lanes *solution, double *memory, lanes *kept, int trial, char *scratch) {
-    double values[N_QP_DATA], found[N_QP_SOLUTION], *const a = (double *)(void *)(scratch + qp_aligned(
-        fmu_qp_functions.scratch_size()));
+    double values[N_QP_DATA], found[N_QP_SOLUTION];
+    double *known = (double *)(void *)(scratch + qp_aligned(fmu_qp_functions.scratch_size()));
     for (int i = 0; i < N_QP_DATA; i++) values[i] = data[i].v;
     fmu_qp_functions.solve(scratch, memory, values, found);
     for (int i = 0; i < N_QP_SOLUTION; i++) solution[i] = lanes_all(found[i]);
@@ -113,13 +125,14 @@ static void solve_programs(
                     const double y = solution[qp->n + i].v;
                     take_side((uint64_t)((y > 0.0) - (y < 0.0) + 1));
                 }
-                differentiate(qp, data, solution, a);
+                differentiate(qp, data, solution, known);
             }
             if (status == QP_SOLVED && !trial) memcpy(kept, solution, (size_t)qp->n * sizeof *kept);
         } else {
             for (int i = 0; i < qp->n; i++) solution[i] = moved(solution[i].v, kept[i]);
         }
         data += size;
+        known += kept_numbers(qp);
         solution += results;
         kept += results;
     }

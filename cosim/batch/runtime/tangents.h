@@ -57,6 +57,13 @@ INLINE Tangent chain(double value, double slope, const Tangent &x, double second
     EACH_PART(r.d[i] = scaled(slope, x.d[i]) + scaled(second, y.d[i]));
     return r;
 }
+NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent *const *of) {
+    Tangent r(value);
+    for (int k = 0; k < n; k++) {
+        EACH_PART(r.d[i] += scaled(slopes[k], of[k]->d[i]));
+    }
+    return r;
+}
 
 NOINLINE Tangent operator+(const Tangent &x, const Tangent &y) {
     Tangent r;
