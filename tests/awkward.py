@@ -77,8 +77,7 @@ def library(version: int, folder: Path, *macros: str) -> bytes:
     """`awkward.c` as a shared library of this machine."""
     flags = [f"-D{macro}" for macro in macros]
     name = f"awkward{version}{'_'.join(macros)}"
-    sources = [Path(__file__).with_suffix(".c"), making.others(folder, name, version)]
-    return making.compile_library(folder, name, version, sources, *flags).read_bytes()
+    return making.compile_library(folder, name, version, [Path(__file__).with_suffix(".c")], *flags).read_bytes()
 
 
 def archive(path: Path, xml: bytes, *, binary: bytes | None = None, **components: bytes) -> Path:

@@ -61,7 +61,6 @@ def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bo
     `kind`: that of its clock, or "early", which returns early though it may not, or "endless".
     """
     number = KINDS.index(kind) if kind in KINDS else 0
-    sources = [making.HERE / "clocked.c", making.others(folder, f"clocked_{kind}", 3)]
-    library = making.compile_library(folder, f"clocked_{kind}", 3, sources, f"-DKIND={number}")
+    library = making.compile_library(folder, f"clocked_{kind}", 3, [making.HERE / "clocked.c"], f"-DKIND={number}")
     text = description(kind, variable_step=variable_step, event_mode=event_mode)
     return making.pack(folder / f"Clocked{kind.capitalize()}.fmu", making.contents(3, "clocked", text, library))

@@ -173,10 +173,24 @@ static EngineType type_of(int version, Kind kind) {
     return version == 2 && kind == KIND_BOOLEAN ? ENGINE_INT32 : types[kind];
 }
 
+/* In place of functions that the library of an FMU does not have. */
+static uint32_t lacking2(void *instance, const uint32_t *references, size_t n, void *values) {
+    return (void)instance, (void)references, (void)n, (void)values, (uint32_t)fmi2Error;
+}
+static uint32_t lacking3(void *instance, const uint32_t *references, size_t n, void *values, size_t n_values) {
+    return (void)instance, (void)references, (void)n, (void)values, (void)n_values, (uint32_t)fmi3Error;
+}
+
 #define CASE2(KIND, NAME)                                                                                              \
-    case KIND_##KIND: t->call2 = set ? (EngineValues2)m->f2->Set##NAME : (EngineValues2)m->f2->Get##NAME; break
+    case KIND_##KIND:                                                                                                  \
+        t->call2 = set ? (EngineValues2)m->f2->Set##NAME : (EngineValues2)m->f2->Get##NAME;                            \
+        if (!t->call2) t->call2 = lacking2;                                                                            \
+        break
 #define CASE3(KIND, NAME)                                                                                              \
-    case KIND_##KIND: t->call3 = set ? (EngineValues3)m->f3->Set##NAME : (EngineValues3)m->f3->Get##NAME; break
+    case KIND_##KIND:                                                                                                  \
+        t->call3 = set ? (EngineValues3)m->f3->Set##NAME : (EngineValues3)m->f3->Get##NAME;                            \
+        if (!t->call3) t->call3 = lacking3;                                                                            \
+        break
 
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *t) {
     t->type = type_of(m->version, kind);
@@ -240,6 +254,7 @@ uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *valu
 }
 
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text) {
+    if (m->version == 2 ? !m->f2->SetString : !m->f3->SetString) return fmi2Error;
     return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
 }
 

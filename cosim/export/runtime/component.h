@@ -27,23 +27,26 @@ typedef enum {
     KIND_BINARY
 } Kind;
 
-/* The functions that are called, without the part of their name that says the version. */
+/* The functions that are called, without the part of their name that says the version; of the optional ones an FMU of
+ * others has those of its types and capabilities. */
 #define FMI2_CALLS(X)                                                                                                  \
     X(Instantiate)                                                                                                     \
     X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
-        X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(DoStep)
+        X(GetReal) X(SetReal) X(DoStep)
 #define FMI2_OPTIONAL_CALLS(X)                                                                                         \
-    X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate)                       \
-        X(DeSerializeFMUstate) X(GetDirectionalDerivative) X(GetRealStatus) X(GetBooleanStatus) X(SetString)
+    X(GetInteger) X(GetBoolean) X(SetInteger) X(SetBoolean) X(SetString)                                               \
+        X(GetRealStatus) X(GetBooleanStatus) X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate)                             \
+            X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate) X(GetDirectionalDerivative)
 #define FMI3_CALLS(X)                                                                                                  \
     X(InstantiateCoSimulation)                                                                                         \
-    X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset) X(GetFloat64)           \
-        X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)             \
-            X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)     \
-                X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(DoStep)
+    X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset) X(GetFloat64) \
+        X(SetFloat64) X(DoStep)
 #define FMI3_OPTIONAL_CALLS(X)                                                                                         \
-    X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState)                       \
-        X(DeserializeFMUState) X(GetDirectionalDerivative) X(SetString)
+    X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)   \
+        X(GetUInt64) X(GetBoolean) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)         \
+            X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(GetFMUState) X(SetFMUState) \
+                X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)                  \
+                    X(GetDirectionalDerivative)
 
 #define POINTER2(name) fmi2##name##TYPE *name;
 #define POINTER3(name) fmi3##name##TYPE *name;
