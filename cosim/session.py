@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from build_fmus.base import safe_files, surface
 from cosim.core.description import RECORDABLE
-from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning
+from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.engine.adaptive import for_tolerance, smallest_step
@@ -129,7 +129,7 @@ class System(Wiring):
         this system.
         """
         self.end_simulation()
-        kept, how = Record.of(record), execution or Execution()
+        kept, how = _named(Record.of(record)), execution or Execution()
         how.prepare(self)
         interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
         parts = None if how.tolerance is None else smallest_step(list(self.components.values()))
@@ -317,6 +317,8 @@ class System(Wiring):
         from cosim.linear import linearization as linear
 
         sampled, after = discrete is not False, rational(settle, "settle")
+        if after < 0:
+            raise TimeError(f"settle is {seconds_text(after)}; give 0 s or a longer time")
         schedule = self.schedule()
         chosen_in = linear.choose_inputs(self.components, schedule, sampled, inputs)
         chosen_out = linear.choose_outputs(self.components, schedule, sampled, outputs)
@@ -512,6 +514,14 @@ class Fmu(FmuFile):  # noqa: D101
                 chosen_in, chosen_out, period or True if component.discrete else False, settle
             )
         return LinearModel(matrices.within(name))
+
+
+def _named(kept: Record) -> Record:
+    """Raise WiringError for what names no variables."""
+    names = kept.names if isinstance(kept.variables, str | Iterable | None) else [kept.variables]
+    if wrong := [n for n in names if not isinstance(n, str)]:
+        raise WiringError(f"record holds {wrong[0]!r}; give names and patterns of variables, such as ['car.body.*']")
+    return kept if kept.variables is None else replace(kept, variables=names)
 
 
 def _check_stop_time(stop_time: TimeLike, start_time: TimeLike, state: SystemState | None) -> None:

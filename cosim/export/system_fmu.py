@@ -14,7 +14,7 @@ from build_fmus import description_xml as base
 from build_fmus import licenses, related
 from build_fmus.base import safe_files
 from build_fmus.base.archives import zipped
-from build_fmus.compile import ObjectCache, Platform, find_toolchain, resolve_platforms
+from build_fmus.compile import CompileError, ObjectCache, Platform, find_toolchain, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
 from cosim.engine.loops import RepeatedStep
@@ -54,10 +54,14 @@ def export_fmu(
         )
     if fmi not in (2, 3):
         raise CosimError(f"there is no FMI {fmi}: choose 2 or 3")
+    try:
+        chosen = resolve_platforms(platforms)
+    except CompileError as error:
+        raise CosimError(str(error)) from None
     variables = choose(schedule, inputs, outputs, parameters)
     exporter = _Exporter(SystemCode(name, schedule, variables, fmi, repeated=repeated), text)
     with safe_files.named(path):
-        return safe_files.write(path, exporter.archive(resolve_platforms(platforms)))
+        return safe_files.write(path, exporter.archive(chosen))
 
 
 class _Exporter:

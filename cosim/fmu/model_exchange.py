@@ -46,7 +46,7 @@ class ModelExchange:
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
-            number("tolerance", self.tolerance, above=0.0, most=0.1)
+            number("tolerance", self.tolerance, above=0.0, most=0.1, error=WiringError)
         if self.solver not in SOLVERS:
             raise WiringError(unknown("solver", self.solver, SOLVERS))
 

@@ -176,6 +176,12 @@ class GradientRun:
             raise GradientError(f"stop_time is {self.stop_time}; a run needs time to depend on its parameters")
         if not self.metrics:
             raise GradientError("there is no metric to differentiate: give one, such as {'ride': Rms('car.seat.az')}")
+        for name, metric in self.metrics.items():
+            if isinstance(metric, type) or not (hasattr(metric, "names") and hasattr(metric, "of")):
+                raise GradientError(
+                    f"the metric '{name}' is {metric!r}; give one of cosim.gradient, such as Rms('car.seat.az'), or an"
+                    " object with `names` and `of`"
+                )
         self.parameters = _chosen(self.system, self.given)
         read = dict.fromkeys(name for metric in self.metrics.values() for name in metric.names)
         self.names = [f"{m.name}.{v.name}" for m, v in self.system.select(list(read))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
@@ -72,11 +73,11 @@ class _Reader:
     # Components.
 
     def names(self) -> dict[tuple[str, ...], str]:
-        """Names of components: those that our own annotation says, or those of the elements, without blanks."""
+        """Names of components, without blanks, * and ?: those of our own annotation, or those of the elements."""
         found: dict[tuple[str, ...], str] = {}
         for path, c in self.components.items():
             last = c.own.get("name") or c.name
-            name = ".".join("_".join(part.split()) for part in (*path[:-1], last)).strip(".")
+            name = ".".join(re.sub(r"[\s*?]+", "_", part.strip()) for part in (*path[:-1], last)).strip(".")
             if name in found.values():
                 raise SspError(f"{self.title}: two components would be '{name}'")
             found[path] = name

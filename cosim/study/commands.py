@@ -20,6 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base import safe_files
+from build_fmus.base.checks import did_you_mean, glob
 from build_fmus.base.terminal import PATH, Command, console, show
 from cosim import Execution, Record
 from cosim.core.errors import ComponentError, CosimError, Interrupted
@@ -184,7 +185,11 @@ def run_case(
     format_of(path)  # refused before FMUs are loaded
     baseline = experiment.baseline.beside(case, fmus)
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
-        runner.execution.prepare(runner.system(case))
+        runner.execution.prepare(system := runner.system(case))
+        recorded = [f"{m.name}.{v.name}" for m, v in system.select(experiment.run.recorded(case))]
+        for curve in curves:
+            if not any(map(glob(system.canonical(curve)), recorded)):
+                raise CaseError(f"--plot {curve}: this variable is not recorded{did_you_mean(curve, recorded)}")
         with kept_recording(path):
             record = Record(display_units=display_units)
             run = runner.run(case, output=path, record=record, progress=True, real_time=real_time)
@@ -217,7 +222,7 @@ def run_case(
 
 
 def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
-    return {k: undeclared(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
+    return {k: undeclared(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float | str)}
 
 
 def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:
@@ -232,7 +237,10 @@ def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, rel
         cells = [metric.shown(row.get(key)) for row in measured.values()]
         if relative:
             base, value = (measured[n].get(key) for n in (first, last))
-            cells.append("-" if value is None or not base or abs(base) <= NOTHING else f"{100 * value / base:.1f}")
+            share = None
+            if isinstance(base, int | float) and isinstance(value, int | float) and abs(base) > NOTHING:
+                share = 100 * value / base
+            cells.append("-" if share is None else f"{share:.1f}")
         table.add_row(Text(metric.heading), *cells)
     return table
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import optimize
 
-from build_fmus.base.checks import unknown, whole_number
+from build_fmus.base.checks import short, unknown, whole_number
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 from cosim.study.optimise import Limits, OptimisationError, Outcome, Trial, Values, check_search
@@ -73,6 +73,9 @@ def descend(
     for name, limits in space.items():
         if isinstance(limits[0], str) or (isinstance(limits[0], int) and isinstance(limits[1], int)):
             raise OptimisationError(f"{name} has no derivative along {limits!r}: give a range of real numbers")
+    for name, b in (at_least or {}).items():
+        if at_most and b > at_most.get(name, b):
+            raise OptimisationError(f"{name} cannot be at most {short(at_most[name])} and at least {short(b)}")
     whole_number("trials", trials, error=OptimisationError)
     search = _Search(evaluate, space, objectives, bounds, trials, progress)
     begin = np.full(len(space), 0.5) if first is None else search.place(first)
@@ -163,8 +166,8 @@ class _Search:
         margin = np.array([s * (b - found.row[n]) / z for (n, b, s), z in rows])
         margin_slopes = np.array([-s * found.slopes[n] * per / z for (n, _, s), z in rows]).reshape(len(rows), len(per))
         missed = [
-            f"{n} is {found.row[n]:.6g}, beyond {b:g}"
-            for (n, b, _), r in zip(self.bounds, margin, strict=True)
+            f"{n} is {found.row[n]:.6g}, {'above' if sign > 0 else 'below'} {b:g}"
+            for (n, b, sign), r in zip(self.bounds, margin, strict=True)
             if r < -MET
         ]
         self.trials.append(Trial(len(self.trials), values, dict(found.row), "; ".join(missed)))

@@ -37,10 +37,12 @@ def error_command(experiment: Experiment) -> Command:
     def error(**given: Any) -> None:
         tolerance = number("--tolerance", given["tolerance"], above=0.0, most=1.0)
         case, how = case_of(experiment, given), execution(given)
-        with Runner(experiment, fmu_set(experiment, given), execution=how) as runner, progress_bar("runs") as progress:
-            found = runner.exchange_error(
-                case, given["variables"], contributions=given["contributions"], progress=progress
-            )
+        with Runner(experiment, fmu_set(experiment, given), execution=how) as runner:
+            runner.system(case).select(given["variables"])  # refused before there is a progress bar
+            with progress_bar("runs") as progress:
+                found = runner.exchange_error(
+                    case, given["variables"], contributions=given["contributions"], progress=progress
+                )
         show(Text(found.table(tolerance)), as_is=True)
 
     return command(

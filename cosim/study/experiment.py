@@ -16,10 +16,13 @@ other processes find them.
 from __future__ import annotations
 
 import importlib
+import json
 import re
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
+
+import numpy as np
 
 from build_fmus.base.checks import one_line
 from cosim.core.errors import CosimError
@@ -142,6 +145,7 @@ class Wiring:
         fmus: names of the FMUs that any case needs; they are looked for before a study starts.
         own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case, or
             "module:NAME" of one; None where no files are taken.
+        takes_fmus: whether `wire` takes FMUs from the set that it is given; otherwise commands refuse `--fmus`.
     """
 
     wire: Callable[[FmuSet, Any], Any]
@@ -149,6 +153,7 @@ class Wiring:
     configure: Callable[[Any, Any], None] | None = None
     fmus: Collection[str] = ()
     own_fmus: Callable[..., FmuSet] | str | None = None
+    takes_fmus: bool = True
 
     def shared(self, case: Any) -> Hashable:
         """What cases that share a system are alike in."""
@@ -310,7 +315,7 @@ class Experiment:
         """What `measure` gives of a run.
 
         Raises:
-            MeasureError: it is something else than values by name.
+            MeasureError: it is something else than JSON values by name; numbers of NumPy become Python's.
         """
         row: Any = self.measures.measure(run)
         if not isinstance(row, Mapping) or not all(isinstance(name, str) for name in row):
@@ -318,7 +323,16 @@ class Experiment:
                 f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak':"
                 " 1.5}"
             )
-        return dict(row)
+        found = {name: value.item() if isinstance(value, np.generic) else value for name, value in row.items()}
+        for name, value in found.items():
+            try:
+                json.dumps(value)
+            except (TypeError, ValueError):
+                raise MeasureError(
+                    f"{self.name}: measure() returned {one_line(repr(value), 80)} as '{name}'; it returns numbers by"
+                    " name, as in {'peak': 1.5}"
+                ) from None
+        return found
 
     @property
     def functions(self) -> list[Any]:

@@ -136,6 +136,8 @@ def wiring_command(experiment: Experiment) -> Command:
     def wiring(**given: Any) -> None:
         case = case_of(experiment, given)
         path = given["svg"] or Path(f"{experiment.name}.svg")
+        if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".pdf"):
+            raise CosimError(f"--svg {path}: the picture is SVG; name the file {path.with_suffix('.svg').name}")
         with Runner(experiment, fmu_set(experiment, given)) as runner:
             system = runner.system(case)
             safe_files.write(path, system.draw(experiment.title if given["title"] is None else given["title"]))

@@ -108,7 +108,7 @@ def _around(module: ModuleType, place: str) -> Experiment:
         name=Path(place).stem if place.endswith(".py") else place.rpartition(".")[2],
         title=(module.__doc__ or "").strip().partition("\n")[0],
         case=case,
-        wiring=Wiring(partial(_wire, module.system, place)),
+        wiring=Wiring(partial(_wire, module.system, place), takes_fmus=False),
         measures=Measures(getattr(module, "measure", extremes), getattr(module, "METRICS", {})),
         run=RunOptions(getattr(module, "STOP_TIME", None) or _default_stop_time, getattr(module, "RECORD", None)),
         study=Study(getattr(module, "PLAN", None), report=getattr(module, "REPORT", None)),

@@ -21,7 +21,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from build_fmus.base import extras
+from build_fmus.base import extras, surface
 from build_fmus.base.checks import unknown, whole_number
 from cosim import Execution
 from cosim.core.errors import CosimError
@@ -354,20 +354,23 @@ def _study(
             study = optuna.create_study(storage=kept, study_name=name, directions=directions)
     except (ValueError, KeyError, TypeError) as error:
         raise OptimisationError(f"{storage} cannot be read as the trials of a search: {error}") from None
-    before = study.user_attrs.get("what")
+    before, named = study.user_attrs.get("what"), surface.hint(f" '{name}'")
+    remedy = surface.hint(
+        "give another file or another name", "give another folder with --out, or --force to discard its trials and runs"
+    )
     if before is None:
         study.set_user_attr("what", what)
         study.set_user_attr("model", model)
     elif before != what:
         other = next(k for k in what if before.get(k) != what[k])
         raise OptimisationError(
-            f"{storage} holds another search '{name}': its {other} is {before.get(other)}, here {what[other]}; "
-            "give another file or another name"
+            f"{storage} holds another search{named}, with {other} {before.get(other)} instead of {what[other]};"
+            f" {remedy}"
         )
     elif study.user_attrs.get("model", "") != model:
         raise OptimisationError(
-            f"{storage} holds trials of the search '{name}' of another model: FMUs, code or fixed options have changed"
-            " since; give another file or another name"
+            f"{storage} holds trials of the search{named} of another model: FMUs, code or fixed options have changed"
+            f" since; {remedy}"
         )
     return study
 

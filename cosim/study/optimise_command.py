@@ -35,8 +35,8 @@ SEARCH = (
         ["--vary"],
         multiple=True,
         metavar="NAME=LOW:HIGH",
-        help="vary an option of the cases, or COMPONENT.PARAMETER of the system, in a range, or over a list NAME=A,B,C"
-        " (repeatable)",
+        help="vary an option of the cases, or COMPONENT.PARAMETER of the system, in a range, or over a list of texts"
+        " NAME=A,B,C (repeatable)",
     ),
     click.Option(
         ["--log"], multiple=True, metavar="NAME", help="vary this parameter on a logarithmic scale (repeatable)"
@@ -122,6 +122,8 @@ def optimise_command(experiment: Experiment) -> Command:
     """The command that searches."""
 
     def optimise(**given: Any) -> None:
+        for name in ("minimise", "maximise"):
+            _once(f"--{name}", given[name])
         objectives = {**dict.fromkeys(given["minimise"], "min"), **dict.fromkeys(given["maximise"], "max")}
         if both := sorted(set(given["minimise"]) & set(given["maximise"])):
             raise DesignError(
@@ -215,8 +217,15 @@ def _search(
             return search(executor)
 
 
-def _bounds(given: Sequence[str]) -> dict[str, float]:
+def _once(option: str, names: Sequence[str]) -> None:
+    """Refuse an option that names the same metric twice."""
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise DesignError(f"{option} {twice[0]} is given twice")
+
+
+def _bounds(option: str, given: Sequence[str]) -> dict[str, float]:
     """METRIC=VALUE as numbers by name."""
+    _once(option, [text.rpartition("=")[0] for text in given])
     found = {}
     for text in given:
         name, equals, value = text.rpartition("=")
@@ -235,7 +244,7 @@ def _descend(
     from cosim.report import write_report  # noqa: F401 - as in _search
     from cosim.study.descent import descend
 
-    bounds = _bounds(given["at_most"]), _bounds(given["at_least"])
+    bounds = _bounds("--at-most", given["at_most"]), _bounds("--at-least", given["at_least"])
     if given["dask"]:
         raise DesignError("a search along derivatives makes one run after the other: leave out --dask")
     with (

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from build_fmus.base.checks import number
 from build_fmus.base.layout import FMUS
 from build_fmus.base.terminal import PATH, Command, Names
 from cosim import Execution
@@ -100,6 +101,8 @@ def fmu_options(experiment: Experiment) -> list[click.Option]:
 def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
     """The FMUs of an experiment, with those of a user's files."""
     make = resolved(experiment.wiring.own_fmus)
+    if not experiment.wiring.takes_fmus and given["fmus"] != FMUS:
+        raise CosimError(f"--fmus has no effect on {experiment.module}, which says where its FMUs are: leave it out")
     if make is None:
         return FmuSet(given["fmus"], given["fmi"])
     case = case_of(experiment, given) if all(f.attribute in given for f in fields(experiment.case)) else None
@@ -109,7 +112,11 @@ def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
 
 def execution(given: Mapping[str, Any]) -> Execution:
     """How FMUs are run, of the options `EXECUTION`."""
-    limit = given["memory_limit"]
-    if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
+    timeout, limit = given["step_timeout"], given["memory_limit"]
+    if timeout is not None:
+        number("--step-timeout", timeout, "s", above=0.0, error=CosimError)
+    if limit is not None:
+        number("--memory-limit", limit, "MB", least=1.0, error=CosimError)
+    if not given["isolate"] and (limit is not None or timeout is not None):
         raise CosimError("--step-timeout and --memory-limit apply to isolated FMUs only: choose these with --isolate")
-    return Execution(given["isolate"], given["step_timeout"], None if limit is None else int(limit * 1e6))
+    return Execution(given["isolate"], timeout, None if limit is None else int(limit * 1e6))

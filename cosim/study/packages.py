@@ -48,7 +48,7 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
         name=path.stem.replace(" ", "_"),
         title=f"The system of {path.name}",
         case=case_of(wired),
-        wiring=Wiring(_wire, _structure, _configure),
+        wiring=Wiring(_wire, _structure, _configure, takes_fmus=False),
         measures=Measures(measure),
         run=RunOptions(_stop_time, _record),
         module=place,

@@ -16,7 +16,7 @@ from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
 from cosim.study.lanes import LaneRun, LaneRuns
-from cosim.tables import drive
+from cosim.tables import TableError, drive
 
 if TYPE_CHECKING:  # how results are kept is no part of what they depend on
     from cosim.study.store import RunStore
@@ -72,8 +72,12 @@ class Runner:
             while len(self._systems) >= (1 if not (wiring.configure or wiring.structure) else SYSTEMS):
                 self._systems.pop(next(iter(self._systems))).close()
             system = wiring.wire(self.fmus, case)
+            driven: dict[str, Path] = {}
             for path in self.inputs:
-                drive(system, path, after="hold" if self.hold_inputs else "error")
+                for name in drive(system, path, after="hold" if self.hold_inputs else "error"):
+                    if name in driven:
+                        raise TableError(f"{driven[name]} and {path} both drive {name}: leave one of the columns out")
+                    driven[name] = path
             self.execution.prepare(system, every=False)  # not every case has every component
         self._systems[key] = system
         if wiring.configure is not None:

@@ -199,7 +199,8 @@ class LocalSlopes:
 
     def covariance(self, metrics: Sequence[str]) -> Array:
         """Of numbers (n, n), from independent deviations of the parameters: J diag(deviation^2) J'."""
-        scaled = np.array([self.slopes.slopes[m] for m in metrics]) * list(self.deviations.values())
+        size = list(self.deviations.values())
+        scaled = np.array([self.slopes.slopes[m] for m in metrics]).reshape(len(metrics), len(size)) * size
         found: Array = scaled @ scaled.T
         return found
 

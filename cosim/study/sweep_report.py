@@ -86,7 +86,9 @@ def sweep_report(
         DesignError: no run has such a metric.
     """
     sweep, experiment = table.sweep, table.sweep.experiment
-    metrics = _shown(table)
+    found = _shown(table)
+    metrics = {k: m for k, m in found.items() if np.isfinite(table.metrics[k]).any()}
+    without = "".join(f" No run has a finite value of {m.text}." for k, m in found.items() if k not in metrics)
     n, lost = len(sweep), len(table.failures)
     method = METHODS.get(sweep.design.method, "points that were given")
     sections: list[Section] = []
@@ -122,7 +124,7 @@ def sweep_report(
     return Report(
         experiment=f"{experiment.name} sweep",
         title=f"{experiment.title or experiment.name}: sweep",
-        lead=f"{n} runs over {', '.join(a.name for a in sweep.design.axes)}; {lost} failed.",
+        lead=f"{n} runs over {', '.join(a.name for a in sweep.design.axes)}; {lost} failed.{without}",
         sections=sections,
         provenance=provenance(experiment, fmus),
     )
@@ -280,17 +282,19 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
             columns=min(3, max(1, len(axes))),
         )
     ]
-    return Section("Scatter", [], figures=[*figures, _parallel(table, axes, drawn, worst)])
+    ranked = worst.ranked(table)
+    return Section("Scatter", [], figures=[*figures, *([_parallel(table, axes, drawn, ranked)] if ranked else [])])
 
 
-def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric], worst: Worst) -> Figure:
+def _parallel(
+    table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric], ranked: Sequence[int]
+) -> Figure:
     """Parallel coordinates: every run is a line over all columns, with the worst tenth highlighted.
 
     Each column is scaled from its smallest to its largest value.
     """
     columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
     scaled = np.column_stack([_scaled(c) for c in columns])
-    ranked = worst.ranked(table)
     chosen = ranked[:: max(1, len(ranked) // LINES)]
     tenth = set(ranked[: max(1, len(ranked) // 10)])
     series = []
@@ -436,17 +440,18 @@ def _with_local(
     local: LocalSlopes,
 ) -> list[Table]:
     """The sensitivities with columns of local derivatives, and correlations of metrics."""
-    keys = [k for k in drawn if k in local.slopes.row]
+    row, slopes = local.slopes.row, local.slopes.slopes
+    keys = [k for k in drawn if math.isfinite(row.get(k, math.nan)) and np.isfinite(slopes[k]).all()]
     places = [(k, m, a.name) for k, m in drawn.items() for a in table.sweep.design.axes]
     found: list[list[Scalar]] = []
     empty: list[Scalar] = [None] * (len(columns) - 2)
-    for row, (k, m, axis) in zip(rows, places, strict=True):
+    for line, (k, m, axis) in zip(rows, places, strict=True):
         spread = local.spread(k, axis) if k in keys else None
         more: list[Scalar] = [
             local.relative(k, axis) if k in keys else None,
             None if spread is None else spread * m.factor,
         ]
-        found.append([*row, *more])
+        found.append([*line, *more])
         if k in keys and axis == table.sweep.design.axes[-1].name:
             found.append([m.text, "all", *empty, None, float(np.sqrt(local.covariance([k])[0, 0])) * m.factor])
     covariance = local.covariance(keys)

@@ -89,10 +89,12 @@ class Wiring:
         ("cs", the default where an FMU offers it) and Model Exchange ("me", or `ModelExchange` with tolerance and
         solver), in which the master integrates the FMU.
         """
-        if not all(name.split(".")) or any(c.isspace() for c in name) or NO_XML.search(name):
+        if not isinstance(name, str):
+            raise WiringError(f"a component's name is a text, not {name!r}")
+        if not all(name.split(".")) or any(c.isspace() or c in "*?" for c in name) or NO_XML.search(name):
             raise WiringError(
-                "a component's name must not contain blanks or control characters; dots may only separate its parts:"
-                f" {name!a}"
+                "a component's name must not contain blanks, control characters or the * and ? of patterns; dots may"
+                f" only separate its parts: {name!a}"
             )
         if name in self.components:
             raise WiringError(f"there is already a component '{name}'")
@@ -123,6 +125,8 @@ class Wiring:
         component = SystemComponent(name, implementation, period, begin, kind, source=source)
         component.set(parameters)
         component.set(start)
+        if isolated not in (True, False):
+            raise WiringError(f"component '{name}': isolated is {isolated!r}; give True or False")
         if isolated and _can_be_isolated(component, required=True):
             _isolate(component, _limits(step_timeout, memory_limit))
         elif step_timeout is not None or memory_limit is not None:

@@ -28,7 +28,7 @@ def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error
             hint = did_you_mean(name, inputs)
             raise TableError(f"{path}: the column '{name}' names no input of the system, COMPONENT.INPUT{hint}")
     interpolation = {n: "linear" if inputs[t].type == "real" else "held" for n, t in targets.items()}
-    stem = re.sub(r"[.\s]+", "_", path.stem) or "table"
+    stem = re.sub(r"[.\s*?]+", "_", path.stem) or "table"
     own = next(
         n for n in (stem, *(f"{stem}_{k}" for k in range(2, len(system.components) + 3))) if n not in system.components
     )

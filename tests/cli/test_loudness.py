@@ -63,7 +63,8 @@ def test_a_curve_on_the_screen_is_that_of_the_file(tmp_path: Path) -> None:
     labels = [line.split()[0] for line in done.stdout.splitlines() if "│" in line and line.split("│")[0].strip()]
     assert labels == [f"{v:.4g}" for v in (recording["car.body.az"].max(), recording["car.body.az"].min())]
     missing = run(tmp_path, "cosim", *RUN, "--plot", "car.body.ay2")
-    assert "'car.body.ay2' was not recorded" in missing.stderr
+    assert "--plot car.body.ay2: this variable is not recorded; did you mean 'car.body.az'?" in missing.stderr
+    assert "response objective" not in missing.stdout
     assert "\x1b" not in done.stdout  # no colors into a pipe
 
 

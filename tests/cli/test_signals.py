@@ -67,12 +67,45 @@ def test_a_shorter_file_is_held_on_request(folder: Path, sentence) -> None:
     assert np.ptp(held[500:]) == 0.0
 
 
+def test_a_text_of_measure_is_in_the_table(folder: Path) -> None:
+    (folder / "said.py").write_text(f"{RIDE}\n\ndef measure(run):\n    return {{'ok': 1.0, 'verdict': 'good'}}\n")
+    lines = run(folder, "cosim", "run", "said.py").stdout.splitlines()
+    assert [line.split() for line in lines[1:3]] == [["ok", "1"], ["verdict", "good"]]
+
+
+def test_a_plot_may_name_a_pattern(folder: Path) -> None:
+    said = run(folder, "cosim", "run", "ride.py", "--plot", "car.tire.*").stdout
+    assert "car.tire.deflection [m]" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [("error", ["--variable", "car.bodi"]), ("wiring", ["--svg", "y.png"])],
+    ids=["error", "wiring"],
+)
+def test_mistakes_in_other_commands(command: str, arguments: list[str], folder: Path, sentence) -> None:
+    before = set(folder.rglob("*"))
+    sentence(refused(folder, "cosim", command, "ride.py", *arguments))
+    assert not [p for p in set(folder.rglob("*")) - before if p.suffix == ".png"]
+
+
 @pytest.mark.parametrize(
     "arguments",
-    [["--output", "x.txt"], ["--input", "strange.csv"], ["--input", "nowhere.csv"], ["--input", "ride.py"]],
+    [
+        ["--output", "x.txt"],
+        ["--input", "strange.csv"],
+        ["--input", "nowhere.csv"],
+        ["--input", "ride.py"],
+        ["--input", "short.csv", "--input", "track.csv"],
+        ["--plot", "car.body.zz"],
+        ["--fmus", "/nope"],
+        ["--isolate", "car", "--memory-limit", "-1"],
+        ["--isolate", "car", "--step-timeout", "0"],
+    ],
     ids=" ".join,
 )
 def test_mistakes(arguments: list[str], folder: Path, sentence) -> None:
+    """Before anything runs."""
     before = set(folder.rglob("*"))
     sentence(refused(folder, "cosim", "run", "ride.py", *arguments))
     assert [p for p in set(folder.rglob("*")) - before if p.suffix in (".csv", ".txt", ".part")] == []

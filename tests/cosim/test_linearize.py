@@ -130,6 +130,8 @@ def test_signals_are_chosen_by_name_and_pattern(small, raises, refused):
 
 def test_it_stands_where_it_has_settled(small):
     fmu = Fmu(small["pendulum2"])
+    with pytest.raises(TimeError, match=r"settle is -1 s; give 0 s or a longer time"):
+        fmu.linearize(settle=-1)
     assert fmu.linearize().A[1, 0] == pytest.approx(-2 * 9.81 * 0.5)
     later = fmu.linearize(settle=0.2)
     assert later.operating_point["angle"] < 0.49

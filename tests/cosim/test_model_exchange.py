@@ -244,7 +244,7 @@ def test_the_interface_is_chosen(fmu, built_fmus, raises):
 
 @pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"tolerance": math.nan}, {"solver": "euler"}])
 def test_options_are_checked(wrong, raises):
-    with raises((ValueError, CosimError)):
+    with raises(WiringError):
         ModelExchange(**wrong)
 
 

@@ -224,6 +224,10 @@ def test_values_are_set_all_or_none():
         {"name": "a..b"},
         {"name": ".a"},
         {"name": "a b"},
+        {"name": "a*"},
+        {"name": "a?"},
+        {"name": None},
+        {"isolated": "yes"},
         {"name": "car"},
         {"step": 0},
         {"step": "fast"},
@@ -237,6 +241,15 @@ def test_mistakes_in_components(arguments, raises):
     given = {"name": "new", "fmu": Integrator(), "step": 1, **arguments}
     with raises((WiringError, TimeError)):
         system().add(given.pop("name"), given.pop("fmu"), **given)
+
+
+def test_a_record_names_variables(refused):
+    refused(
+        WiringError,
+        lambda: system().run(0.1, record=3),
+        lambda: system().run(0.1, record=["car.z", 3]),
+        lambda: system().initialize(record=Record(3)),
+    )
 
 
 def test_mistakes_in_groups(raises):

@@ -311,6 +311,8 @@ def test_a_platform_without_a_library_is_named(follower, tmp_path):
         system.add("a", follower[3], step="1 ms")
         with pytest.raises(CosimError, match=r"'a' .*x86_64-windows"):
             system.export_fmu(tmp_path / "No.fmu", platforms="x86_64-windows")
+        with pytest.raises(CosimError, match=r"unknown platform 'foo'; choose from host, all"):
+            system.export_fmu(tmp_path / "No.fmu", platforms="foo")
 
 
 def test_a_library_that_is_gone_is_named(follower, tmp_path):

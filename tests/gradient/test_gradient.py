@@ -383,6 +383,9 @@ def test_seeds_of_other_shapes_are_refused(quarter_car: System, shapes: list[tup
 def test_metrics_must_be_there_and_be_named(quarter_car: System) -> None:
     with pytest.raises(GradientError, match="there is no metric to differentiate"):
         quarter_car.gradient({}, "car.body.mass", stop_time="0.1 s")
+    for metric in ("car.body.z", Final):
+        with pytest.raises(GradientError, match=r"the metric 'end' is .*; give one of cosim\.gradient"):
+            quarter_car.gradient({"end": metric}, "car.body.mass", stop_time="0.1 s")
     found = quarter_car.gradient({"end": Final("car.body.z")}, "car.body.mass", stop_time="0.1 s")
     with pytest.raises(KeyError, match="there is no metric 'begin'; there are: end"):
         found["begin"]

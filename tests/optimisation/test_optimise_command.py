@@ -97,6 +97,8 @@ def test_texts_are_chosen_among(folder: Path) -> None:  # noqa: ARG001
         ("--vary", "bowl.z=0:1", "--minimise", "depth"),
         (*VARY, "--minimise", "dept", "--trials", "2"),
         (*VARY, "--minimise", "depth", "--maximise", "depth"),
+        (*VARY, "--minimise", "depth", "--minimise", "depth"),
+        (*VARY, "--maximise", "depth", "--maximise", "depth"),
     ],
     ids=" ".join,
 )
@@ -113,6 +115,14 @@ def test_trials_of_another_model_are_not_continued(folder: Path, sentence) -> No
     anew = run(*search, "--name", "square", "--force")
     width, other = (float(text.split("best: width ")[1].split(",")[0]) for text in (first, anew))
     assert width < 5.0 < other
+
+
+def test_another_search_is_not_continued(folder: Path, sentence) -> None:  # noqa: ARG001
+    """The message names options of the command that help."""
+    run(*VARY, "--minimise", "depth", "--trials", "2")
+    sentence(run(*VARY, "--minimise", "width", "--trials", "2", good=False))
+    run(*VARY, "--minimise", "width", "--trials", "2", "--out", "other")
+    run(*VARY, "--minimise", "width", "--trials", "2", "--force")
 
 
 def test_a_name_that_was_wrong_can_be_mended(folder: Path, sentence) -> None:  # noqa: ARG001

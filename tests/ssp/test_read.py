@@ -437,6 +437,7 @@ def broken(follower: dict[int, Path]) -> dict[str, dict[str, Any]]:
         "model exchange": of(p.system("top", p.component("one", "f.fmu", more='implementation="ModelExchange"'))),
         "twice": of(p.system("top", one + one)),
         "connector twice": of(p.system("top", p.component("one", "f.fmu", *PAIR, "u:input"))),
+        "same after patterns": of(p.system("top", p.component("a*", "f.fmu") + p.component("a_", "f.fmu"))),
         "same after blanks": of(p.system("top", p.component("a b", "f.fmu") + p.component("a_b", "f.fmu"))),
         "unknown element": wired(wire("on.y", "two.u")),
         "unknown connector": wired(wire("one.yy", "two.u")),

@@ -7,8 +7,16 @@ from rich.console import Console
 from cosim.study import Metric
 from cosim.study.commands import metric_table
 
-METRICS = {"rms": Metric("rms heave", "mm", 1e3), "force": Metric("force", "N"), "roll": Metric("roll", "deg")}
-MEASURED = {"passive": {"rms": 0.02, "force": 0.0, "roll": 1e-25}, "lqr": {"rms": 0.015, "force": 7.0}}
+METRICS = {
+    "rms": Metric("rms heave", "mm", 1e3),
+    "force": Metric("force", "N"),
+    "roll": Metric("roll", "deg"),
+    "end": Metric("end"),
+}
+MEASURED = {
+    "passive": {"rms": 0.02, "force": 0.0, "roll": 1e-25, "end": "stuck"},
+    "lqr": {"rms": 0.015, "force": 7.0, "end": "across"},
+}
 
 
 def shown(**options) -> list[list[str]]:
@@ -29,13 +37,14 @@ def test_metrics_stand_beside_the_baseline_in_their_units() -> None:
         ["rms heave [mm]", "20", "15"],
         ["force [N]", "0", "7"],
         ["roll [deg]", "1e-25", "-"],
+        ["end", "stuck", "across"],
     ]
 
 
 def test_shares_of_the_baseline() -> None:
-    """Nothing is a share of nothing, of rounding, or of a metric that the run does not have."""
+    """Nothing is a share of nothing, of rounding, of a metric that the run does not have, or of a text."""
     rows = cells(shown(relative=True))
-    assert [row[-1] for row in rows] == ["lqr, per cent of passive", "75.0", "-", "-"]
+    assert [row[-1] for row in rows] == ["lqr, per cent of passive", "75.0", "-", "-", "-"]
 
 
 def test_a_baseline_alone_has_no_shares() -> None:

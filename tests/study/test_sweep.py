@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 import shutil
@@ -120,7 +121,20 @@ def test_a_metric_may_tell_what_varies(tmp_path: Path) -> None:
     assert run_sweep(sweep, FMUS, tmp_path / "same", processes=1).metrics["mass.rate"].tolist() == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(("returned", "said"), [("None", "None"), ("3.5", r"3\.5"), ("{1: 2.0}", r"\{1: 2\.0\}")])
+def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
+    text = FILE.read_text()
+    returned = "{'whole': np.int64(3), 'single': np.float32(0.5), 'true': np.bool_(True)}"
+    (tmp_path / "other.py").write_text(
+        f"{text[: text.index('def measure')]}import numpy as np\n\n\ndef measure(_):\n    return {returned}\n"
+    )
+    with Runner(load(str(tmp_path / "other.py")), FMUS) as runner:
+        assert json.dumps(runner.metrics(runner.experiment.case())) == '{"whole": 3, "single": 0.5, "true": true}'
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [("None", "None"), ("3.5", r"3\.5"), ("{1: 2.0}", r"\{1: 2\.0\}"), ("{'b': {1, 2}}", "as 'b'")],
+)
 def test_measure_returns_numbers_by_name(returned: str, said: str, tmp_path: Path, raises) -> None:
     text = FILE.read_text()
     (tmp_path / "other.py").write_text(text[: text.index("def measure")] + f"def measure(_):\n    return {returned}\n")

@@ -19,6 +19,7 @@ from cosim.study import load
 from cosim.study.design import DesignError
 from cosim.study.experiment import Metric
 from cosim.study.runner import Runner
+from cosim.study.slopes import LocalSlopes, Slopes
 from cosim.study.sweep import run_sweep
 from cosim.study.sweep_report import (
     Worst,
@@ -368,6 +369,21 @@ def test_texts_are_numbered_by_their_place_in_the_list(experiment: Any) -> None:
         rank_correlations(replace(table, sweep=sweep, axes={"mass.rate": ["hard", "soft", "hard", "soft"]}), "y")
     )
     assert found["mass.rate"] == pytest.approx(-1 / math.sqrt(5))
+
+
+@pytest.mark.parametrize("worst", [None, Worst("peak")])
+def test_a_metric_without_a_finite_value_is_named_and_the_others_are_shown(
+    experiment: Any, worst: Worst | None, tmp_path: Path
+) -> None:
+    """Also where derivatives are finite of none, at the medians."""
+    table = table_of(experiment, lambda x: {"peak": NAN * x, "good": x}, "mass.rate=1:2", method="lhs", samples=4)
+    at = Slopes({"peak": NAN, "good": NAN}, {"peak": np.array([NAN]), "good": np.array([NAN])})
+    for local in (None, LocalSlopes({"mass.rate": 1.5}, {"mass.rate": 0.1}, at)):
+        page = sweep_report(table, FMUS, worst=worst, local=local)
+        assert page.lead.endswith("0 failed. No run has a finite value of peak.")
+        tables = [t for name in ("Distributions", "Sensitivity") for t in _section(page, name).tables]
+        assert {row[0] for t in tables if t.id != "correlations" for row in t.rows} == {"good"}
+        assert write_report(page, tmp_path).is_file()
 
 
 def test_worst_runs_leave_out_those_without_the_metric(experiment: Any) -> None:
