@@ -20,6 +20,7 @@ from built import FMUS, BuiltFmus
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
+from foreign import making
 from same import bits
 
 from cosim import CosimError, Fmu, FmuError, PythonComponent, Record, System, WiringError
@@ -368,17 +369,19 @@ def test_no_step_follows_an_error_of_a_member(follower, tmp_path, fmi, rate, sta
     made.freeInstance()
 
 
-def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, tmp_path: Path) -> None:
-    """Trigraphs, ends of comments and strings, backslashes: an SSP alone brings such names. The library compiles."""
-    names = ["sure??!", "??/", "*/", '"', "a\\", "é😀"]
+def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, awkward_fmus: dict[int, Path], tmp_path: Path) -> None:
+    """Trigraphs, ends of comments and strings, backslashes. The library compiles."""
+    names, output, unlike = ['"', "a\\", "é😀"], "sure??!", "??/*/"
+    named = (b'name="y"', f'name="{output}"'.encode()), (b'name="u"', f'name="{unlike}"'.encode())
     with System() as system:
         for name in names:
             system.add(name, built_fmus.path("QuarterCarHmmwv", 3), step="1 ms")
-        system.connect("sure??!.body.z", "??/.road.height")
-        path = system.export_fmu(tmp_path / "Named.fmu", outputs="*.body.z")
+        system.add("m", making.redescribed(awkward_fmus[3], tmp_path / "Odd.fmu", *named), step="1 ms")
+        system.connect('".body.z', f"m.{unlike}")
+        path = system.export_fmu(tmp_path / "Named.fmu", outputs=["*.body.z", f"m.{output}"])
     with System() as again:
         again.add("all", path)
-        assert sorted(again["all"].description.outputs) == sorted(f"{n}.body.z" for n in names)
+        assert sorted(again["all"].description.outputs) == sorted([*(f"{n}.body.z" for n in names), f"m.{output}"])
         again.allow_unconnected = True
         again.run("1/1000", record=[])
 
