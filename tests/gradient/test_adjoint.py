@@ -11,7 +11,7 @@ from built import BuiltFmus
 from rides import RIDES, system_of
 from same import bits
 
-from cosim import System
+from cosim import Record, System
 from cosim.batch import adjoint
 from cosim.experiments.bench import EXPERIMENT as BENCH
 from cosim.experiments.bench.runs import Case as BenchCase
@@ -22,6 +22,7 @@ from cosim.experiments.hmmwv.runs import Case as HmmwvCase
 from cosim.experiments.preview_lq import EXPERIMENT as RIDE
 from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
+from cosim.tables import Table
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
@@ -53,6 +54,18 @@ def quarter_car(built_fmus: BuiltFmus) -> System:
     system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
     system["car"].set({"body.z": 0.01, "wheel.vz": -0.2, "force": 3.0})
     return system
+
+
+def test_steps_without_a_sample_keep_the_outputs(quarter_car: System, built_fmus: BuiltFmus) -> None:
+    """Of a controller that nothing depends on, stepped twice as often as it samples."""
+    time = np.linspace(0.0, 0.4, 101)
+    quarter_car.add("ramp", Table({"time": time, "v": np.sin(40.0 * time)}, units={"v": "m/s"}))
+    quarter_car.add("law", built_fmus.path("LqrBench", 3), step="0.25 ms")
+    quarter_car.connect("ramp.v", "law.wheel.vz")
+    quarter_car.connect("law.force", "car.force")
+    both(quarter_car, METRICS, ["car.body.mass", "car.body.z"], stop_time="0.4 s")
+    force = quarter_car.run("0.4 s", record=Record(["law.force"], interval="0.25 ms"))["law.force"]
+    assert 0 < np.count_nonzero(np.diff(force)) <= len(force) / 2
 
 
 def test_a_linear_run(quarter_car: System) -> None:

@@ -269,7 +269,7 @@ static unsigned step_of_any(Component *m, double t, double h, unsigned of) {
     }
     if (!m->sides.plain) return step(m, t, h, of);
     if (was_plain) to_plain(m, INPUTS, N_INPUTS);
-    else to_plain(m, 0, OUTPUTS);
+    else to_plain(m, 0, OUTPUTS + N_OUTPUTS); /* a step without a sample keeps its outputs */
     if (!m->prepared) plain_prepare((char *)m + PLAIN);
     m->prepared = 1;
     const unsigned failed = plain_step((char *)m + PLAIN, t, h, 3u) & of;

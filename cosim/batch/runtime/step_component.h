@@ -19,6 +19,7 @@ static int is_step(const State *head, const double *knowns, double h) {
 #if IS_CONTINUOUS
     return h < MAX_STEPS * knowns[0]; /* its solver step */
 #else
+    if (head->sample < 0 || (double)head->sample >= 9007199254740992.0) return 0;
     const double next = head->start_time + (double)head->sample * SAMPLE_TIME;
     return head->time - next < SAMPLE_TIME && head->time + h - next < MAX_STEPS * SAMPLE_TIME;
 #endif
