@@ -188,7 +188,7 @@ class Copies:
         if not self._target.directions:
             return
         for lanes in self._lanes.values():
-            lanes.whole[:, :, self._target.first :] = 0.0
+            lanes.whole[:, : lanes.library.cosim_lanes_numbers(), self._target.first :] = 0.0
         for (m, name), seeds in self._seeds.items():
             variable = m.description.variables[name]
             if variable.samples:

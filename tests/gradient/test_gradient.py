@@ -19,6 +19,7 @@ from build_fmus.package import build_fmu
 from cosim import CosimError, PythonComponent, Record, System
 from cosim.batch import Batch
 from cosim.batch.library import batch_library
+from cosim.core.signals import Array
 from cosim.experiments.bench import EXPERIMENT as BENCH
 from cosim.experiments.bench.runs import Case as BenchCase
 from cosim.experiments.gpc import EXPERIMENT as GPC
@@ -30,6 +31,7 @@ from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.experiments.three_axle import EXPERIMENT as THREE_AXLE
 from cosim.experiments.three_axle.runs import Case as ThreeAxleCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
+from fmu_sources.roads.random_road import NODES
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
@@ -270,6 +272,27 @@ def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus)
         )
         with pytest.raises(CosimError, match="RoadRandom computes random profiles from its parameters"):
             system.gradient({"end": Final("road.road.fl.height")}, f"road.{name}", stop_time="0.1 s")
+
+
+def test_a_shorter_random_road_leaves_nothing_of_the_one_before(built_fmus: BuiltFmus) -> None:
+    with System(allow_unconnected=True) as system:
+        system.add("road", built_fmus.path("RoadRandom", 3))
+        system.add("car", built_fmus.path("QuarterCarBench", 3))
+        system.connect("road.road.fl.height", "car.road.height")
+        seeds = {"car.body.mass": np.ones((1, 8))}
+
+        def profile(*lengths: float) -> Array:
+            """Heights at all nodes of both tracks, after a reset to each length [m]."""
+            with Batch(system, 1, outputs="car.body.z", seeds=seeds, begin=False) as batch:
+                for length in lengths:
+                    batch.reset({"road.length": length})
+                lanes = batch._lanes[system["road"]]
+                first = lanes.library.cosim_lanes_numbers()
+                return lanes.whole[0, first : first + 2 * NODES[1], 0].copy()
+
+        short, begun_longer = profile(100.0), profile(1500.0, 100.0)
+        assert 0 < np.count_nonzero(short) < NODES[1]
+        np.testing.assert_array_equal(begun_longer, short)
 
 
 def test_a_compiler_that_fails_is_named(built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
