@@ -208,7 +208,7 @@ class _Search:
 
         def margin_slopes(u: Array) -> Array:
             nonlocal iterate
-            iterate = at(u)  # SLSQP: only iterates are asked for these
+            iterate = self.trial(np.clip(u, 0.0, 1.0)) or iterate  # SLSQP: only iterates are asked for these
             return iterate[3]
 
         method = "SLSQP" if self.bounds else "L-BFGS-B"

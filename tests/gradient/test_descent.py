@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from built import BuiltFmus
 from click.testing import CliRunner
+from scipy import optimize
 
 from cosim.cli import app
 from cosim.core.errors import CosimError
@@ -82,6 +83,30 @@ def test_the_step_is_halved_where_a_number_is_not_finite(kind: str, bounds: dict
     x = [t.values["x"] for t in found.trials]
     halved = [abs((x[first + 1] - begin) / (x[first] - begin) - 0.5) for begin in x[:first]]
     assert min(halved) < 1e-3  # of L-BFGS-B up to the decrease that its line search demands
+
+
+def test_failed_trials_are_told_by_the_last_one_that_did_not_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All but the first fail. It misses the bound, so SLSQP makes failed ones its iterates, and steps on from these."""
+    slopes = []
+    minimize = optimize.minimize
+
+    def told(total: Any, *arguments: Any, **options: Any) -> Any:
+        def and_kept(u: np.ndarray) -> tuple[float, np.ndarray]:
+            value, slope = total(u)
+            slopes.append(slope)
+            return value, slope
+
+        return minimize(and_kept, *arguments, **options)
+
+    def edge(values: Mapping[str, Any]) -> Slopes:
+        if values["x"] > -1.9:
+            raise CosimError("over the edge")
+        return walled(values)
+
+    monkeypatch.setattr(optimize, "minimize", told)
+    found = descend(edge, SPACE, {"f": "min"}, trials=60, first={"x": -1.9, "y": 70.0}, at_least={"at": -1.0})
+    assert [t.failed for t in found.trials[1:]] == ["over the edge"] * 59
+    np.testing.assert_array_equal(slopes[1:], [-slopes[0]] * (len(slopes) - 1))
 
 
 def test_a_search_does_not_begin_where_a_number_is_not_finite(raises) -> None:
