@@ -118,7 +118,7 @@ class AdjointRun(Batch):
         self._counts = [self._lanes[m].source.n_values for m in self._components]
         self._warm_starts = [self._warm_starts_of(m) for m in self._components]
         self._first = self._indices()
-        self._sides = [self._sides_of(m) for m in self._components]  # views of Sides (numbers.h)
+        self._sides = [self._lanes[m].sides for m in self._components]
         self._first_sides = [each.copy() for each in self._sides]
 
     def _with_derivatives(self) -> Target:
@@ -134,17 +134,15 @@ class AdjointRun(Batch):
         at = self._lanes[m].library.cosim_lanes_memory() // 8
         return self._lanes[m].whole[0].reshape(-1)[at : at + self._lanes[m].source.sizes["qp_memory"]]
 
-    def _sides_of(self, m: SystemComponent) -> Indices:
-        at = self._lanes[m].library.cosim_lanes_sides() // 8
-        return self._lanes[m].whole[0].view(np.uint64).reshape(-1)[at : at + 5]
-
     @property
     def side_changes(self) -> dict[str, int]:
         """As of a batch, after `backward`."""
-        taken = np.array(self._taken)  # (segments, components, 5)
-        between = (taken[:-1, :, 1] != 0) & (taken[:-1, :, 1] != taken[1:, :, 3])
-        counts = taken[:, :, 2].sum(axis=0, dtype=int) + between.sum(axis=0)
-        return {m.name: int(n) for m, n in zip(self._components, counts, strict=True)}
+        changes = {}
+        for m, each in zip(self._components, zip(*self._taken, strict=True), strict=True):
+            taken = np.concatenate(each)  # by segment
+            last, first = taken["last"][:-1], taken["first"][1:]
+            changes[m.name] = int(taken["changes"].sum() + ((last != 0) & (last != first)).sum())
+        return changes
 
     def _start_lanes(self) -> None:
         self._use(self._begun)
@@ -185,7 +183,7 @@ class AdjointRun(Batch):
         weights: of each result (samples, variables).
         """
         active: Which = self._first != 0
-        self._taken: list[list[Indices]] = [[] for _ in self._states]
+        self._taken: list[list[npt.NDArray[np.void]]] = [[] for _ in self._states]
         for number in range(0, len(self._states), -(-len(self._states) // LOOKS)):
             while (more := self._run_segment(number, active)) is not None:
                 active = more

@@ -34,7 +34,6 @@ from cosim.system.components import SystemComponent
 from cosim.system.schedule import only_numbers
 from cosim.system.wiring import Wiring
 
-SIDES = 7  # numbers of `Sides` (numbers.h)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
@@ -569,27 +568,18 @@ class Batch(Copies):
     @property
     def side_changes(self) -> dict[str, int]:
         """By component with derivatives, in how many steps it took other sides than in the step before; the most."""
-        return {name: int(sides[..., 2].max()) for name, sides in self._sides_by_name().items()}
+        return {name: int(sides["changes"].max()) for name, sides in self._sides_by_name().items()}
 
     @property
     def ties(self) -> dict[str, float]:
         """By component in which a tie has decided a derivative, the time [s] of the first step with one."""
         found = self._sides_by_name().items()
-        return {
-            name: float(sides[..., 6].view(np.float64)[sides[..., 5] > 0].min())
-            for name, sides in found
-            if sides[..., 5].any()
-        }
+        return {name: float(s["tie"][s["ties"] > 0].min()) for name, s in found if s["ties"].any()}
 
-    def _sides_by_name(self) -> dict[str, npt.NDArray[np.uint64]]:
-        """Of components with derivatives what sides they have taken (copies, 7), see `Sides` of numbers.h."""
-        found = {}
-        for m, lanes in self._lanes.items():
-            if at := lanes.library.cosim_lanes_sides() // 8:
-                found[m.name] = lanes.whole.view(np.uint64).reshape(len(lanes.whole), -1)[
-                    : self.copies, at : at + SIDES
-                ]
-        return found
+    def _sides_by_name(self) -> dict[str, npt.NDArray[np.void]]:
+        """Of components with derivatives what sides they have taken (copies,), see `Lanes`."""
+        lanes = self._lanes.items() if self._target.directions else ()
+        return {m.name: own.sides[: self.copies] for m, own in lanes}
 
     @property
     def by_difference(self) -> dict[str, str]:

@@ -57,6 +57,15 @@ class Lanes:
         role, slot = self.source.place(variable)
         return HEADER + self.source.first(role) + slot
 
+    @property
+    def sides(self) -> npt.NDArray[np.void]:
+        """`Sides` (batch.h) of each group of numbers with derivatives (groups,)."""
+        types = {"uint64_t": np.uint64, "double": np.float64}
+        form = np.dtype([(name, types[f.type.cname]) for name, f in interface().typeof("Sides").fields])
+        at = self.library.cosim_lanes_sides()
+        found = self.whole.view(np.uint8).reshape(len(self.whole), -1)[:, at : at + form.itemsize]
+        return found.view(form)[:, 0]
+
     def values(self) -> npt.NDArray[np.float64]:
         """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
         return self.memory[:, HEADER : HEADER + self.source.n_values]

@@ -196,6 +196,12 @@ def test_a_table_that_nothing_depends_on_has_an_adjoint_beside_it(built_fmus: Bu
         both(system, ["car.body.mass", "car.body.z"], stop_time=END)
 
 
+def test_a_table_alone_has_an_adjoint() -> None:
+    with System() as system:
+        system.add("driver", Table({"t": TIMES, "force": FORCES}))
+        both(system, "driver.force", {"end": Final("driver.force")}, stop_time=END)
+
+
 def test_samples_are_set_for_the_next_run(built_fmus: BuiltFmus, raises: Any) -> None:
     with driven(built_fmus) as system:
         given = np.linspace(-1.0, 1.0, ROWS)

@@ -7,10 +7,6 @@
 #ifndef ADJOINTS_H
 #define ADJOINTS_H
 
-extern "C" {
-#include "batch.h"
-}
-
 static __thread Tape *tape; /* of the run at hand, for all components */
 extern "C" EXPORT void cosim_use_tape(Tape *of) { tape = of; }
 

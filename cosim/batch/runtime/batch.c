@@ -158,8 +158,8 @@ static void record_sides(const Group *g, size_t at) {
     for (size_t i = 0; b->sides && i < b->n_components; i++) {
         const BatchComponent *m = &b->components[i];
         if (!m->sides) continue;
-        const char *const memory = m->memory + m->stride * (size_t)g->group;
-        memcpy(&b->sides[at * b->n_components + i], memory + m->sides, sizeof *b->sides);
+        const void *const sides = m->memory + m->stride * (size_t)g->group + m->sides;
+        b->sides[at * b->n_components + i] = ((const Sides *)sides)->all;
     }
 }
 

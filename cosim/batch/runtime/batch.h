@@ -5,6 +5,14 @@
 
 #include "engine.h"
 
+/* The sides of comparisons that a component with derivatives has taken (numbers.h): all of a run so far, those of the
+ * last step, in how many steps they were others than in the one before, those of the first step where nothing was noted
+ * before, and whether the last step was over plain numbers. Steps with a tie, and the time of the first of them. */
+typedef struct {
+    uint64_t all, last, changes, first, plain, ties;
+    double tie;
+} Sides;
+
 typedef unsigned (*BatchStep)(void *memory, double t, double h, unsigned of);
 
 /* What EngineComponent does not say of a component. */
@@ -15,7 +23,7 @@ typedef struct {
     BatchStep begin;         /* of lanes: outputs before the first step */
     char *memory;            /* of lanes: of all groups */
     size_t stride;           /* bytes of one group */
-    size_t sides;            /* where in them is what sides it has taken (numbers.h); 0: nowhere */
+    size_t sides;            /* where in them its Sides are; 0: nowhere */
     const uint32_t *to, *from; /* rows of inputs and outputs in the memory of a group */
     const uint8_t *to_type, *from_type; /* 0 real, 1 integer, 2 Boolean */
     const double *least, *most; /* limits of inputs that are no signals */

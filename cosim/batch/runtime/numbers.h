@@ -21,6 +21,7 @@
 #include <stddef.h>
 #include <string.h>
 extern "C" {
+#include "batch.h"
 #include "equations.h"
 }
 #include "vectors.h"
@@ -46,14 +47,6 @@ static __thread uint64_t sides;
 static __thread int tied;
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
-
-/* All sides of a run so far, those of the last step, in how many steps they were others than in the one before, those
- * of the first step where nothing was noted before, and whether the last step was over plain numbers. Steps with a tie,
- * and the time of the first of them. */
-typedef struct {
-    uint64_t all, last, changes, first, plain, ties;
-    double tie;
-} Sides;
 
 /* At first those that values which follow from the parameters alone have taken. */
 INLINE void begin_sides(Sides *of) {
