@@ -156,6 +156,17 @@ def test_directions_are_followed_together(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.jacobian, step(state, 1e-3).jacobian @ seeds.T, rtol=1e-12, atol=1e-12)
 
 
+def test_directions_may_be_of_any_length(tmp_path: Path) -> None:
+    """Squares of these are 0."""
+    path, (h, _) = FMUS / "fmi3" / "FullCarHmmwvModified.fmu", CASES["FullCarHmmwvModified"]
+    step, small = StepDerivatives(path), 2.0**-600
+    with closing(Instance(path, tmp_path, at=0.5)) as one:
+        state = one.state()
+    found, scaled = step(state, h), step(state, h, small * np.eye(len(step.knowns)))
+    np.testing.assert_array_equal(scaled.jacobian, small * found.jacobian)
+    assert scaled.sides == found.sides
+
+
 def test_a_copied_fmu_carries_the_library_for_c(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fmu", "LqrBench", "--copy", str(tmp_path), "--step-derivatives"])
     assert result.exit_code == 0, result.output

@@ -21,20 +21,20 @@ typedef Tangent Number;
 #define EACH_PART(expression) \
     _Pragma("GCC unroll 8") for (int i = 0; i < PARTS; i++) expression
 
-/* An underflow is no dependence that anybody could measure. */
-INLINE int any_of(const Part &squares) {
-    double sum = 0.0;
-    for (int i = 0; i < PART; i++) sum += squares[i];
-    return sum != 0.0;
+typedef decltype(Part() != Part()) PartMask;
+INLINE int any_of(const PartMask &of) {
+    int any = 0;
+    for (int i = 0; i < PART; i++) any |= of[i] != 0;
+    return any;
 }
 INLINE int depends(const Tangent &x) {
-    Part any = {};
-    EACH_PART(any += x.d[i] * x.d[i]);
+    PartMask any = {};
+    EACH_PART(any |= x.d[i] != 0.0);
     return any_of(any);
 }
 INLINE int depends(const Tangent &x, const Tangent &y) {
-    Part any = {};
-    EACH_PART(any += (x.d[i] - y.d[i]) * (x.d[i] - y.d[i]));
+    PartMask any = {};
+    EACH_PART(any |= x.d[i] != y.d[i]);
     return any_of(any);
 }
 
