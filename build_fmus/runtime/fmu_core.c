@@ -18,8 +18,6 @@
 #include "saved_state.h"
 #include "stability.h"
 
-#define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
-
 static const FmuModel *const M = &fmu_model;
 
 enum { WARNED_LIMIT = 1, WARNED_CONSTANT = 2 };

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -13,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 from build_fmus import compile as building
 from cosim.core.description import Variable
+from cosim.core.errors import FmuError
 from cosim.fmu.file import FmuFile
 from cosim.fmu.own_states import fnv1a
 
@@ -136,7 +136,10 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         return known
     if fmu.description.kind is None:
         raise NoLanes("it is no FMU of this project")
-    files = _sources(fmu.path)
+    try:
+        files = fmu.files("sources/")
+    except FmuError as error:
+        raise NoLanes(str(error)) from None
     if "model.c" not in files:
         raise NoLanes("it has no sources" if not files else "it is a system in one FMU")
     other = NoLanes("its sources are those of another version of build-fmus: build it again")
@@ -167,17 +170,3 @@ def _expected(names: frozenset[str]) -> dict[str, bytes]:
     return {
         n: (_THIRD_PARTY / n).read_bytes() for n in names if n.startswith("musl/") and (_THIRD_PARTY / n).exists()
     } | {n: (RUNTIME / n).read_bytes() for n in own}
-
-
-def _sources(path: Path) -> dict[str, bytes]:
-    """Files below `sources/` of an FMU or of the folder of one."""
-    prefix = "sources/"
-    if path.is_dir():
-        folder = path / prefix
-        return {f.relative_to(folder).as_posix(): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = [n for n in archive.namelist() if n.startswith(prefix) and not n.endswith("/")]
-            return {n.removeprefix(prefix): archive.read(n) for n in names}
-    except (OSError, zipfile.BadZipFile) as error:
-        raise NoLanes(f"{path} cannot be read again ({error})") from None

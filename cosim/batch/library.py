@@ -18,6 +18,7 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.lane_source import MUSL, LaneSource
 from cosim.batch.lane_source import RUNTIME as OF_FMUS
+from cosim.core.c_headers import declarations
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
@@ -115,7 +116,7 @@ def interface() -> cffi.FFI:
     """The types of `engine.h` and `batch.h`."""
     ffi = cffi.FFI()
     ffi.include(engine.interface())
-    ffi.cdef(re.sub(r"(?m)^#.*$", "", _HEADER.read_text()) + _EXPORTED)
+    ffi.cdef(declarations(_HEADER) + _EXPORTED)
     return ffi
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +11,7 @@ import cffi
 import numpy as np
 
 from build_fmus.compile import PLATFORMS, CompileError, ObjectCache, find_toolchain, host
+from cosim.core.c_headers import declarations
 from cosim.core.component import Transfer
 from cosim.core.errors import CosimError
 
@@ -125,8 +125,7 @@ def interface() -> cffi.FFI:
     """The types of the headers of the engine."""
     ffi = cffi.FFI()
     headers = (HEADER, ADAPTIVE, TABLE, INTEGRATOR, EVENT_STEPS, CLOCKED_STEPS, EXACT_VALUES, INTERMEDIATE)
-    declarations = re.sub(r"(?m)^#.*$", "", "".join(h.read_text() for h in headers))
-    ffi.cdef(f"{declarations}\n{_EXPORTED}")
+    ffi.cdef(declarations(*headers) + _EXPORTED)
     return ffi
 
 

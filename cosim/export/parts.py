@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from lxml import etree
 
 from build_fmus.compile import ObjectCache, Toolchain
 from build_fmus.description_xml import TOOL
-from cosim.core.errors import CosimError
 from cosim.export.symbols import defined
 from cosim.fmu.file import FmuFile
 
@@ -136,25 +134,11 @@ def defined_names(
 
 def part_of(name: str, fmu: FmuFile) -> Part:
     """How an FMU travels: those of this project from their sources, others as they are."""
-    files = dict(_contents(fmu.path))
+    files = fmu.files()
     c_files = _c_files(files) if fmu.description.tool.startswith(TOOL) else ()
     if any(f"{SOURCES}{name}" not in files or not _PATH.fullmatch(name) for name in c_files):
         c_files = ()  # not what build-fmus writes
     return Part(name, fmu, bool(c_files), files, c_files)
-
-
-def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
-    if path.is_dir():
-        for file in sorted(p for p in path.rglob("*") if p.is_file()):
-            yield file.relative_to(path).as_posix(), file.read_bytes()
-        return
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for info in archive.infolist():
-                if not info.is_dir():
-                    yield info.filename, archive.read(info)
-    except (OSError, zipfile.BadZipFile) as error:
-        raise CosimError(f"{path}: cannot be read again ({error})") from None
 
 
 def _c_files(files: dict[str, bytes]) -> tuple[str, ...]:

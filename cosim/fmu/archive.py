@@ -138,6 +138,21 @@ class Archive:
         """Is there a file of that name?"""
         return (self.path / name).is_file() if self.is_folder else name in self.names
 
+    def files(self, below: str = "") -> dict[str, bytes]:
+        """Its files by path; those in the folder `below` (`"sources/"`) by their path in that."""
+        try:
+            if self.is_folder:
+                folder = self.path / below
+                found = sorted(p for p in folder.rglob("*") if p.is_file())
+                return {p.relative_to(folder).as_posix(): p.read_bytes() for p in found}
+            with self._opened() as archive:
+                names = [n for n in archive.namelist() if n.startswith(below) and not n.endswith("/")]
+                return {n.removeprefix(below): archive.read(n) for n in names}
+        except OSError as error:
+            raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
+        except _DAMAGED as error:
+            raise self.error(f"{self.path} is damaged ({one_line(str(error))}); copy or build it again") from None
+
     def libraries(self) -> list[tuple[str, str]]:
         """(platform folder, file name) of every shared library below `binaries/`."""
         if self.is_folder:

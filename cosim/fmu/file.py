@@ -206,6 +206,13 @@ class FmuFile:
         folder, suffix = fmi.platform_folder(self.major)
         return f"binaries/{folder}/{self.description.identifier}{suffix}"
 
+    def files(self, below: str = "") -> dict[str, bytes]:
+        """Its files by path; those in the folder `below` (`"sources/"`) by their path in that.
+
+        Raises FmuError for a damaged file.
+        """
+        return self._archive.files(below)
+
     @cached_property
     def digest(self) -> str:
         """SHA-256 of its description and of this platform's library: equal where states of one instance fit another."""

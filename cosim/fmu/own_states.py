@@ -9,7 +9,6 @@ twice the states.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ import cffi
 import numpy as np
 
 from build_fmus import compile as building
+from cosim.core.c_headers import declarations
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 
@@ -26,11 +26,7 @@ MORE_THAN_STATES = (
 )
 
 _ffi = cffi.FFI()
-_ffi.cdef(
-    re.sub(
-        r"(?m)^#.*$", "", (Path(building.__file__).with_name("runtime") / "saved_state.h").read_text(encoding="utf-8")
-    )
-)
+_ffi.cdef(declarations(Path(building.__file__).with_name("runtime") / "saved_state.h"))
 _FORMAT = _ffi.typeof("enum SnapshotFormat").relements
 _HEAD = _ffi.sizeof("struct FmuSnapshot")
 VALUES_AT = _HEAD + _ffi.offsetof("State", "v")

@@ -11,8 +11,6 @@ for coarse steps, sampled controllers and quadratic programs too. `step_derivati
 from __future__ import annotations
 
 import os
-import re
-import zipfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +23,7 @@ from build_fmus.base.archives import zipped
 from build_fmus.compile import host
 from cosim.batch.lane_source import LaneSource, NoLanes, lane_source
 from cosim.batch.library import STEP_HEADER, step_library
+from cosim.core.c_headers import declarations
 from cosim.core.errors import CosimError
 from cosim.core.signals import Array
 from cosim.core.time import TimeLike, positive
@@ -130,8 +129,7 @@ def copy_with_step_derivatives(fmu: Path, to: Path) -> None:
     """
     file = FmuFile(fmu, quiet=True)
     library = step_library(_source_of(file))
-    with zipfile.ZipFile(fmu) as archive:
-        content = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
+    content = file.files()
     content[f"{FOLDER}/{STEP_HEADER.name}"] = STEP_HEADER.read_bytes()
     content[f"{FOLDER}/{host()}/{file.description.name}{library.suffix}"] = library.read_bytes()
     to.write_bytes(zipped(content, first="modelDescription.xml"))
@@ -147,6 +145,5 @@ def _source_of(file: FmuFile) -> LaneSource:
 @lru_cache
 def _interface() -> Any:
     ffi = cffi.FFI()
-    text = STEP_HEADER.read_text(encoding="utf-8").replace('extern "C" {', "")
-    ffi.cdef(re.sub(r"(?m)^#.*$", "", text.replace("#ifdef __cplusplus\n}", "")))
+    ffi.cdef(declarations(STEP_HEADER))
     return ffi

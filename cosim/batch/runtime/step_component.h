@@ -4,7 +4,6 @@
 #include "step_derivatives.h"
 
 enum { N_KNOWNS = N_PARAMETERS + N_INPUTS + N_STATES };
-#define MAX_STEPS 1e7 /* as in fmu_core.c */
 
 EXPORT void step_derivatives_sizes(StepSizes *sizes) {
     const size_t memory = cosim_lanes_rows() * sizeof(lanes) + 64;
@@ -17,11 +16,11 @@ static int is_step(const State *head, const double *knowns, double h) {
     for (size_t i = 0; i < N_KNOWNS; i++)
         if (!(knowns[i] - knowns[i] == 0.0)) return 0;
 #if IS_CONTINUOUS
-    return h < MAX_STEPS * knowns[0]; /* its solver step */
+    return h <= MAX_STEPS_PER_CALL * knowns[0]; /* its solver step */
 #else
     if (head->sample < 0 || (double)head->sample >= 9007199254740992.0) return 0;
     const double next = head->start_time + (double)head->sample * SAMPLE_TIME;
-    return head->time - next < SAMPLE_TIME && head->time + h - next < MAX_STEPS * SAMPLE_TIME;
+    return head->time - next < SAMPLE_TIME && head->time + h - next <= MAX_STEPS_PER_CALL * SAMPLE_TIME;
 #endif
 }
 

@@ -28,6 +28,7 @@ import cosim.fmu.calls as fmi
 from build_fmus.base import safe_files, surface
 from build_fmus.base.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
+from cosim.core.c_headers import declarations
 from cosim.core.errors import FmuError
 from cosim.core.interrupt import CANCELLERS
 from cosim.core.memory import physical_memory
@@ -102,8 +103,7 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
         option = surface.hint("isolated=True", "--isolate")
         raise NoIsolation(f"FMUs can be isolated on Linux and macOS only; run without {option or 'isolation'}")
     ffi = cffi.FFI()
-    header = re.sub(r"(?m)^#.*$", "", (_FOLDER / "link.h").read_text())
-    ffi.cdef(header + _EXPORTED)
+    ffi.cdef(declarations(_FOLDER / "link.h") + _EXPORTED)
     try:
         toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER, INTERMEDIATE.parent], "client")
