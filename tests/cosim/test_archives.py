@@ -252,6 +252,23 @@ def test_every_damaged_byte_gives_a_sentence(tmp_path):
             Fmu(path)
 
 
+def test_files_are_those_of_the_unpacked_folder(tmp_path, awkward_fmus, raises):
+    path, folder = tmp_path / "one.fmu", tmp_path / "unpacked"
+    path.write_bytes(awkward_fmus[3].read_bytes())
+    with zipfile.ZipFile(path) as z:
+        z.extractall(folder)
+    fmu = Fmu(path)
+    files = fmu.files()
+    assert files["modelDescription.xml"] == (folder / "modelDescription.xml").read_bytes()
+    assert Fmu(folder).files() == files
+    assert fmu.files("binaries/") == {
+        n.removeprefix("binaries/"): d for n, d in files.items() if n.startswith("binaries/")
+    }
+    path.write_bytes(path.read_bytes()[:-30])
+    with raises(FmuError):
+        fmu.files()
+
+
 def test_names_too_long_for_a_file(raises):
     with raises(FmuError):
         Fmu("a" * 300 + ".fmu")
