@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from built import OBJECTS, BuiltFmus
-from rides import RIDES, system_of
+from rides import RIDES, bench_step, system_of
 from same import bits
 
 from build_fmus.compile import ObjectCache, resolve_platforms
@@ -48,20 +48,8 @@ def quarter_car(built_fmus: BuiltFmus) -> System:
 
 
 def free_response(values: Mapping[str, complex], steps: int) -> Any:
-    """body.z of the bench's equations (paper 002, (1) and (2)) by the Runge-Kutta matrix, here over complex numbers."""
-    mb, mw = values["body.mass"], values["wheel.mass"]
-    k, c = values["suspension.stiffness"], values["suspension.damping"]
-    kt, ct = values["tire.stiffness"], values["tire.damping"]
-    a = np.array(  # states: body.z, body.vz, wheel.z, wheel.vz
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-k / mb, -c / mb, k / mb, c / mb],
-            [0.0, 0.0, 0.0, 1.0],
-            [k / mw, c / mw, -(k + kt) / mw, -(c + ct) / mw],
-        ]
-    )
-    h = 0.0005 * a
-    step = np.eye(4) + h + h @ h / 2 + h @ h @ h / 6 + h @ h @ h @ h / 24
+    """body.z of the bench's equations, here over complex numbers."""
+    step, _ = bench_step(values)
     x, found = np.array([values["body.z"], 0.0, 0.0, values["wheel.vz"]], dtype=complex), []
     for _ in range(steps + 1):
         found.append(x[0])

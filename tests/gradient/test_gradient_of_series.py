@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from built import BuiltFmus
-from rides import RIDES, system_of
+from rides import RIDES, bench_step, system_of
 from same import bits
 
 from cosim import System, Table, WiringError
@@ -61,23 +61,11 @@ def both(system: System, parameters: Any, metrics: Mapping[str, Metric] = METRIC
 
 
 def exact(values: Mapping[str, float], how: str, steps: int) -> Array:
-    """Derivatives (steps + 1, rows) of body.z of the bench (paper 002, (1) and (2)) by the samples of its force.
+    """Derivatives (steps + 1, rows) of body.z of the bench by the samples of its force.
 
     The force counts at the begin of each millisecond, of which the Runge-Kutta method makes two steps.
     """
-    mb, mw, k, c = (values[n] for n in ("body.mass", "wheel.mass", "suspension.stiffness", "suspension.damping"))
-    kt, ct = values["tire.stiffness"], values["tire.damping"]
-    a = np.array(  # states: body.z, body.vz, wheel.z, wheel.vz
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-k / mb, -c / mb, k / mb, c / mb],
-            [0.0, 0.0, 0.0, 1.0],
-            [k / mw, c / mw, -(k + kt) / mw, -(c + ct) / mw],
-        ]
-    )
-    h, one = 0.0005 * a, np.eye(4)
-    step = one + h + h @ h / 2 + h @ h @ h / 6 + h @ h @ h @ h / 24
-    by_force = 0.0005 * (one + h / 2 + h @ h / 6 + h @ h @ h / 24) @ np.array([0.0, 1.0 / mb, 0.0, -1.0 / mw])
+    step, by_force = bench_step(values)
     x, found = np.zeros((4, ROWS)), []
     for n in range(steps + 1):
         found.append(x[0])
