@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,10 @@ import numpy as np
 import pytest
 from built import FMUS
 from click.testing import CliRunner
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
 
 from build_fmus.compile import find_toolchain, host
+from cosim import System
 from cosim.cli import app
 from cosim.core.errors import CosimError
 from cosim.fmu.own_states import VALUES_AT
@@ -24,72 +23,36 @@ from cosim.gradient.step import FOLDER, StepDerivatives
 
 pytestmark = pytest.mark.usefixtures("built_fmus")
 
-CASES = {
-    "QuarterCarBench": (1e-3, 3),
-    "RideCarHmmwv": (1e-3, 2),
-    "FullCarHmmwvModified": (2e-3, 2),
-    "HydraulicActuator": (1e-3, 3),
-    "LqrBench": (0.05, 2),
-    "SemiActiveSkyhook": (0.01, 2),
-    "MpcHmmwv": (0.03, 2),
-}
-"""Length of a step [s], and how many were taken before."""
+CASES = [
+    ("QuarterCarBench", 1e-3, 3),
+    ("RideCarHmmwv", 1e-3, 2),
+    ("FullCarHmmwvModified", 2e-3, 2),
+    ("HydraulicActuator", 1e-3, 3),
+    ("LqrBench", 0.05, 2),
+    ("LqrBench", 5e-4, 1),  # a step without a sample
+    ("SemiActiveSkyhook", 0.01, 2),
+    ("MpcHmmwv", 0.03, 2),
+    ("MpcHmmwv", 0.01, 1),  # a step without a sample
+]
+"""Name, length of a step [s], and how many were taken before."""
 CONSTANT = ("solver.step", "solver.residual", "solver.iterations")  # which are not differentiated
 
 
-class Instance:
-    """An FMU in FMPy, in step mode, with inputs that are not 0."""
-
-    def __init__(self, path: Path, folder: Path, *, at: float) -> None:
-        self.about = fmpy.read_model_description(path)
-        own = self.about.coSimulation.modelIdentifier
-        of: Any = FMU3Slave if self.about.fmiVersion == "3.0" else FMU2Slave
-        self.fmu = of(
-            guid=self.about.guid, unzipDirectory=fmpy.extract(path, folder), modelIdentifier=own, instanceName="one"
-        )
-        self.fmu.instantiate()
-        if self.about.fmiVersion == "3.0":
-            self.fmu.enterInitializationMode(startTime=at)
-        else:
-            self.fmu.setupExperiment(startTime=at)
-            self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
-        rng = np.random.default_rng(3)
-        for v in self.reals("input"):
-            scale = float(v.nominal or 1.0) * 1e-4
-            self.set(v.valueReference, (scale * rng.standard_normal(size_of(v))).tolist())
-
-    def reals(self, causality: str) -> list[Any]:
-        own = (v for v in self.about.modelVariables if v.causality == causality)
-        return [v for v in own if v.type in ("Real", "Float64")]
-
-    def set(self, reference: int, values: list[float]) -> None:
-        if self.about.fmiVersion == "3.0":
-            self.fmu.setFloat64([reference], values)
-        else:
-            self.fmu.setReal([reference], values)
-
-    def state(self) -> bytes:
-        state = self.fmu.getFMUState() if self.about.fmiVersion == "3.0" else self.fmu.getFMUstate()
-        if self.about.fmiVersion == "3.0":
-            return bytes(self.fmu.serializeFMUState(state))
-        return bytes(self.fmu.serializeFMUstate(state))
-
-    def read_outputs(self) -> None:
-        """Outputs of continuous FMUs are computed when they are read."""
-        for v in self.reals("output"):
-            if self.about.fmiVersion == "3.0":
-                self.fmu.getFloat64([v.valueReference], size_of(v))
-            else:
-                self.fmu.getReal([v.valueReference])
-
-    def close(self) -> None:
-        self.fmu.terminate()
-        self.fmu.freeInstance()
-
-
-def size_of(variable: Any) -> int:
-    return int(np.prod([int(d.start) for d in variable.dimensions])) if variable.dimensions else 1
+def states_of(path: Path, h: float, steps: int) -> list[bytes]:
+    """Serialized states of an FMU from 0.5 s on, before and after each of so many steps, with inputs that are not 0."""
+    rng = np.random.default_rng(3)
+    with System(allow_unconnected=True) as system:
+        one = system.add("one", path, step=h)
+        inputs = [v for v in one.description.variables.values() if v.causality == "input" and v.type == "real"]
+        for v, x in zip(inputs, rng.standard_normal(len(inputs)), strict=True):
+            if v.must_equal is None:
+                one.set({v.name: v.nominal * (abs(x) if v.limits[0] == 0.0 else 1e-3 * x)})
+        with system.initialize(0.5, record="one.*") as simulation:
+            go, found = simulation.stepper(h), []
+            for _ in range(steps):
+                found.append(one.implementation.serialize())
+                go()
+            return [*found, one.implementation.serialize()]
 
 
 def values(state: bytes) -> np.ndarray:
@@ -103,30 +66,21 @@ def moved(state: bytes, k: int, by: float) -> bytes:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", CASES)
-def test_a_step_is_the_fmus_own(tmp_path: Path, name: str, fmi: int) -> None:
-    path, (h, before) = FMUS / f"fmi{fmi}" / f"{name}.fmu", CASES[name]
+@pytest.mark.parametrize(("name", "h", "before"), CASES)
+def test_a_step_is_the_fmus_own(name: str, h: float, before: int, fmi: int) -> None:
+    path = FMUS / f"fmi{fmi}" / f"{name}.fmu"
     step = StepDerivatives(path)
-    with closing(Instance(path, tmp_path, at=0.5)) as one:
-        for k in range(before):
-            one.fmu.doStep(0.5 + k * h, h)
-        found = step(one.state(), h)
-        one.fmu.doStep(0.5 + before * h, h)
-        one.read_outputs()
-        after = values(one.state())
+    *_, state, following = states_of(path, h, before + 1)
+    found, after = step(state, h), values(following)
     n_states = len(step.states)
     states, outputs = after[len(step.knowns) - n_states :], after[len(step.knowns) + n_states :]
     assert found.after.tolist() == [*states[:n_states], *outputs[: len(step.unknowns) - n_states]]
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_derivatives_are_those_of_neighboring_steps(tmp_path: Path, name: str) -> None:
-    path, (h, before) = FMUS / "fmi3" / f"{name}.fmu", CASES[name]
-    step = StepDerivatives(path)
-    with closing(Instance(path, tmp_path, at=0.5)) as one:
-        for k in range(before):
-            one.fmu.doStep(0.5 + k * h, h)
-        state = one.state()
+@pytest.mark.parametrize(("name", "h", "before"), CASES)
+def test_derivatives_are_those_of_neighboring_steps(name: str, h: float, before: int) -> None:
+    path = FMUS / "fmi3" / f"{name}.fmu"
+    step, state = StepDerivatives(path), states_of(path, h, before)[-1]
     found = step(state, h)
     x = np.abs(values(state)[: len(step.knowns)])
     magnitude = np.abs(found.jacobian) @ x  # of the terms that are summed
@@ -146,22 +100,18 @@ def test_derivatives_are_those_of_neighboring_steps(tmp_path: Path, name: str) -
     assert smooth > 0.9 * len(x)
 
 
-def test_directions_are_followed_together(tmp_path: Path) -> None:
+def test_directions_are_followed_together() -> None:
     path = FMUS / "fmi3" / "QuarterCarBench.fmu"
-    step = StepDerivatives("QuarterCarBench")
-    with closing(Instance(path, tmp_path, at=0.0)) as one:
-        state = one.state()
+    step, (state,) = StepDerivatives("QuarterCarBench"), states_of(path, 1e-3, 0)
     seeds = np.random.default_rng(1).standard_normal((20, len(step.knowns)))  # more than go together
     found = step(state, 1e-3, seeds)
     np.testing.assert_allclose(found.jacobian, step(state, 1e-3).jacobian @ seeds.T, rtol=1e-12, atol=1e-12)
 
 
-def test_directions_may_be_of_any_length(tmp_path: Path) -> None:
+def test_directions_may_be_of_any_length() -> None:
     """Squares of these are 0."""
-    path, (h, _) = FMUS / "fmi3" / "FullCarHmmwvModified.fmu", CASES["FullCarHmmwvModified"]
-    step, small = StepDerivatives(path), 2.0**-600
-    with closing(Instance(path, tmp_path, at=0.5)) as one:
-        state = one.state()
+    path, h, small = FMUS / "fmi3" / "FullCarHmmwvModified.fmu", 2e-3, 2.0**-600
+    step, (state,) = StepDerivatives(path), states_of(path, h, 0)
     found, scaled = step(state, h), step(state, h, small * np.eye(len(step.knowns)))
     np.testing.assert_array_equal(scaled.jacobian, small * found.jacobian)
     assert scaled.sides == found.sides
@@ -172,7 +122,7 @@ def test_a_copied_fmu_carries_the_library_for_c(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     path = tmp_path / "LqrBench.fmu"
     folder = Path(fmpy.extract(path, tmp_path / "in"))
-    assert fmpy.validation.validate_fmu(str(path)) == []
+    assert validate_fmu(str(path)) == []
     (library,) = (folder / FOLDER).glob("*/*.*")
     program = """
     #include <stdio.h>
@@ -206,9 +156,8 @@ def test_a_copied_fmu_carries_the_library_for_c(tmp_path: Path) -> None:
         lambda state: (state, -1e-3, None),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, change: Callable[[bytes], Any], raises) -> None:
+def test_what_is_wrong_is_said(change: Callable[[bytes], Any], raises) -> None:
     step = StepDerivatives("QuarterCarBench")
-    with closing(Instance(FMUS / "fmi3" / "QuarterCarBench.fmu", tmp_path, at=0.0)) as one:
-        given = change(one.state())
+    given = change(states_of(FMUS / "fmi3" / "QuarterCarBench.fmu", 1e-3, 0)[0])
     with raises(CosimError):
         step(*given)
