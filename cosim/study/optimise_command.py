@@ -13,13 +13,22 @@ import click
 
 from build_fmus.base.terminal import Command, console
 from cosim import Execution
-from cosim.study.case import fields
 from cosim.study.commands import make_folder, on, progress_bar, tell_lanes
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
 from cosim.study.lanes import LANES_PAY
-from cosim.study.options import EXECUTION, MANY_RUNS, OUT, case_options, command, execution, fmu_options, fmu_set
+from cosim.study.options import (
+    EXECUTION,
+    MANY_RUNS,
+    OUT,
+    case_options,
+    case_values,
+    command,
+    execution,
+    fmu_options,
+    fmu_set,
+)
 from cosim.study.processes import local_processes
 from cosim.study.slopes import PointSlopes
 from cosim.study.store import Store
@@ -132,9 +141,8 @@ def optimise_command(experiment: Experiment) -> Command:
         if not objectives:
             raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
         fmus = fmu_set(experiment, given)
-        base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
         axes = tuple(axis(text) for text in given["vary"])
-        prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
+        prepared = prepare(experiment, fmus, Design(axes, samples=1), case_values(given))
         folder = make_folder(fmus.results(given["out"], experiment.name) / "optimise")
         if given["force"]:
             (folder / TRIALS).unlink(missing_ok=True)
