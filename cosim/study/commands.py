@@ -61,8 +61,8 @@ TOLERANCE = click.Option(
     ["--tolerance"],
     type=float,
     metavar="RELATIVE",
-    help="let the communication steps of continuous components follow the error of the exchange, so that it stays below"
-    " this part of each value, and report the steps (default: fixed steps)",
+    help="let the communication steps of continuous components follow the error of the exchange, to keep it below this"
+    " part of the largest magnitude of each value, and report the steps (default: fixed steps)",
 )
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 
