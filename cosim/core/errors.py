@@ -160,7 +160,7 @@ class LoopNotSolved(CallFailed):
 
 
 class ToleranceExceeded(CallFailed):
-    """The error of an output exceeds the part of the tolerance that a step may make even in the `smallest` [s]."""
+    """The error of an output exceeds what a step may make of the tolerance, even in one of `smallest` length [s]."""
 
     def __init__(
         self, component: str, variable: str, error: float, most: float, tolerance: float, smallest: float, at: float

@@ -233,17 +233,18 @@ def _once(option: str, names: Sequence[str]) -> None:
 
 def _bounds(option: str, given: Sequence[str]) -> dict[str, float]:
     """METRIC=VALUE as numbers by name."""
-    _once(option, [text.rpartition("=")[0] for text in given])
-    found = {}
+    found: list[tuple[str, float]] = []
     for text in given:
         name, equals, value = text.rpartition("=")
         try:
-            found[name] = float(value) if equals else math.nan
+            bound = float(value) if equals else math.nan
         except ValueError:
-            found[name] = math.nan
-        if not math.isfinite(found[name]):
+            bound = math.nan
+        found.append((name, bound))
+        if not math.isfinite(bound):
             raise DesignError(f"{text}: a bound is METRIC=VALUE with a number, such as 'car.body.az rms=1.2'")
-    return found
+    _once(option, [name for name, _ in found])
+    return dict(found)
 
 
 def _descend(
