@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 from build_fmus.base import surface
@@ -159,7 +160,7 @@ class LoopNotSolved(CallFailed):
 
 
 class ToleranceExceeded(CallFailed):
-    """The error of an output exceeds the part of the tolerance that a step may make even in the `smallest` [s]."""
+    """The error of an output exceeds what a step may make of the tolerance, even in one of `smallest` length [s]."""
 
     def __init__(
         self, component: str, variable: str, error: float, most: float, tolerance: float, smallest: float, at: float
@@ -170,9 +171,10 @@ class ToleranceExceeded(CallFailed):
         self.status = "not within the tolerance"
 
     def _text(self, time: float | None) -> str:  # noqa: ARG002
+        found = f"its error is {self.error:.2g} instead of {self.most:.2g}"
         return (
             f"the exchange of {self.component}.{self.variable} does not reach the tolerance of {self.tolerance:g} at"
-            f" t = {self.at:.9g} s: its error is {self.error:.2g} instead of {self.most:.2g} in a step"
+            f" t = {self.at:.9g} s: {found if self.error < inf else 'it is not finite'} in a step"
             f" of {self.smallest:.2g} s, the smallest one; run with a larger tolerance, or without one"
         )
 

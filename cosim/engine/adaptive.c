@@ -110,7 +110,8 @@ static int try_step(Engine *e, EngineAdaptive *a, double t) {
     return refresh(e, a, true);
 }
 
-/* The largest difference between what has arrived and what was extrapolated, relative to the tolerance. */
+/* The largest difference between what has arrived and what was extrapolated, relative to the tolerance. It is infinite
+ * where one of them is not finite. */
 static double largest_error(const Engine *e, EngineAdaptive *a) {
     const double *arrived = e->values + a->computed, h = duration(e, a->steps->tried);
     double largest = 0.0;
@@ -120,8 +121,8 @@ static double largest_error(const Engine *e, EngineAdaptive *a) {
         const double size = fabs(arrived[k]) > a->size[k] ? fabs(arrived[k]) : a->size[k];
         const double expected = a->begin[k] + h * (a->slope[k] + a->curve[k] * (h + a->over));
         const double error = fabs(arrived[k] - expected) / (a->tolerance * size);
-        if (error > largest) {
-            largest = error;
+        if (!(error <= largest)) {
+            largest = error < INFINITY ? error : INFINITY;
             a->worst = k;
         }
     }
@@ -219,6 +220,12 @@ static void control(EngineAdaptive *a) {
     if (s->next > a->largest) s->next = a->largest;
 }
 
+/* The step has failed: what is published is that of its begin. */
+static int fail(Engine *e, const EngineAdaptive *a, int result) {
+    memcpy(e->values + a->published, a->begin, a->n * sizeof(double));
+    return result;
+}
+
 /* A step from the present instant on, repeated with shorter ones until its error is within the tolerance. */
 static int take_step(Engine *e, EngineAdaptive *a, double t) {
     EngineSteps *s = a->steps;
@@ -235,21 +242,18 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
         if (resumed && !result) break;
         const bool repeatable = result == ENGINE_NOT_FINITE || result == ENGINE_NO_SOLUTION
             || (result == ENGINE_CALL_FAILED && e->status <= DISCARD);
-        if (result && (resumed || !repeatable || s->tried == 1)) {
-            memcpy(e->values + a->published, a->begin, a->n * sizeof(double));
-            return result;
-        }
+        if (result && (resumed || !repeatable || s->tried == 1)) return fail(e, a, result);
         const double error = result ? INFINITY : largest_error(e, a);
         if (error <= 1.0 || s->tried == 1) {
             s->jumps = error <= 1.0 ? 0 : s->jumps + 1;
-            if (s->jumps > MOST_JUMPS) return ENGINE_NO_STEP;
+            if (s->jumps > MOST_JUMPS || error == INFINITY) return fail(e, a, ENGINE_NO_STEP);
             control(a);
             break;
         }
         s->n_rejected++;
         const double factor = factor_of(a, error, SAFETY, false);
-        if (!result) learn(e, a, s->tried, false);
-        if ((result = restore(e, a))) return result;
+        if (error < INFINITY) learn(e, a, s->tried, false);
+        if ((result = restore(e, a))) return fail(e, a, result);
         e->n_stepped = 0;
         s->tried = (int64_t)(factor * (double)s->tried);
         if (s->tried < 1) s->tried = 1;
@@ -269,7 +273,7 @@ int engine_adaptive_cut(Engine *e, EngineAdaptive *a, int64_t tick) {
     const int64_t before = s->end - s->begin;
     s->tried = tick - s->begin;
     if (!result) result = try_step(e, a, engine_time(e, s->begin));
-    if (result) return result;
+    if (result) return fail(e, a, result);
     s->end = tick;
     s->total += s->tried - before;
     if (s->tried < s->smallest) s->smallest = s->tried;

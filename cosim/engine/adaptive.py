@@ -16,18 +16,20 @@ discrete component, so these run at their exact instants.
    there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
-   magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step
-   that was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next
-   one, as it grows with the product of the distances to the values of the parabola.
+   magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step that
+   was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next one,
+   as it grows with the product of the distances to the values of the parabola. A value that is not finite has an
+   infinite error, and tells no parabola.
 
 Errors of steps add up over a run, and the coupling amplifies them: hence the share. A mathematical bound needs what the
 master cannot know of the components: docs/reference/masters.md has measurements.
 
-Values before an instant of a discrete component, or before an input was set from outside, tell slopes but no curves.
-A value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next
-one begins without slopes. If its error is as large although it is a smallest step too, the value is steep, and those
-after it have slopes again. After ten such steps in a row the run fails. Between two communication points, outputs are
-interpolated along the parabola, for the recording and for everything else that reads them.
+Values before an instant of a discrete component, or before an input was set from outside, tell slopes but no curves. A
+value that jumps has a large error in a step of any length. The smallest step is accepted nevertheless, and the next one
+begins without slopes. If its error is as large although it is a smallest step too, the value is steep, and those after
+it have slopes again. After ten such steps in a row, or one with an infinite error, the run fails. Between two
+communication points, outputs are interpolated along the parabola, for the recording and for everything else that reads
+them.
 
 `adaptive.c` executes the rule; tests/oracles/adaptive_rule.py states it once more, in Python.
 """

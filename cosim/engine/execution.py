@@ -53,7 +53,8 @@ class Execution:
         memory_limit: of these, bytes.
         real_time: pace, 1.0 for that of the clock, 2.0 for twice as fast, see `Simulation.advance`; None: none.
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
-        allow_nan: outputs that are NaN or infinite do not end the run.
+        allow_nan: outputs that are NaN or infinite do not end the run, except with a `tolerance` those that a
+            continuous component reads from another one.
         loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
         tolerance: of the error that the exchange between continuous components makes in a run, relative to the largest
             magnitude of each value: their communication steps follow it (`cosim.engine.adaptive`). None: their steps

@@ -40,6 +40,7 @@ from cosim.study.options import (
     RETRY,
     case_of,
     case_options,
+    case_values,
     command,
     execution,
     fmu_options,
@@ -57,11 +58,11 @@ REAL_TIME = click.Option(
     help="run in real time, FACTOR times as fast as the clock (1 if left out), and report the timing",
 )
 TOLERANCE = click.Option(
-    ["--tolerance", "tolerance_"],
+    ["--tolerance"],
     type=float,
     metavar="RELATIVE",
-    help="let the communication steps of continuous components follow the error of the exchange, so that it stays below"
-    " this part of each value, and report the steps (default: fixed steps)",
+    help="let the communication steps of continuous components follow the error of the exchange, to keep it below this"
+    " part of the largest magnitude of each value, and report the steps (default: fixed steps)",
 )
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 
@@ -78,14 +79,14 @@ def run_command(experiment: Experiment) -> Command:
             case_of(experiment, given),
             fmu_set(experiment, given),
             given["out"],
-            replace(execution(given), tolerance=given.get("tolerance_")),
-            inputs=given["signals_"],
+            replace(execution(given), tolerance=given.get("tolerance")),
+            inputs=given["signals"],
             hold_inputs=given["hold_input"],
-            output=given["recording_"],
+            output=given["recording"],
             display_units=given["display_units"],
             real_time=given["real_time"],
             curves=given["curves"],
-            bars=given["bars_"],
+            bars=given["bars"],
         )
 
     case = case_options(experiment)
@@ -117,7 +118,7 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
     return [
         OUT,
         click.Option(
-            [*(n for n in ("--signals", "--input") if n not in own), "signals_"],
+            [*(n for n in ("--signals", "--input") if n not in own), "signals"],
             type=PATH,
             multiple=True,
             metavar="FILE",
@@ -128,7 +129,7 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
             ["--hold-input"], is_flag=True, help="hold the last values of a signal file that is shorter than the run"
         ),
         click.Option(
-            [*(n for n in ("--recording", "--output") if n not in own), "recording_"],
+            [*(n for n in ("--recording", "--output") if n not in own), "recording"],
             type=PATH,
             metavar="FILE",
             help=f"write time histories to this file, whose suffix sets the format: {', '.join(FORMATS)} (default: a"
@@ -146,7 +147,7 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
             help="plot this recorded variable, such as car.body.az, or a pattern, in the terminal (repeatable)",
         ),
         click.Option(
-            ["--bars", "bars_"],
+            ["--bars"],
             is_flag=True,
             help="draw the metrics as bars in the terminal, next to those of the baseline",
         ),
@@ -304,7 +305,7 @@ def study_command(experiment: Experiment) -> Command:
     )
 
     def study(**given: Any) -> None:
-        chosen = {option.name: given[option.name] for option in options}
+        chosen = {option.name: given[option.name] for option in options} if own_plan else case_values(given)
         write_study(
             experiment,
             fmu_set(experiment, given),
@@ -315,7 +316,7 @@ def study_command(experiment: Experiment) -> Command:
             cluster=given["dask"],
             retry_failed=given["retry_failed"],
             force=given["force"],
-            execution=replace(execution(given), tolerance=given.get("tolerance_")),
+            execution=replace(execution(given), tolerance=given.get("tolerance")),
         )
 
     what = "The whole study" if own_plan else "All combinations of the values given for each option"

@@ -13,13 +13,22 @@ import click
 
 from build_fmus.base.terminal import Command, console
 from cosim import Execution
-from cosim.study.case import fields
 from cosim.study.commands import make_folder, on, progress_bar, tell_lanes
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
 from cosim.study.lanes import LANES_PAY
-from cosim.study.options import EXECUTION, MANY_RUNS, OUT, case_options, command, execution, fmu_options, fmu_set
+from cosim.study.options import (
+    EXECUTION,
+    MANY_RUNS,
+    OUT,
+    case_options,
+    case_values,
+    command,
+    execution,
+    fmu_options,
+    fmu_set,
+)
 from cosim.study.processes import local_processes
 from cosim.study.slopes import PointSlopes
 from cosim.study.store import Store
@@ -132,9 +141,8 @@ def optimise_command(experiment: Experiment) -> Command:
         if not objectives:
             raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
         fmus = fmu_set(experiment, given)
-        base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
         axes = tuple(axis(text) for text in given["vary"])
-        prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
+        prepared = prepare(experiment, fmus, Design(axes, samples=1), case_values(given))
         folder = make_folder(fmus.results(given["out"], experiment.name) / "optimise")
         if given["force"]:
             (folder / TRIALS).unlink(missing_ok=True)
@@ -225,17 +233,18 @@ def _once(option: str, names: Sequence[str]) -> None:
 
 def _bounds(option: str, given: Sequence[str]) -> dict[str, float]:
     """METRIC=VALUE as numbers by name."""
-    _once(option, [text.rpartition("=")[0] for text in given])
-    found = {}
+    found: list[tuple[str, float]] = []
     for text in given:
         name, equals, value = text.rpartition("=")
         try:
-            found[name] = float(value) if equals else math.nan
+            bound = float(value) if equals else math.nan
         except ValueError:
-            found[name] = math.nan
-        if not math.isfinite(found[name]):
+            bound = math.nan
+        found.append((name, bound))
+        if not math.isfinite(bound):
             raise DesignError(f"{text}: a bound is METRIC=VALUE with a number, such as 'car.body.az rms=1.2'")
-    return found
+    _once(option, [name for name, _ in found])
+    return dict(found)
 
 
 def _descend(

@@ -51,6 +51,7 @@ MANY_RUNS = (
     ),
     click.Option(["--force"], is_flag=True, help="discard stored runs and run everything again"),
 )
+_CASE = "case_"  # begins the names of values of cases, so that other options may be called like a field
 RETRY = click.Option(["--retry-failed"], is_flag=True, help="run failed runs again")
 
 
@@ -66,9 +67,9 @@ def case_options(
     experiment: Experiment, *, beside: Iterable[click.Option] = (), repeatable: bool = False
 ) -> list[click.Option]:
     """One option for each field of an experiment's cases; not where an option `beside` has its name."""
-    taken = {name for option in beside for name in (option.name, *option.opts)}
+    taken = {name for option in beside for name in option.opts}
     found = [_option(f, repeatable) for f in fields(experiment.case)]
-    return [option for option in found if not taken & {option.name, *option.opts}]
+    return [option for option in found if not taken & {*option.opts}]
 
 
 def _option(f: Field, repeatable: bool) -> click.Option:
@@ -79,7 +80,7 @@ def _option(f: Field, repeatable: bool) -> click.Option:
     if f.type is bool and f.default:
         names = [f"--{f.name}/--no-{f.name}"]
     return click.Option(
-        [*names, f.attribute],
+        [*names, _CASE + f.attribute],
         type=f.type if about.choices is None else Names(about.choices, more, f.type),
         is_flag=f.type is bool,
         default=None if repeatable else f.default,
@@ -88,9 +89,14 @@ def _option(f: Field, repeatable: bool) -> click.Option:
     )
 
 
+def case_values(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the options of `case_options` give, by attribute of the case."""
+    return {name.removeprefix(_CASE): value for name, value in given.items() if name.startswith(_CASE)}
+
+
 def case_of(experiment: Experiment, given: Mapping[str, Any]) -> Any:
     """The case of the options; fields without an option have their default."""
-    return experiment.case(**{f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given})
+    return experiment.case(**case_values(given))
 
 
 def fmu_options(experiment: Experiment) -> list[click.Option]:
@@ -105,7 +111,7 @@ def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
         raise CosimError(f"--fmus has no effect on {experiment.module}, which says where its FMUs are: leave it out")
     if make is None:
         return FmuSet(given["fmus"], given["fmi"])
-    case = case_of(experiment, given) if all(f.attribute in given for f in fields(experiment.case)) else None
+    case = case_of(experiment, given) if case_values(given) else None
     found: FmuSet = make(experiment.name, given["fmus"], given["fmi"], given["vehicle"], case)
     return found
 

@@ -16,11 +16,21 @@ from rich.table import Table
 from rich.text import Text
 
 from build_fmus.base.terminal import PATH, Command, Names, console
-from cosim.study.case import fields
 from cosim.study.commands import make_folder, on, refuse_none, run_case, tell_lanes
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
 from cosim.study.experiment import Baseline, Experiment
-from cosim.study.options import EXECUTION, MANY_RUNS, OUT, RETRY, case_options, command, execution, fmu_options, fmu_set
+from cosim.study.options import (
+    EXECUTION,
+    MANY_RUNS,
+    OUT,
+    RETRY,
+    case_options,
+    case_values,
+    command,
+    execution,
+    fmu_options,
+    fmu_set,
+)
 from cosim.study.slopes import local_slopes
 from cosim.study.sweep import HISTORIES, RunningStats, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
@@ -85,8 +95,7 @@ def sweep_command(experiment: Experiment) -> Command:
         design = _design(given)
         _ask(design, given["yes"])
         fmus = fmu_set(experiment, given)
-        base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
-        prepared = prepare(experiment, fmus, design, base)
+        prepared = prepare(experiment, fmus, design, case_values(given))
         if given["run"] is not None:
             _one(prepared, given["run"], fmus, given)
             return

@@ -493,9 +493,6 @@ def _check_clocks(names: str, source: SystemComponent, target: SystemComponent, 
         raise WiringError(f"{names}: {target.name}.{clock.name} ticks by itself: connect a clock of the kind triggered")
 
 
-"""Bytes that a String or Binary may have, where neither its FMUs nor the connection says so."""
-
-
 def _text_size(
     names: str,
     origin: tuple[SystemComponent, Variable],

@@ -38,6 +38,14 @@ def chain(fmu: Path, *, texts: bool = True, **options: bool) -> System:
     return system
 
 
+def pair(path: Path) -> System:
+    """Two components, not connected."""
+    system = System()
+    for name in ("a", "b"):
+        system.add(name, path, step="1 ms")
+    return system
+
+
 def run(system: System) -> Recording:
     seen = ["*.seen"] if "seen" in system["a"].description.outputs else []
     return system.run(0.002, record=["*.y", *seen])
@@ -122,9 +130,7 @@ def test_an_exported_fmu_passes_on_numbers_only(
 def test_parameters_that_follow_from_each_other_end_in_a_sentence(
     fmus: dict[int, Path], tmp_path: Path, version: int, raises
 ) -> None:
-    with System() as system:
-        for name in ("a", "b"):
-            system.add(name, fmus[version], step="1 ms")
+    with pair(fmus[version]) as system:
         system.connect("a.next", "b.n")
         system.connect("b.next", "a.n")
         path = system.export_fmu(tmp_path / "Circle.fmu")
@@ -135,9 +141,7 @@ def test_parameters_that_follow_from_each_other_end_in_a_sentence(
 
 def test_a_circle_through_other_parameters_settles(fmus: dict[int, Path]) -> None:
     """What `a` calculates from `p` is a factor of `b`, and what `b` calculates from `n` is `n` of `a`."""
-    with System() as system:
-        for name in ("a", "b"):
-            system.add(name, fmus[2], step="1 ms")
+    with pair(fmus[2]) as system:
         system.connect("a.scaled", "b.factor", linear=(1.0, 0.0))
         system.connect("b.next", "a.n")
         found = system.run(0.001, record=["*.y"])
@@ -160,9 +164,7 @@ def test_a_value_that_is_no_integer_of_the_type_is_refused(
     fmus: dict[int, Path], tmp_path: Path, factor: float, raises
 ) -> None:
     """4 times the factor, in a run and in an exported FMU."""
-    with System() as system:
-        for name in ("a", "b"):
-            system.add(name, fmus[2], step="1 ms")
+    with pair(fmus[2]) as system:
         system.connect("b.next", "a.n", linear=(factor, 0.0))
         path = system.export_fmu(tmp_path / "Scaled.fmu")
         with raises(WiringError):

@@ -249,11 +249,35 @@ def test_a_value_that_never_follows_ends_the_run_by_name():
     system.add("n", Noise, step="1 ms")
     system.add("i", Integrator(), step="1 ms")
     system.connect("n.y", "i.u")
-    with pytest.raises(
-        ComponentError, match=r"the exchange of n\.y does not reach the tolerance of 0\.0001 at t = "
-    ) as c:
-        system.run(0.1, tolerance=1e-4)
-    assert c.value.component == "n"
+    with system.initialize(record=["n.y"], execution=Execution(tolerance=1e-4)) as simulation:
+        with pytest.raises(
+            ComponentError, match=r"the exchange of n\.y does not reach the tolerance of 0\.0001 at t = "
+        ) as c:
+            simulation.advance(0.1)
+        assert c.value.component == "n"
+        assert simulation["n.y"] == pytest.approx(np.sin(1e9 * float(simulation.time)), abs=1e-6)  # where it failed
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_value_that_is_not_finite_has_no_small_error(value):
+    """Where the run lets such values pass (`allow_nan`), too; it is no error where no continuous component reads it."""
+
+    class Breaks(PythonComponent):
+        outputs = ("y",)
+
+        def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = value if t + h > 0.05 else 1.0
+
+    system = System()
+    system.add("b", Breaks, step="1 ms")
+    execution = Execution(tolerance=1e-4, allow_nan=True)
+    assert not np.isfinite(system.run(0.1, record=["b.y"], execution=execution)["b.y"][-1])
+    system.add("i", Integrator(), step="1 ms")
+    system.connect("b.y", "i.u")
+    with pytest.raises(ComponentError, match=r"the exchange of b\.y .* it is not finite in a step") as caught:
+        system.run(0.1, record=["b.y", "i.y"], execution=execution)
+    assert caught.value.time == pytest.approx(0.05, abs=1e-6)
+    assert np.isfinite(caught.value.recording.data).all()
 
 
 def test_a_value_that_jumps_and_is_steep_after_that_is_followed():

@@ -15,6 +15,7 @@ from scipy.linalg import expm
 
 from benchmarks import masters
 from cosim import Record
+from cosim.engine.adaptive import FLOOR, SHARE
 
 _SPEC = importlib.util.spec_from_file_location("write_masters", ROOT / "docs" / "write_masters.py")
 assert _SPEC is not None
@@ -54,6 +55,8 @@ def test_the_claims_of_the_page(results: Any) -> None:
     ratios = [ratio for result in found.values() for of in result.ratios.values() for ratio in of]
     assert all(0.5 <= ratio <= 2.0 for ratio in ratios)
     assert all(result.costs[f"tolerance {t:g}"].error < t for t in masters.TOLERANCES for result in found.values())
+    rule = " ".join((ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8").split())
+    assert f"to {FLOOR:g} of its nominal value if that is larger. It may be {100 * SHARE:g} % of the tolerance" in rule
     with BY_NAME["car with hydraulic actuators"].wired(Path("unused")) as system:
         assert system.coupled_spectral_radius().radius > 1.0
 

@@ -10,16 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from built import BuiltFmus
+from built import FMUS, BuiltFmus
 from same import bits
 from web_host import TYPES, WebHost
 
 from build_fmus.compile import CompileError
 from cosim import CosimError, Record, System
+from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.export.code import SystemCode, exported_schedule
 from cosim.export.variables import choose
 from cosim.export.web import module as web_module
 from cosim.export.web.module import Module, compile_module
+from cosim.study import FmuSet, Runner
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 STEP = Fraction(1, 100)
@@ -61,24 +63,42 @@ def made(built_fmus: BuiltFmus):
         s.close()
 
 
+def numbers(
+    system: System, code: SystemCode, module: Module, model: int, step: Fraction, n: int
+) -> dict[str, np.ndarray]:
+    """Outputs in a run of the module, every `step`, which has the bits of the system itself."""
+    shown = outputs(code)
+    names = [name for _, _, name in shown]
+    host = WebHost(module.content, [(r, t) for r, t, _ in shown], model)
+    assert host.start(float(step)) == 0, host.message
+    rows = np.vstack([host.look(), host.run(n)])
+    system.allow_unconnected = True
+    with system.initialize(record=names) as simulation:
+        expected = []
+        for k in range(n + 1):
+            simulation.advance(k * step)
+            expected.append([float(simulation[name]) for name in names])
+    assert np.array_equal(bits(rows), bits(expected)), [
+        name for k, name in enumerate(names) if not np.array_equal(bits(rows[:, k]), bits(np.array(expected)[:, k]))
+    ]
+    return dict(zip(names, rows.T, strict=True))
+
+
 def test_every_system_of_a_module_has_the_bits_of_the_system_itself(made) -> None:
     systems, codes, module, _ = made
     for i, (system, code) in enumerate(zip(systems, codes, strict=True)):
-        shown = outputs(code)
-        names = [n for _, _, n in shown]
-        host = WebHost(module.content, [(r, t) for r, t, _ in shown], i)
-        assert host.start(float(STEP)) == 0, host.message
-        rows = np.vstack([host.look(), host.run(300)])
-        system.allow_unconnected = True
-        with system.initialize(record=names) as simulation:
-            expected = []
-            for k in range(301):
-                simulation.advance(k * STEP)
-                expected.append([float(simulation[n]) for n in names])
-        assert np.array_equal(bits(rows), bits(expected)), [
-            n for k, n in enumerate(names) if not np.array_equal(bits(rows[:, k]), bits(np.array(expected)[:, k]))
-        ]
-        assert np.ptp(rows[:, names.index("car.body.az")]) > 0.1
+        assert np.ptp(numbers(system, code, module, i, STEP, 300)["car.body.az"]) > 0.1
+
+
+@pytest.mark.full
+def test_a_vehicle_with_contact_has_them_too(built_fmus: BuiltFmus) -> None:  # noqa: ARG001
+    """The wheels hang over a trench and hit its edges, under the control law with a quadratic program."""
+    with Runner(TRENCH, FmuSet(FMUS)) as runner:
+        system = runner.system(TRENCH.case(controller="mpc"))
+        code = code_of("trench", system, {})
+        found = numbers(system, code, compile_module([code]), 0, Fraction(1, 50), 200)
+    assert found["car.tire.a1l.deflection"].max() > 0.1  # m, without contact
+    assert np.ptp(found["car.contact.a1l.fx"]) > 10e3  # N, at both edges
 
 
 def test_systems_share_what_they_have_in_common(made, built_fmus: BuiltFmus) -> None:

@@ -265,7 +265,7 @@ def test_the_command_keeps_bounds(ride: Path) -> None:  # noqa: ARG001
         ("--vary", "height=0.01:0.03", "--gradient"),
         ("--vary", "car.solver.step=1e-4:1e-3", "--gradient"),
         (*VARY, "--at-most", "car.body.az max=3"),
-        (*VARY, "--gradient", "--at-most", "car.body.az max"),
+        (*VARY, "--gradient", "--at-most", "car.body.az max", "--at-most", "car.body.az rms"),
         (*VARY, "--gradient", "--at-most", "car.body.ay max=3"),
         (*VARY, "--gradient", "--at-most", "car.body.az max=0.5", "--at-most", "car.body.az max=9"),
         (*VARY, "--gradient", "--at-least", "car.body.az max=0.5", "--at-least", "car.body.az max=9"),

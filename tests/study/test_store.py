@@ -115,6 +115,15 @@ def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.M
         content[changed] = b"a"
 
 
+def test_the_last_byte_of_a_long_file_counts(tmp_path: Path) -> None:
+    """A file of 2 MiB, of code or an FMU."""
+    path, content = tmp_path / "long.fmu", bytes(2**21)
+    path.write_bytes(content)
+    before = key.content_hash([path])
+    path.write_bytes(content[:-1] + b"1")
+    assert key.content_hash([path]) != before
+
+
 @pytest.mark.parametrize("name", FOUND)
 def test_pages_are_no_part_of_the_key(name: str) -> None:
     """A study of hours is not made again for another caption."""

@@ -180,6 +180,28 @@ def test_a_command_fails_where_every_run_did(command: str, tmp_path: Path, monke
     assert CliRunner().invoke(cosim.cli.app, command.format(810, 2).split()).exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("sweep --method grid --run 1", "run"), ("optimise --minimise fallen --trials 2", "trials")],
+)
+def test_a_case_may_have_an_option_that_is_called_like_one_of_the_command(
+    command: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The option is the command's then, and the case has its default."""
+    monkeypatch.chdir(tmp_path)
+    text = (
+        FILE.read_text()
+        .replace("offset: float = 0.0", f"{option}: float = 40.0")
+        .replace("case.offset", f"case.{option}")
+    )
+    Path(f"with_{option}.py").write_text(text)
+    name, *options = command.split()
+    done = CliRunner().invoke(cosim.cli.app, [name, f"with_{option}.py", "--vary", "mass.rate=1:2", *options])
+    assert done.exit_code == 0, done.output
+    (fallen,) = re.findall(r"fallen +([0-9.]+)", done.output)
+    assert 40.1 <= float(fallen) <= 40.2
+
+
 def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
     """An error, and the end of a process: both are rows, and the others have their numbers."""
     sweep = prepare(experiment, FMUS, Design((Axis("mass.rate", "values", values=(1, 2, 850, 3, 950)),), "grid"))
