@@ -108,7 +108,8 @@ class Batch(Copies):
         begin: False where `reset` or `reset_each` comes later.
         seeds: derivatives of parameters and start values, by full name (copies, directions): a multiple of 8
             directions, the same number for all; of a series (rows, copies, directions). What is recorded then has
-            derivatives (`BatchRecording.tangents`). Components on which no output or recorded variable depends have none.
+            derivatives (`BatchRecording.tangents`); components on which no output or recorded variable depends do
+            without.
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
