@@ -122,6 +122,8 @@ def test_a_car_that_does_not_arrive_has_no_metrics() -> None:
     assert measure(stuck) == {"arrived": False, "speed": pytest.approx(SPEED * 212 / (SPEED * T[-1]), rel=1e-3)}
     assert remarks(stuck) == ["the car did not come to the end of the course"]
     assert remarks(recording(case)) == []
+    (told,) = remarks(recording(case, **{"car.suspension.fl.deflection": np.where(ON, 0.61, 0.0)}))
+    assert "by up to 610 mm" in told
     assert diverged(case, ValueError("broke")) == {"arrived": False, "reason": "broke"}
 
 

@@ -194,6 +194,7 @@ FMUS = tuple(
 )
 SIDES = ("alike", "apart")
 LIMIT_G = 2.5  # of the driver's seat, over obstacles
+TRAVEL = 0.3  # m: more than any suspension of these cars has from its position at rest
 STANDSTILL = 0.5  # of the speed that was set; below it on average a car has not driven the course
 
 _HYDRAULIC = (lambda c: c.car == "hmmwv", "the hmmwv")
@@ -461,4 +462,12 @@ def diverged(_: Case, error: Exception) -> Row:
 
 def remarks(run: Run) -> list[str]:
     """What should be said of a run."""
-    return [] if measure(run)["arrived"] else ["the car did not come to the end of the course"]
+    row = measure(run)
+    if not row["arrived"]:
+        return ["the car did not come to the end of the course"]
+    if row["travel_peak"] <= TRAVEL:
+        return []
+    return [
+        f"the suspension moves by up to {1e3 * row['travel_peak']:.0f} mm, further than that of a real car can: the model"
+        " has no stops there, and a controller that holds the body level or at a height works against a slope"
+    ]
