@@ -468,6 +468,6 @@ def remarks(run: Run) -> list[str]:
     if row["travel_peak"] <= TRAVEL:
         return []
     return [
-        f"the suspension moves by up to {1e3 * row['travel_peak']:.0f} mm, further than that of a real car can: the model"
-        " has no stops there, and a controller that holds the body level or at a height works against a slope"
+        f"the suspension moves by up to {1e3 * row['travel_peak']:.0f} mm, further than that of a real car can: the"
+        " model has no stops there, and a controller that holds the body level or at a height works against a slope"
     ]
