@@ -92,6 +92,11 @@ class Ports:
         return cls(set_inputs, step, get_outputs, run)
 
 
+def is_whole(reached: float, t: float, h: float) -> bool:
+    """Whether a step from t of length h [s] was taken whole if it reached the time `reached` [s]."""
+    return reached >= t + h - 1e-6 * h
+
+
 class Component(Protocol):
     """One instance in a system.
 

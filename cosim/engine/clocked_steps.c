@@ -122,7 +122,7 @@ static ClockedTime rational(double x) {
     return found;
 }
 
-/* Numerators of both with one denominator `d`; 0 where there is none that is small enough. */
+/* Gives both times one denominator and returns it; 0 if it is too large. */
 static int64_t common(ClockedTime *a, ClockedTime *b) {
     if (!a->d || !b->d) return 0;
     const int64_t divisor = gcd(a->d, b->d), fa = b->d / divisor, fb = a->d / divisor;
@@ -163,7 +163,7 @@ static double time_of(const ClockDue *c) {
 
 static bool time_based(const ClockSetup *c) { return c->kind >= CLOCK_PERIODIC; }
 
-/* What the FMU says of an interval or shift; 0 where it does not know. */
+/* Reads an interval or shift of a clock from the FMU; an interval that the FMU does not know yet is 0. */
 static uint32_t ask(ClockedFmu *f, uint32_t clock, bool shift, ClockedTime *time, int *qualifier) {
     const ClockSetup *const c = &f->setup->clocks[clock];
     const uint32_t number = (uint32_t)(shift ? CLOCKED_SHIFT : CLOCKED_INTERVAL) + c->fractions;
@@ -178,13 +178,13 @@ static uint32_t ask(ClockedFmu *f, uint32_t clock, bool shift, ClockedTime *time
         : shift               ? CALL(f, number, ShiftDecimal, of, 1, &value)
         : c->fractions        ? CALL(f, number, Fraction, of, 1, &counter, &resolution, qualifier)
                               : CALL(f, number, Decimal, of, 1, &value, qualifier));
-    if (c->fractions) {
+    if (*qualifier == NOT_YET_KNOWN) {
+        *time = (ClockedTime){0, 1, 0.0};
+    } else if (c->fractions) {
         value = (double)counter / (double)resolution;
         if (!exactly(value, (double)counter, (double)resolution, time)) *time = (ClockedTime){0, 0, value};
-    } else if (*qualifier != NOT_YET_KNOWN) {
-        *time = rational(value);
     } else {
-        *time = (ClockedTime){0, 1, 0.0};
+        *time = rational(value);
     }
     return isfinite(time->value) && time->value >= 0.0 ? (uint32_t)OK : failed_with(f, bad, time->value);
 }
@@ -546,13 +546,12 @@ static uint32_t advance(ClockedFmu *f, double to, double end) {
     bool *const flags = f->flags;
     r->time = now;
     r->until = to;
-    r->within = to < end;
     const bool no_set_prior = f->no_set_prior && !f->state;
     const uint32_t status = ((EngineStep3)f->call[CLOCKED_DO_STEP])(
         f->values.instance, now, to - now, no_set_prior, flags, flags + 2, flags + 3, f->last);
     TRY(seen(f, CLOCKED_DO_STEP, status));
     const bool early = f->setup->returns_early && flags[3] && !flags[2];
-    if (!early && (flags[2] || flags[3])) return failed(f, CLOCKED_CALL_FAILED, CLOCKED_DO_STEP, status);
+    if (!early && (flags[3] || (flags[2] && to < end))) return failed(f, CLOCKED_CALL_FAILED, CLOCKED_DO_STEP, status);
     if (early && !(now <= *f->last && *f->last <= to)) return failed_with(f, CLOCKED_BAD_TIME, *f->last);
     f->memory.now = early ? *f->last : to;
     return OK;
@@ -569,24 +568,37 @@ static uint32_t go_back(ClockedFmu *f, double to, double end) {
     return advance(f, to, end);
 }
 
+static uint32_t failed_between(ClockedFmu *f, ClockedEnd reason, double value, double t, double end) {
+    f->network->report.time = t;
+    f->network->report.until = end;
+    return failed_with(f, reason, value);
+}
+
 /* All of them do a step to the same time: `to`, or where the first one returns early. */
 static uint32_t advance_all(ClockedNetwork *n, double t, double *to, double end, double near) {
-    int32_t left = 0;
-    for (int32_t i = 0; i < n->n_fmus; i++) left += n->fmus[i]->setup->returns_early;
-    for (int32_t k = 0; k < 2 * n->n_fmus; k++) {
-        ClockedFmu *const f = n->fmus[k % n->n_fmus];
-        if (f->setup->returns_early != (k < n->n_fmus)) continue;
-        if (*to < end && !f->setup->variable_step) {
-            n->report.time = t;
-            n->report.until = end;
-            return failed_with(f, CLOCKED_FIXED_STEP, *to);
-        }
-        if (--left > 0) TRY(save(f));
+    int32_t early = 0, returns = 0;
+    for (int32_t i = 0; i < n->n_fmus; i++) early += n->fmus[i]->setup->returns_early;
+    for (int32_t i = 0; i < n->n_fmus; i++) {
+        ClockedFmu *const f = n->fmus[i];
+        if (!f->setup->returns_early) continue;
+        if (early > 1) TRY(save(f));
         TRY(advance(f, *to, end));
+        if (f->memory.now < *to - near) *to = f->memory.now;
+    }
+    for (int32_t i = 0; i < n->n_fmus; i++) { /* those that are beyond it go back; one may return even earlier then */
+        ClockedFmu *const f = n->fmus[i];
+        if (!f->state || !(f->memory.now > *to + near)) continue;
+        TRY(go_back(f, *to, end));
         if (!(f->memory.now < *to - near)) continue;
+        if (++returns == ITERATIONS) return failed_between(f, CLOCKED_TOO_MANY, ITERATIONS, t, end);
         *to = f->memory.now;
-        for (int32_t i = 0; i < k; i++)
-            if (n->fmus[i]->state) TRY(go_back(n->fmus[i], *to, end));
+        i = -1;
+    }
+    for (int32_t i = 0; i < n->n_fmus; i++) {
+        ClockedFmu *const f = n->fmus[i];
+        if (f->setup->returns_early) continue;
+        if (*to < end && !f->setup->variable_step) return failed_between(f, CLOCKED_FIXED_STEP, *to, t, end);
+        TRY(advance(f, *to, end));
     }
     return OK;
 }
@@ -612,6 +624,8 @@ static uint32_t take(ClockedNetwork *n, double t, double end, double near) {
             TRY(process_events(n, near, false));
             continue;
         }
+        for (int32_t i = 0; i < n->n_fmus; i++)
+            if (n->fmus[i]->flags[2]) return failed(n->fmus[i], CLOCKED_CALL_FAILED, CLOCKED_DO_STEP, OK);
         n->n_order = 0;
         for (int32_t i = 0; i < n->n_fmus; i++) {
             clear(n->fmus[i], n->fmus[i]->ticking);
@@ -619,9 +633,13 @@ static uint32_t take(ClockedNetwork *n, double t, double end, double near) {
         }
         return process_event(n, false);
     }
-    n->report.time = t;
-    n->report.until = end;
-    return failed_with(n->fmus[0], CLOCKED_TOO_MANY, ITERATIONS);
+    return failed_between(n->fmus[0], CLOCKED_TOO_MANY, ITERATIONS, t, end);
+}
+
+/* Whether a step has failed because an FMU asks for the end of the simulation. */
+static bool asks_for_end(const ClockedReport *r) {
+    const bool stepped = r->end == CLOCKED_CALL_FAILED && r->function == CLOCKED_DO_STEP;
+    return r->end == CLOCKED_TERMINATED || (stepped && r->status <= DISCARD && r->fmu->flags[2]);
 }
 
 static uint32_t step(
@@ -637,15 +655,23 @@ static uint32_t step(
         if (!n->fmus[i]->arrived) return OK;
     for (int32_t i = 0; i < n->n_fmus; i++) n->fmus[i]->arrived = false;
     look_at_environment(f);
-    TRY(take(n, t, t + h, earlier(1e-9 * (1.0 + fabs(t)), 1e-3 * h)));
-    for (int32_t i = 0; i < n->n_fmus; i++) {
+    const double near = earlier(1e-9 * (1.0 + fabs(t)), 1e-3 * h);
+    const uint32_t status = take(n, t, t + h, near);
+    const bool ends = status && asks_for_end(&n->report);
+    if (status && !ends) return status;
+    double reached = t + h;
+    for (int32_t i = 0; i < n->n_fmus; i++) reached = earlier(reached, n->fmus[i]->memory.now);
+    const bool whole = !(reached < t + h - near);
+    for (int32_t i = 0; i < n->n_fmus && whole; i++) {
         ClockedFmu *const other = n->fmus[i];
-        if (other == f) continue; /* which reads them itself */
+        if (other == f && !ends) continue; /* the caller reads its outputs */
         TRY(get_outputs(other, NO_CLOCKS(other), true));
         if (other->shown) memcpy(other->shown, other->values.y, other->setup->n_y * sizeof(double));
     }
-    *event = *terminate = *early = false;
-    *last = t + h;
+    *event = false;
+    *terminate = ends;
+    *early = !whole;
+    *last = whole ? t + h : reached;
     return OK;
 }
 

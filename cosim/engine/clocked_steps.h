@@ -17,6 +17,10 @@
  * ticks again. Events that an FMU reports only after a step (`eventHandlingNeeded`) are processed at its end. Other
  * values travel by the rule of exchange.
  *
+ * Where an FMU asks for the end of the simulation after its step to t + h, the others take theirs, and events at t + h
+ * are left. The step function then says so, as `fmi3DoStep` does: `terminateSimulation`, with `earlyReturn` unless all
+ * FMUs have reached t + h.
+ *
  * A constant clock has its interval in modelDescription.xml; a fixed or tunable one there, or the FMU says it at the
  * end of initialization, and of a tunable one again when a parameter was set; a changing one at each tick; a countdown
  * in any event mode, if it is known. Triggered input clocks tick when the clock does that is connected to them.
@@ -121,7 +125,6 @@ typedef struct {
     int32_t call;               /* k > 0: set number k - 1, k < 0: get number -k - 1 */
     ClockedFmu *fmu;
     uint32_t clock;
-    bool within;                /* its step ends before the communication step does */
     double time, until, value;  /* [s]; the step is from `time` to `until` */
 } ClockedReport;
 

@@ -71,13 +71,6 @@ uint32_t event_steps_leave(EventSteps *s, double t) {
     return plain(s, EVENT_LEAVE, t);
 }
 
-/* Event mode with the present discrete inputs. */
-static uint32_t process_event(EventSteps *s, double t) {
-    PASS(event_steps_enter(s, t));
-    PASS(set_inputs(s, t));
-    return event_steps_leave(s, t);
-}
-
 uint32_t event_steps_begin(EventSteps *s, double t) {
     s->memory.next_event = INFINITY;
     s->report.time = t;
@@ -99,6 +92,15 @@ static double target(const EventSteps *s, double now, double end, double near) {
     return to < end - near ? to : end;
 }
 
+/* Event mode at time t within a step; `ends`: where the FMU asks for the end of the simulation there. */
+static uint32_t process_event(EventSteps *s, double t, bool *ends) {
+    uint32_t status = event_steps_enter(s, t);
+    if (status <= WARNING) status = set_inputs(s, t);
+    if (status <= WARNING) status = event_steps_leave(s, t);
+    *ends = status > WARNING && s->report.end == EVENT_TERMINATED;
+    return *ends ? (uint32_t)OK : status;
+}
+
 uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
     double *last) {
     EventSteps *const s = steps;
@@ -107,8 +109,10 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
     *event = *terminate = *early = false;
     s->report.end = EVENT_FINE;
     if (s->event_mode && (s->memory.next_event <= t + near || inputs_changed(s)))
-        PASS(process_event(s, t));
-    for (int k = 0; k < EVENTS; k++) {
+        PASS(process_event(s, t, terminate));
+    *early = *terminate;
+    *last = t;
+    for (int k = 0; k < EVENTS && !*terminate; k++) {
         const double to = target(s, now, end, near);
         bool needed = false;
         *last = now;
@@ -120,11 +124,12 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
             return failed(s, EVENT_BAD_TIME, EVENT_DO_STEP, *last, ERROR);
         now = returned ? *last : to;
         const bool complete = now >= end - near;
-        *early = !complete && *terminate;
-        if (*terminate) return OK;
-        if (s->event_mode && (needed || s->memory.next_event <= now + near)) PASS(process_event(s, now));
         *last = s->report.time = now;
+        if (s->event_mode && !*terminate && (needed || s->memory.next_event <= now + near))
+            PASS(process_event(s, now, terminate));
+        *early = !complete && *terminate;
         if (complete) return OK;
     }
+    if (*terminate) return OK;
     return failed(s, EVENT_TOO_MANY, EVENT_DO_STEP, now, ERROR);
 }

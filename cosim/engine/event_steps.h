@@ -66,7 +66,7 @@ uint32_t event_steps_begin(EventSteps *s, double t);
 /* Enter event mode, or update discrete states and go back to step mode, at time t. */
 uint32_t event_steps_enter(EventSteps *s, double t);
 uint32_t event_steps_leave(EventSteps *s, double t);
-/* The step function of a Co-Simulation FMU that never returns early. */
+/* The step function of a Co-Simulation FMU that never returns early, unless it asks for the end of the simulation. */
 uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
     double *last);
 

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from cosim.core.component import Action, EndRequested, Transfer
+from cosim.core.component import Action, Transfer
 from cosim.core.description import LONGEST_TEXT, TEXTS, WIDE, Description, Variable
 from cosim.core.errors import CallFailed, CosimError, FmuError
 from cosim.core.signals import Array
@@ -309,28 +309,25 @@ class ClockedSteps:
         if status > WARNING:
             self.fail()
 
-    def fail(self) -> NoReturn:
-        """Raise the exception for what the report says, of this FMU or of another one of its network."""
+    def fail(self, *, whole: bool = False) -> NoReturn:
+        """Raise the exception for what the report says, of this FMU or of another one of its network.
+
+        `whole`: all of them have taken their step whole.
+        """
         lib, ffi, report = self._library, self._ffi, self.fmu.network.report
         culprit, end, text = ffi.from_handle(report.fmu.owner), report.end, ffi.new("char[]", 4096)
         self._calls.why(self.fmu.network, text, len(text))
         said = ffi.string(text).decode(errors="replace")
         if end == lib.CLOCKED_TERMINATED:
-            text = f"component '{culprit.name}' asked to end the simulation ({said})"
-            raise EndRequested(culprit.name, text, complete=False)
+            culprit._end_requested(said, whole)
         if end == lib.CLOCKED_CALL_FAILED and report.function == lib.CLOCKED_DO_STEP:
-            try:
-                culprit.do_step_failed(report.status, report.time, report.until - report.time)
-            except EndRequested as request:
-                raise EndRequested(
-                    culprit.name, str(request), complete=request.complete and not report.within
-                ) from None
+            culprit.do_step_failed(report.status, report.time, report.until - report.time, within=not whole)
         if end == lib.CLOCKED_CALL_FAILED:
             own = culprit.clocked
             if report.function == lib.CLOCKED_VALUES:
                 calls, k = (own._sets, report.call) if report.call > 0 else (own._gets, -report.call)
                 culprit._fail(calls[k - 1].function, report.status)
-            culprit._function(name := self._name(report.function))  # raises where there is none
+            culprit._function(name := self._name(report.function))  # raises if the library lacks it
             culprit._fail(name, report.status)
         if end in (lib.CLOCKED_BAD_INTERVAL, lib.CLOCKED_BAD_SHIFT):
             raise CosimError(f"'{culprit.name}': {said}")

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 import cosim.fmu.calls as fmi
-from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
+from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer, is_whole
 from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.core.description import TEXTS, Variable
 from cosim.core.errors import (
@@ -652,7 +652,7 @@ class FmuComponent:
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
         if self.clocked is not None:
-            self.clocked.fail()
+            self.clocked.fail(whole=self.took_whole_step(status))
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
         if self._intermediate is not None:
@@ -663,26 +663,33 @@ class FmuComponent:
             self._event_steps.step_failed(status, t, h)
         self.do_step_failed(status, t, h)
 
-    def do_step_failed(self, status: int, t: float, h: float) -> None:
-        """Raise what a status of `fmi3DoStep` itself, or of its like, means."""
+    def took_whole_step(self, status: int) -> bool:
+        """Whether the last step of an FMU of FMI 3.0, which returned `status`, was taken whole."""
+        return status <= fmi.WARNING and not self._early[0]
+
+    def do_step_failed(self, status: int, t: float, h: float, *, within: bool = False) -> None:
+        """Raise what a status of `fmi3DoStep` itself, or of its like, means.
+
+        `within`: the step is only a part of the communication step.
+        """
         last, terminated, whole = None, False, False
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
-            whole = status <= fmi.WARNING and not self._early[0]
+            whole = self.took_whole_step(status) and not within
         elif status == fmi.DISCARD:
             number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
             if self._query("GetRealStatus", 2, number):
                 last = number[0]
-                whole = last >= t + h - 1e-6 * h
+                whole = is_whole(last, t, h)
             if self._query("GetBooleanStatus", 3, boolean):
                 terminated = bool(boolean[0])
         detail = f"step from {t:.9g} s, length {seconds_text(h)}"
         if last is not None and not whole:
             detail += f"; it reached {last:.9g} s"
-        if self._v3 and status <= fmi.WARNING and self._early[0]:
-            detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if terminated:
             self._end_requested(detail, whole)
+        if self._v3 and status <= fmi.WARNING and self._early[0]:
+            detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if status == fmi.PENDING and not self._v3:
             detail += "; asynchronous steps are not supported"
         self._fail("DoStep", max(status, fmi.DISCARD), detail)

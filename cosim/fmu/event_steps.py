@@ -6,7 +6,6 @@ mode, and its discrete inputs are set there when they have changed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NoReturn
@@ -139,14 +138,15 @@ class EventSteps:
             self._library.EVENT_CALL_FAILED,
             self._library.EVENT_DO_STEP,
         ):
-            self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", until=t + h * (1.0 - 1e-9))
+            whole = self._component.took_whole_step(status)
+            self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", whole=whole)
 
-    def fail(self, status: int, where: str, *, until: float = math.inf) -> NoReturn:
-        """Raise the exception for what the report says; from `until` [s] on the step is complete."""
+    def fail(self, status: int, where: str, *, whole: bool = False) -> NoReturn:
+        """Raise the exception for what the report says; `whole`: of a step that was taken whole."""
         component, report = self._component, self._steps.report
         why, at = self._ffi.typeof("EventEnd").elements[report.end].removeprefix("EVENT_"), float(report.time)
         if why == "TERMINATED":
-            component._end_requested(f"in event mode at {at:.9g} s; {where}", at >= until)
+            component._end_requested(f"in event mode at {at:.9g} s; {where}", whole)
         if why == "CALL_FAILED":
             function = _CALLS[report.index] if report.index < len(_CALLS) else "setting discrete inputs"
             component._fail(function, status, where)

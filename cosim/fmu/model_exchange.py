@@ -15,7 +15,7 @@ from typing import Any, Literal, NoReturn, Protocol
 import numpy as np
 
 from build_fmus.base.checks import number, unknown
-from cosim.core.component import Array
+from cosim.core.component import Array, is_whole
 from cosim.core.description import Description, Variable
 from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
@@ -115,6 +115,8 @@ class Instance(Protocol):
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
 
     def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
+
+    def took_whole_step(self, status: int) -> bool: ...
 
     def _recent_log(self) -> list[str]: ...
 
@@ -260,10 +262,10 @@ class Integration:
 
     def step_failed(self, status: int, t: float, h: float) -> NoReturn:
         """Raise the exception for a step that failed."""
-        self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", until=t + h * (1.0 - 1e-9))
+        self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", (t, h))
 
-    def fail(self, status: int, where: str, *, until: float = math.inf) -> NoReturn:
-        """Raise the exception for what the integrator reports; from `until` [s] on the step is complete."""
+    def fail(self, status: int, where: str, step: tuple[float, float] | None = None) -> NoReturn:
+        """Raise the exception for what the integrator reports; `step`: begin and length [s], if it was in a step."""
         component = self._component
         if not self._fetch():
             component._fail("DoStep", status, where)
@@ -272,7 +274,7 @@ class Integration:
         if why in ("CALL_FAILED", "FINE"):
             component._fail(self._names[report.index] if why != "FINE" else "DoStep", status, where)
         if why == "TERMINATED":
-            component._end_requested(f"at {at:.9g} s; {where}", at >= until)
+            component._end_requested(f"at {at:.9g} s; {where}", step is not None and is_whole(at, *step))
         states = self._about.states
         state = states[report.index].name if report.index < len(states) else "?"
         why = self._sentence(why, state, int(report.index))

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from foreign import clocked
@@ -94,8 +95,12 @@ def test_a_changing_clock_says_at_each_tick_when_the_next_one_is(fmu: Build) -> 
     assert found["last"][1:] == [0.02, 0.07, 0.1, 0.14]
 
 
-def test_a_countdown_begins_at_an_event(fmu: Build) -> None:
-    """A discrete input is set in event mode; 15 ms later, within a step, the clock ticks."""
+@pytest.mark.parametrize("fractions", [False, True])
+def test_a_countdown_begins_at_an_event(tmp_path: Path, fractions: bool) -> None:
+    """A discrete input is set in event mode; 15 ms later, within a step, the clock ticks.
+
+    Before it the interval is not known: a fraction is 0 / 0.
+    """
 
     class Begin(PythonComponent):
         outputs = ("y",)
@@ -112,7 +117,8 @@ def test_a_countdown_begins_at_an_event(fmu: Build) -> None:
 
     with System() as system:
         system.add("begin", Truth(), step="10 ms")
-        system.add("c", fmu("countdown"), step="10 ms", start={"u": 1.0})
+        path = clocked.build("countdown", tmp_path, fractions=fractions)
+        system.add("c", path, step="10 ms", start={"u": 1.0})
         system.connect("begin.y", "c.begin")
         recording = system.run(0.12, record=["c.last", "c.ticks"])  # type: ignore[arg-type]
     assert recording["c.ticks"].tolist() == [0.0] * 6 + [1.0] * 4 + [2.0] * 3
@@ -240,6 +246,29 @@ def test_exported_systems_tick_them_alike(fmu: Build, tmp_path: Path, kind: str)
     assert run_["c.ticks"][-1] == 1 if kind == "countdown" else run_["c.ticks"][-1] > 15
     for name in ("c.y", "c.z", "c.ticks", "c.last", "c.w"):
         np.testing.assert_array_equal(exported[name], run_[name], err_msg=name)
+
+
+def test_a_call_that_is_refused_leaves_the_inputs_that_wait(fmu: Build, tmp_path: Path) -> None:
+    """The FMU refuses a period of 2 s: of u, what waited before counts, or else what it was at the last tick."""
+    with System() as system:
+        system.add("c", fmu("tunable"), step="10 ms", start={"u": 1.0, "begin": False})
+        path = system.export_fmu(tmp_path / "Refusing.fmu", outputs=["c.y"], parameters=["c.period"])
+    about = fmpy.read_model_description(path)
+    reference = {v.name: v.valueReference for v in about.modelVariables}
+    made = fmpy.instantiate_fmu(fmpy.extract(path, tmp_path / "extracted"), about, "CoSimulation")
+    made.enterInitializationMode()
+    made.exitInitializationMode()
+    names, shown = [reference["c.u"], reference["c.u"], reference["c.period"]], []
+    for k, waits in enumerate([None, 10.0, None]):
+        if waits is not None:
+            made.setFloat64(names[:1], [waits])
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            made.setFloat64(names, [100.0, 1000.0, 2.0])
+        made.doStep(0.01 * k, 0.01)
+        shown += made.getFloat64([reference["c.y"]])
+    made.terminate()
+    made.freeInstance()
+    assert shown == [1.0, 11.0, 21.0]
 
 
 @pytest.mark.parametrize("period", ["1/300", "0.0123456789", "0.007"])

@@ -95,6 +95,68 @@ def test_early_returns_divide_the_steps_of_all(fmu: Path, tmp_path: Path) -> Non
     assert all(np.array_equal(early[n], isolated[n]) for n in early.names)
 
 
+def test_one_that_returns_again_on_its_way_takes_all_others_back(tmp_path: Path) -> None:
+    """One that goes back to where b returns early returns before that: all FMUs are at one time at each event."""
+    path = pulses.build(tmp_path, early_return=True)
+    with System(allow_unconnected=True) as system:
+        for name, period, relay in (("a", 0.0, 6), ("b", 0.0031, 3), ("c", 0.0, 1), ("e", 0.0041, 3)):
+            system.add(name, path, step="10 ms", parameters={"period": period, "relay": relay})
+        for source, target in (("b", "a"), ("b", "c"), ("e", "b")):
+            system.connect(f"{source}.out", f"{target}.in")
+        found = system.run(0.05, record=["*"])
+    assert found["a.count"].tolist() == found["c.count"].tolist() == [0, 3, 6, 9, 12, 16]
+    assert rounded(found["a.last"]) == rounded(found["c.last"]) == [-1.0, 0.0093, 0.0186, 0.0279, 0.0372, 0.0496]
+    assert rounded(found["b.last"]) == [-1.0, 0.0082, 0.0164, 0.0287, 0.0369, 0.0492]
+
+
+@pytest.fixture(scope="module")
+def ending(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """An FMU that asks for the end of the simulation, and the FMU of a system of it, whose names are `ending_names`."""
+    folder = tmp_path_factory.mktemp("ending")
+    fmu = pulses.build(folder, ends=True)
+    with ending_system(fmu) as system:
+        parameters = [f"{name}.{p}" for name in "abc" for p in ("end", "how")]
+        return fmu, system.export_fmu(folder / "Ending.fmu", parameters=parameters)
+
+
+def ending_system(fmu: Path) -> System:
+    """Every 3 ms a ticks b; c is alone."""
+    system = chain(fmu, "a", "b")
+    system.add("c", fmu, step="10 ms", parameters={"period": 0.004})
+    return system
+
+
+@pytest.mark.parametrize(
+    ("how", "at", "end"),
+    [
+        ("whole", 0.04, 0.04),
+        ("whole", 0.035, 0.03),
+        ("discarded", 0.04, 0.03),
+        ("early", 0.035, 0.03),
+        ("in event mode", 0.03, 0.03),
+        ("in event mode", 0.032, 0.03),
+    ],
+)
+@pytest.mark.parametrize("name", ["a", "b", "c"])
+def test_an_exported_system_ends_where_its_run_ends(
+    ending: tuple[Path, Path], name: str, how: str, at: float, end: float
+) -> None:
+    """After a whole step, or where a step begins that was not taken whole; all components are at that time."""
+    fmu, exported = ending
+    own = {"end": at, "how": pulses.HOW.index(how)}
+    with ending_system(fmu) as system, System(allow_unconnected=True) as outer:
+        system[name].set(**own)
+        outside = system.run(0.1, record=["*.count", "*.last", "*.got", "*.y"])
+        outer.add("s", exported, step="10 ms", parameters={f"{name}.{p}": x for p, x in own.items()})
+        inside = outer.run(0.1, record=[f"s.{n}" for n in outside.names])
+    for found in (outside, inside):
+        assert found.time[-1] == pytest.approx(end, abs=1e-12)
+        assert f"component '{name}'" in str(found.stopped_by)
+    assert np.array_equal(inside.data, outside.data)
+    ticks = 3 * round(100 * end) + (end > 0.035)
+    assert outside["b.count"][-1] == ticks if name == "b" else outside["b.count"][-1] >= ticks - 1
+
+
 def test_early_returns_without_progress_or_permission_end_the_run(
     fmu: Path, tmp_path: Path, refused: Callable[..., None]
 ) -> None:

@@ -245,13 +245,21 @@ def test_exported_systems_name_the_component_whose_events_fail(fmu: Path, tmp_pa
     refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("endless", "backward", "stuck")))
 
 
-def test_an_exported_system_ends_where_a_component_asks_for_it(fmu: Path, tmp_path: Path) -> None:
-    with pair(fmu, "ending") as system:
+@pytest.mark.parametrize(("kind", "end"), [("ending", 0.06), ("discards", 0.02)])
+def test_an_exported_system_ends_where_a_component_asks_for_it(
+    fmu: Path, tmp_path: Path, kind: str, end: float
+) -> None:
+    """At the end of its step, or where that begins if the FMU did not take it."""
+    with pair(fmu, kind) as system:
         path = system.export_fmu(tmp_path / "Ending.fmu")
+        outside = system.run(0.2, record=list(SHOWN))
     with alone(path) as system:
-        found = system.run(0.2, record=["s.a.count"])
-    assert "asked to end the simulation" in str(found.stopped_by)
-    assert found.time[-1] < 0.1
+        inside = system.run(0.2, record=[f"s.{n}" for n in SHOWN])
+    for found in (inside, outside):
+        assert "asked to end the simulation" in str(found.stopped_by)
+        assert "'a'" in str(found.stopped_by)
+        assert round(found.time[-1], 9) == end
+    assert np.array_equal(inside.data, outside.data)
 
 
 def test_an_exported_fmu_that_refuses_its_event_mode_runs_without(folder: Path, tmp_path: Path) -> None:

@@ -87,7 +87,13 @@ Status fmi3GetIntervalDecimal(
 }
 Status fmi3GetIntervalFraction(Instance c, const Reference vr[], size_t n, uint64_t counter[],
     uint64_t resolution[], fmi3IntervalQualifier q[]) {
-    return error(c, "no fractions here");
+    double decimal;
+    if (KIND != COUNTDOWN || !FRACTIONS) return error(c, "no fractions here");
+    const Status status = fmi3GetIntervalDecimal(c, vr, n, &decimal, q);
+    const bool known = q[0] != fmi3IntervalNotYetKnown;
+    counter[0] = known ? 3 : 0;
+    resolution[0] = known ? 200 : 0;
+    return status;
 }
 Status fmi3GetShiftDecimal(Instance c, const Reference vr[], size_t n, double value[]) {
     IN(BIT(INITIALIZATION));
@@ -146,6 +152,7 @@ Status fmi3SetFloat64(
             if (!before && !m->v.ticking) return error(m, "u is set while its clock does not tick");
             m->v.u = value[i];
         } else if (vr[i] == PERIOD) {
+            if (KIND == TUNABLE && value[i] > 1.0) return fmi3Discard;
             if (!before && (KIND != TUNABLE || m->v.state != EVENT))
                 return error(m, "period is set in state %d", m->v.state);
             m->v.period = value[i];

@@ -22,9 +22,10 @@ CLOCK = {
 }
 
 
-def description(kind: str, *, variable_step: bool = True, event_mode: bool = True) -> str:
+def description(kind: str, *, variable_step: bool = True, event_mode: bool = True, fractions: bool = False) -> str:
     """modelDescription.xml."""
     variability = "tunable" if kind == "tunable" else "fixed"
+    clock = CLOCK[kind] + ' supportsFraction="true"' * fractions
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Clocked" instantiationToken="clocked">
   <CoSimulation modelIdentifier="clocked" canHandleVariableCommunicationStepSize="{str(variable_step).lower()}"
@@ -41,7 +42,7 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
     }"/>
     <Float64 name="shift" valueReference="6" causality="parameter" variability="fixed" start="0"/>
     <Boolean name="begin" valueReference="7" causality="input" variability="discrete" start="false"/>
-    <Clock name="clock" valueReference="8" causality="input" {CLOCK[kind]}/>
+    <Clock name="clock" valueReference="8" causality="input" {clock}/>
     <Clock name="pulse" valueReference="9" causality="output" intervalVariability="triggered"/>
     <Float64 name="w" valueReference="10" causality="output" variability="discrete" clocks="9"/>
   </ModelVariables>
@@ -55,12 +56,16 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
 </fmiModelDescription>"""
 
 
-def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bool = True) -> Path:
+def build(
+    kind: str, folder: Path, *, variable_step: bool = True, event_mode: bool = True, fractions: bool = False
+) -> Path:
     """The FMU for this machine, in a folder.
 
-    `kind`: that of its clock, or "early", which returns early though it may not, or "endless".
+    `kind`: that of its clock, or "early", which returns early though it may not, or "endless". `fractions`: a countdown
+    gives its interval as a fraction.
     """
     number = KINDS.index(kind) if kind in KINDS else 0
-    library = making.compile_library(folder, f"clocked_{kind}", 3, [making.HERE / "clocked.c"], f"-DKIND={number}")
-    text = description(kind, variable_step=variable_step, event_mode=event_mode)
+    flags = f"-DKIND={number}", f"-DFRACTIONS={int(fractions)}"
+    library = making.compile_library(folder, f"clocked_{kind}", 3, [making.HERE / "clocked.c"], *flags)
+    text = description(kind, variable_step=variable_step, event_mode=event_mode, fractions=fractions)
     return making.pack(folder / f"Clocked{kind.capitalize()}.fmu", making.contents(3, "clocked", text, library))

@@ -8,8 +8,9 @@
 
 #include "../fmi_names.h"
 
-enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK }; /* kinds; PAUSED: early without an event */
-enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 };       /* value references */
+/* Kinds; PAUSED: early without an event. */
+enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS };
+enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 
 typedef struct {
     int state;
@@ -70,6 +71,7 @@ Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event
     if (*early) h = m->v.next - t;
     if (m->v.kind == BACKWARD && due) h = -0.1, *early = true;
     if (m->v.kind == STUCK && due) h = 0.0, *event = false, *early = true;
+    if (m->v.kind == DISCARDS && due) return *terminate = true, *last = t, fmi3Discard;
     m->v.steps++;
     m->v.z += h * m->v.u * m->v.level;
     m->v.now = *last = t + h;

@@ -29,12 +29,20 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
     <InitialUnknown valueReference="2"/><InitialUnknown valueReference="3"/><InitialUnknown valueReference="4"/>
   </ModelStructure>
 </fmiModelDescription>"""
+HOW = ("whole", "discarded", "early", "in event mode")
+ENDING = """
+    <Float64 name="end" valueReference="9" causality="parameter" variability="fixed" start="1e9"/>
+    <Int32 name="how" valueReference="10" causality="parameter" variability="fixed" start="0"/>
+  </ModelVariables>"""
 
 
-def build(folder: Path, *, early_return: bool = False) -> Path:
-    """The FMU for this machine, in a folder; its steps may end early."""
+def build(folder: Path, *, early_return: bool = False, ends: bool = False) -> Path:
+    """The FMU for this machine, in a folder; its steps may end early. `ends`: with the parameters `end` and `how`."""
     sources = [making.HERE / "pulses.c", making.others(folder, "pulses", 3)]
     library = making.compile_library(folder, "pulses", 3, sources)
     able = f'hasEventMode="true" mightReturnEarlyFromDoStep="{str(early_return).lower()}"'
     text = DESCRIPTION.replace('hasEventMode="true"', able)
-    return making.pack(folder / f"Pulses{int(early_return)}.fmu", making.contents(3, "pulses", text, library))
+    if ends:
+        text = text.replace("\n  </ModelVariables>", ENDING)
+    name = f"Pulses{int(early_return)}{int(ends)}.fmu"
+    return making.pack(folder / name, making.contents(3, "pulses", text, library))

@@ -4,6 +4,7 @@
 
 #include "clocked_steps.h"
 #include "component.h"
+#include "fmu_math.h"
 #include "system.h"
 
 static ClockedFmu *fmu_of(const Component *m) { return m->integrator; }
@@ -67,21 +68,27 @@ static void attach(Component *m, EngineComponent *e, uint32_t n_inputs) {
     e->n_gets = e->n_outputs > 0;
 }
 
-static uint32_t change(Component *m, bool begins) {
+static uint32_t change(Component *m, bool begins, bool done) {
     ClockedFmu *const f = fmu_of(m);
     if (!f->stepping) return fmi3OK;
-    f->tuned = true;
+    f->tuned = done;
     return begins ? clocked_calls.enter(f) : clocked_calls.leave(f);
 }
 
-static bool later(Component *m, uint32_t reference, double value) {
+static bool later(Component *m, uint32_t reference, double *value, bool set) {
     ClockedFmu *const f = fmu_of(m);
     for (uint32_t i = 0; i < f->setup->n_inputs && f->stepping; i++) {
         const ClockedGroup *const g = &f->setup->inputs[i];
         const EngineTransfer *const t = &f->sets[g->first];
         if (g->waits < 0 || t->references[0] != reference) continue;
-        *(t->place ? &f->values.u[t->place[0]] : (double *)t->data) = value;
-        f->values.u[g->waits] = 1.0;
+        double *const waiting = t->place ? &f->values.u[t->place[0]] : (double *)t->data;
+        double *const waits = &f->values.u[g->waits];
+        if (set) {
+            *waiting = *value;
+            *waits = !isnan(*value);
+        } else {
+            *value = *waits != 0.0 ? *waiting : NAN;
+        }
         return true;
     }
     return false;
@@ -94,20 +101,12 @@ static Component *culprit(const Component *m, int32_t *call, char *text, size_t 
     return r->fmu ? r->fmu->owner : fmu_of(m)->owner;
 }
 
-static const char *why(const Component *m, uint32_t *number, double *time) {
-    const ClockedReport *const r = &fmu_of(m)->network->report;
-    *number = r->function;
-    *time = r->time;
-    const bool stepped = r->end == CLOCKED_CALL_FAILED && r->function == CLOCKED_DO_STEP && r->status <= fmi3Warning;
-    return r->end == CLOCKED_TERMINATED || (stepped && r->fmu->flags[2]) ? NULL : "failed";
-}
-
 static uint32_t step(
     void *fmu, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     return clocked_calls.step(fmu, t, h, no_set_prior, event, terminate, early, last);
 }
 
-const Exchange clocks = {make, begin, bind, NULL, change, why, NULL, step, leave, values, attach, later, culprit};
+const Exchange clocks = {make, begin, bind, NULL, change, NULL, NULL, step, leave, values, attach, later, culprit};
 
 static size_t room(const PlanNetwork *p) {
     return sizeof(ClockedNetwork) + 4 * (size_t)p->n_components * sizeof(ClockedFmu *);

@@ -240,17 +240,21 @@ static uint32_t move_values(Component *m, Kind kind, uint32_t reference, double 
 
 uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double *values, size_t n) {
     double *const from = (double *)(uintptr_t)values;
-    if (m->exchange && m->exchange->later && n == 1 && m->exchange->later(m, reference, *values)) return fmi3OK;
+    if (n == 1 && component_later(m, reference, from, true)) return fmi3OK;
     if (!m->exchange || !m->exchange->change) return move_values(m, kind, reference, from, n, true);
-    uint32_t status = seen(m, m->exchange->change(m, true));
+    uint32_t status = seen(m, m->exchange->change(m, true, false));
     if (status > fmi3Warning) return status;
     status = move_values(m, kind, reference, from, n, true);
-    const uint32_t left = m->dead ? status : seen(m, m->exchange->change(m, false));
+    const uint32_t left = m->dead ? status : seen(m, m->exchange->change(m, false, status <= fmi3Warning));
     return status > fmi3Warning ? status : left;
 }
 
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n) {
     return move_values(m, kind, reference, values, n, false);
+}
+
+bool component_later(Component *m, uint32_t reference, double *value, bool set) {
+    return m->exchange && m->exchange->later && m->exchange->later(m, reference, value, set);
 }
 
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text) {

@@ -82,14 +82,15 @@ typedef struct {
     uint32_t (*begin)(Component *m);
     void (*bind)(Component *m, bool stepping);     /* no inputs wait; `stepping`: initialization is over */
     void (*wait)(Component *m, EngineTransfer *t); /* inputs of a call wait for event mode */
-    uint32_t (*change)(Component *m, bool begin);  /* before and after a change of values between steps */
-    const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asked to end */
+    uint32_t (*change)(Component *m, bool begins, bool done); /* before and after values are set between steps; `done`:
+                                                               * they have been set */
+    const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asks to end */
     EngineStep2 step2;
     EngineStep3 step3;
     uint32_t (*leave)(Component *m);               /* before it leaves initialization */
     void (*values)(const Component *m, double **u, double **y); /* where its calls have inputs and outputs */
     void (*attach)(Component *m, EngineComponent *e, uint32_t n_inputs); /* after its calls are bound */
-    bool (*later)(Component *m, uint32_t reference, double value); /* whether an input waits for a tick */
+    bool (*later)(Component *m, uint32_t reference, double *value, bool set); /* component_later */
     Component *(*culprit)(const Component *m, int32_t *call, char *text, size_t size); /* of a failed step */
 } Exchange;
 extern const Exchange exchange, events, clocks;
@@ -186,9 +187,13 @@ uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *valu
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
 uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
 
+/* Whether the values of an input wait for a tick: gets, or sets, the one that waits, NaN if none does. */
+bool component_later(Component *m, uint32_t reference, double *value, bool set);
+
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);
-/* Whether it did in its last step; *reached: the time [s] until which that was done, if it says so. */
+/* Whether one of FMI 2.0, or that is integrated, did in its last step; *reached: the time [s] until which that was done,
+ * if it says so. */
 bool component_asked_to_end(Component *m, double *reached);
 
 #endif

@@ -56,7 +56,8 @@ typedef struct {
 struct FmuInstance {
     FmuBase base;
     State *state;
-    double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
+    double *values, *before; /* before: the values of a moment ago */
+    double *old;             /* of variables that are being set: values of the components, then those that are shown */
     double *passed;                /* values of calculated parameters that were passed on */
     Engine engine;
     EngineComponent *bound;
@@ -139,7 +140,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(adapter_size),
         aligned(state_size()),
         aligned(P->n_values * sizeof(double)),
-        aligned((size_t)P->n_variables * sizeof(double)),
+        aligned(2 * (size_t)P->n_variables * sizeof(double)),
         aligned(n * sizeof(EngineComponent)),
         aligned(n * sizeof(Component)),
         aligned(n_transfers() * sizeof(EngineTransfer)),
@@ -534,20 +535,27 @@ static void repeat_steps(FmuInstance *self) {
         }
 }
 
-/* Whether component i has, in its last step; `whole`: where it took that step, which began at time t, first. */
+/* Whether component i has asked for the end of the simulation in its last step, which began at time t; `whole`: it took
+ * that step first. */
 static bool asked_to_end(FmuInstance *self, int32_t i, double t, bool *whole) {
     const PlanComponent *p = &P->components[i];
     const double step = self->bound[i].step;
     double reached = -INFINITY;
-    bool asked;
-    const uint32_t status = self->engine.status, least = p->setup && !p->integrated ? fmi3Error : fmi2Discard;
-    if (p->version == 3 && !p->integrated && status <= (p->setup ? fmi3Warning : fmi3Discard)) {
+    const uint32_t status = self->engine.status;
+    if (p->version == 3 && !p->integrated) {
         *whole = status <= fmi3Warning && !self->flags[4 * i + 3];
-        return self->flags[4 * i + 2];
+        return status <= fmi3Discard && self->flags[4 * i + 2];
     }
-    asked = (p->version == 2 || p->setup) && status == least && component_asked_to_end(&self->components[i], &reached);
+    const bool asked = status == fmi2Discard && component_asked_to_end(&self->components[i], &reached);
     *whole = reached >= t + step - 1e-6 * step;
     return asked;
+}
+
+/* The component that has failed or asked for the end in a step of component i, which others may have taken with it. */
+static int32_t culprit_of(const FmuInstance *self, int32_t i, int32_t *call, char *text, size_t size) {
+    const Component *m = &self->components[i];
+    if (m->exchange && m->exchange->culprit) m = m->exchange->culprit(m, call, text, size);
+    return (int32_t)(m - self->components);
 }
 
 static int state_failed(FmuInstance *self, int32_t call, uint32_t status) {
@@ -597,10 +605,10 @@ static const EngineTransfer *calls_of(const FmuInstance *self, int32_t i) {
 static FmuStatus call_failed(FmuInstance *self, int32_t i) {
     int32_t call = self->engine.call;
     const Component *m = &self->components[i];
-    if (m->exchange && m->exchange->culprit) { /* of those that have taken the step together */
+    if (m->exchange && m->exchange->culprit) {
         char text[1024];
-        m = m->exchange->culprit(m, &call, text, sizeof text);
-        i = (int32_t)(m - self->components);
+        i = culprit_of(self, i, &call, text, sizeof text);
+        m = &self->components[i];
         (void)fmu_fail(self, FMU_ERROR, "component '%s': %s", P->components[i].name, text);
     }
     if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
@@ -859,6 +867,24 @@ static uint32_t hand_over(FmuInstance *self, const PlanVariable *v, double value
     return status;
 }
 
+/* The values of number k of the variables that are being set: in its component, or waiting for a tick, NaN if there is
+ * none; and as it is shown. */
+static void keep_old(FmuInstance *self, const PlanVariable *v, size_t k) {
+    Component *m = &self->components[v->component];
+    if (!component_later(m, v->reference, &self->old[k], false) &&
+        component_get(m, v->kind, v->reference, &self->old[k], 1) > fmi3Warning)
+        self->old[k] = NAN;
+    if (v->slot >= 0) self->old[(size_t)P->n_variables + k] = self->values[v->slot];
+}
+
+static void put_back_old(FmuInstance *self, const PlanVariable *v, size_t k) {
+    Component *m = &self->components[v->component];
+    if (!component_later(m, v->reference, &self->old[k], true) && !isnan(self->old[k]) &&
+        component_set(m, v->kind, v->reference, &self->old[k], 1) > fmi3Warning)
+        self->state->mode = MODE_ERROR;
+    if (v->slot >= 0) self->values[v->slot] = self->old[(size_t)P->n_variables + k];
+}
+
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
@@ -870,23 +896,19 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
         status = v ? check_settable(self, function, v, read(values, i)) : FMU_ERROR;
     }
     if (status != FMU_OK) return status;
-    const bool can_read = self->state->mode != MODE_INSTANTIATED; /* before that a component tells no values */
+    /* Before initialization a component tells no values. */
+    const bool kept = self->state->mode != MODE_INSTANTIATED && n_refs <= (size_t)P->n_variables;
     size_t done = 0;
     for (; done < n_refs; done++) {
         const PlanVariable *v = &P->variables[refs[done]];
-        if (can_read && n_refs <= (size_t)P->n_variables &&
-            component_get(&self->components[v->component], v->kind, v->reference, &self->old[done], 1) > fmi3Warning)
-            self->old[done] = NAN; /* an input of a clock that does not tick */
+        if (kept) keep_old(self, v, done);
         const uint32_t said = hand_over(self, v, read(values, done));
         if (said <= fmi3Warning) continue;
         status = component_refused(self, v->component, v->name, said);
         break;
     }
-    if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
-        while (done-- > 0)
-            if (!isnan(self->old[done]) &&
-                hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning)
-                self->state->mode = MODE_ERROR;
+    if (status != FMU_OK && kept)
+        while (done-- > 0) put_back_old(self, &P->variables[refs[done]], done);
     self->state->settled = 0;
     return status;
 }
@@ -950,7 +972,9 @@ static int run_to(FmuInstance *self, int64_t end) {
         result = whole ? engine_get(e, &stepped) : ENGINE_AT_END;
         if (result) return result;
         const int64_t its_end = e->tick + (whole ? e->clocks[stepped.clock].period : 0);
-        if (its_end < s->ending) s->ends_by = i;
+        char text[1024];
+        int32_t call = 0;
+        if (its_end < s->ending) s->ends_by = culprit_of(self, i, &call, text, sizeof text);
         s->ending = earlier(s->ending, its_end);
         advances &= whole;
         if (i < P->n_discrete) result = engine_sample(e, t);

@@ -66,7 +66,8 @@ static void wait_for_events(Component *m, EngineTransfer *t) {
     t->references = (const uint32_t *)(const void *)d;
 }
 
-static uint32_t change(Component *m, bool begins) {
+static uint32_t change(Component *m, bool begins, bool done) {
+    (void)done;
     EventSteps *const s = steps_of(m);
     if (!s->stepping || !s->event_mode) return fmi3OK;
     return begins ? event_steps_enter(s, s->report.time) : event_steps_leave(s, s->report.time);
