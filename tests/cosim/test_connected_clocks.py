@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exported import run_exported
 from foreign import clocked, pulses
 
 from cosim import ComponentError, Recording, System, UnconnectedInputsWarning, WiringError
@@ -195,20 +196,12 @@ def test_exported_systems_tick_alike(fmu: Path, tmp_path: Path, early: bool, rel
         system.connect("alone.got", "d.x")
         exported = system.export_fmu(tmp_path / "Ticks.fmu")
         found = system.run(0.1, record=["*"])
-    with System(allow_unconnected=True) as outer:
-        outer.add("s", exported, step="10 ms")
-        with outer.initialize(record=["s.*"]) as simulation:
-            simulation.advance(0.05)
-            state = simulation.save()
-            simulation.advance(0.07)
-            simulation.restore(state)
-            simulation.advance(0.1)
-            inside = simulation.recording
+    inside = run_exported(exported, "10 ms", 0.05, 0.07, 0.1)
     names = [n for n in found.names if not n.endswith(("relay", "period", ".x"))]
     assert len(names) == 20
     assert found["c.count"][-1] == 32
     for name in names:
-        np.testing.assert_array_equal(inside[f"s.{name}"], found[name], err_msg=name)
+        np.testing.assert_array_equal(inside[name], found[name], err_msg=name)
 
 
 def test_ticks_in_a_circle_end_the_run_of_an_exported_system_too(

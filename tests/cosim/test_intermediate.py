@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exported import run_exported
 from foreign import following, making
 
 from cosim import ComponentError, FmuWarning, PythonComponent, Recording, System
@@ -130,20 +131,12 @@ def test_inputs_follow_in_exported_systems_with_the_same_bits(fmu: Path, tmp_pat
     with of_fmus(fmu) as system:
         path = system.export_fmu(tmp_path / "Followers.fmu", outputs=[*SHOWN])
         expected = system.run(1.0, record=[*SHOWN])
-    with System(allow_unconnected=True) as system:
-        system.add("s", path, step="0.1 s")
-        with system.initialize(record=[f"s.{n}" for n in SHOWN]) as simulation:
-            simulation.advance(0.5)
-            state = simulation.save()
-            simulation.advance(0.8)
-            simulation.restore(state)
-            simulation.advance(1.0)
-            found = simulation.recording
+    found = run_exported(path, "0.1 s", 0.5, 0.8, 1.0)
     assert expected["c.asked"][-1] == 100
     assert expected["c.xs[3]"][-1] == pytest.approx(5.0)
     assert expected["b.x"][-1] == pytest.approx(1.5 - 0.015, abs=1e-12), "the first step does not know the slope"
     for n in SHOWN:
-        assert np.array_equal(found[f"s.{n}"], expected[n][::2]), n
+        assert np.array_equal(found[n], expected[n][::2]), n
 
 
 def test_an_exported_system_names_the_component_that_asks_wrongly(fmu: Path, tmp_path: Path, refused) -> None:

@@ -9,9 +9,10 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from exported import run_exported
 from pages import ROOT
 
-from cosim import System, WiringError
+from cosim import WiringError
 
 EXAMPLES = ROOT / "docs" / "examples" / "fmi3"
 PRINTED = {
@@ -101,20 +102,12 @@ def test_a_bus_is_exported_with_its_nodes(can: ModuleType, tmp_path: Path) -> No
     with can.network(tmp_path, {"a": 3, "b": 1, "c": 2}) as system:
         found = system.run(0.025)
         exported = system.export_fmu(tmp_path / "Network.fmu")
-    with System(allow_unconnected=True) as outer:
-        outer.add("s", exported, step="0.1 ms")
-        with outer.initialize() as simulation:
-            simulation.advance(0.0111)
-            state = simulation.save()
-            simulation.advance(0.02)
-            simulation.restore(state)
-            simulation.advance(0.025)
-            inside = simulation.recording
+    inside = run_exported(exported, "0.1 ms", 0.0111, 0.02, 0.025)
     assert found["bus.frames"][-1] == 9
-    numbers = [n for n in found.names if f"s.{n}" in inside.names]
+    numbers = [n for n in found.names if n in inside]
     assert {"a.received.time", "b.received.value", "c.confirmed.time", "bus.frames"} <= {*numbers}
     for name in numbers:
-        np.testing.assert_array_equal(inside[f"s.{name}"], found[name], err_msg=name)
+        np.testing.assert_array_equal(inside[name], found[name], err_msg=name)
 
 
 def test_a_slow_bus_sends_what_waits_later(can: ModuleType, tmp_path: Path) -> None:
