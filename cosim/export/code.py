@@ -39,8 +39,10 @@ with extras.needed("build", extras.BUILDING):
 _HERE = Path(__file__).parent
 _RUNTIME = _HERE / "runtime"
 _ENGINE = _HERE.parent / "engine"
+CONTAINER = tuple(sorted(_RUNTIME.glob("container*.[ch]")))  # what carries out the plan of one system
 _OWN = (
-    *(_RUNTIME / n for n in ("container.c", "component.c", "component.h", "system.h")),
+    *CONTAINER,
+    *(_RUNTIME / n for n in ("component.c", "component.h", "system.h")),
     *(_ENGINE / n for n in ("engine.c", "engine.h", "hints.h", "instants.h", "algebraic_loop.c")),
     ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),

@@ -1,4 +1,4 @@
-/* What the generated plan.c says about a system: constants, which container.c binds to an instance's memory. */
+/* What the generated plan.c says about a system: constants, which container_binding.c binds to an instance's memory. */
 #ifndef SYSTEM_H
 #define SYSTEM_H
 

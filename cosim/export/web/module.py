@@ -13,14 +13,15 @@ from build_fmus.base import safe_files
 from build_fmus.base.interpreters import PYTHON
 from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
 from cosim.core.errors import CosimError
-from cosim.export.code import SystemCode, template, write
+from cosim.export.code import CONTAINER, SystemCode, template, write
 from cosim.export.parts import Part, defined_names, wrappers
 
 _HERE = Path(__file__).parent
 _OWN = tuple(_HERE / name for name in ("web.c", "web.h"))
 _MODELS, _PLAN = "web_models.c", "plan.c"
 _FMI = 3
-_PER_SYSTEM = ("container.c", f"fmi{_FMI}.c", "fmu_base.c")  # what is compiled once for each system, beside its plan
+# what is compiled once for each system, beside its plan
+_PER_SYSTEM = (*(p.name for p in CONTAINER if p.suffix == ".c"), f"fmi{_FMI}.c", "fmu_base.c")
 _PLATFORM = Platform("wasm32", "wasm32", "wasm32-wasi", ".wasm")
 
 

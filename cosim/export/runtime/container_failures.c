@@ -1,0 +1,93 @@
+/* What components say, and what their failures mean: see container.h. */
+#include "container.h"
+
+/* Of what a component says, errors and warnings are passed on. */
+void container_log(void *context, int status, const char *message) {
+    const Source *source = context;
+    if (status == (int)fmi3OK) return;
+    (void)fmu_fail(source->self, status <= (int)fmi3Fatal ? (FmuStatus)status : FMU_ERROR, "%s: %s",
+                   P->components[source->component].name, message);
+}
+
+/* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
+ * system continues, unless the component is lost. */
+FmuStatus container_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    if (self->components[i].dead) self->state->mode = MODE_ERROR;
+    const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
+    const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
+    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->components[i].name, what, name,
+        fmu_time(self));
+}
+
+/* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */
+FmuStatus container_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    self->state->mode = MODE_ERROR;
+    return container_refused(self, i, what, status);
+}
+
+/* The component that has failed or asked for the end in a step of component i, which others may have taken with it. */
+int32_t container_culprit(const FmuInstance *self, int32_t i, int32_t *call, char *text, size_t size) {
+    const Component *m = &self->components[i];
+    if (m->exchange && m->exchange->culprit) m = m->exchange->culprit(m, call, text, size);
+    return (int32_t)(m - self->components);
+}
+
+/* A call of component i that the engine has made has failed. */
+FmuStatus container_call_failed(FmuInstance *self, int32_t i) {
+    int32_t call = self->engine.call;
+    const Component *m = &self->components[i];
+    if (m->exchange && m->exchange->culprit) {
+        char text[1024];
+        i = container_culprit(self, i, &call, text, sizeof text);
+        m = &self->components[i];
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': %s", P->components[i].name, text);
+    }
+    if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
+    if (m->exchange && !m->exchange->culprit && !call) {
+        uint32_t number;
+        double time;
+        const char *why = m->exchange->why(m, &number, &time);
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
+            P->components[i].name, P->components[i].integrated ? "integration" : "event mode", time,
+            why ? why : "", (unsigned)number);
+    }
+    const PlanComponent *p = &P->components[i];
+    double when;
+    const char *const refused = p->follows && !call ? P->updates->why(m, &when) : NULL;
+    if (refused) (void)fmu_fail(self, FMU_ERROR, "component '%s': it %s, at %.9g s", p->name, refused, when);
+    const bool sets = call > 0 && call <= p->n_sets, gets = call < 0 && call >= -p->n_gets;
+    const PlanTransfer *t = sets ? &p->sets[call - 1] : gets ? &p->gets[-call - 1] : NULL;
+    if (t && t->exact) {
+        uint32_t most = 0;
+        const EngineTransfer *bound = container_calls_of(self, i) + (sets ? call - 1 : p->n_sets - call - 1);
+        const uint64_t n = t->waits ? 0 : P->texts->too_long(bound->references, &most);
+        if (n)
+            (void)fmu_fail(self, FMU_ERROR, "component '%s': a value of at least %llu bytes is longer than its "
+                "connection holds, %u: export the system with connect(..., max_size=...)",
+                p->name, (unsigned long long)n, (unsigned)most);
+    }
+    return container_failed(self, i,
+        call == CALL_SAVE           ? "GetFMUState"
+        : call == CALL_RESTORE      ? "SetFMUState"
+        : call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
+        : call > 0 ? "setting its inputs"
+        : call < 0 ? "getting its outputs"
+        : m->exchange && m->exchange->culprit ? "taking its step"
+                                              : "DoStep",
+        self->engine.status);
+}
+
+FmuStatus container_step_failed(FmuInstance *self, int32_t i, uint32_t status) {
+    self->engine.call = 0;
+    self->engine.status = status;
+    return container_call_failed(self, i);
+}
+
+FmuStatus container_not_solved(FmuInstance *self) {
+    const EngineLoop *l = &self->engine.loops[self->engine.component];
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR,
+        "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there "
+        "(%.9g, residual %.3g)",
+        P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
+}

@@ -1,0 +1,128 @@
+/* Initialization of a system: see container.h. */
+#include "container.h"
+#include "fmu_math.h"
+
+/* Set parameters to those that other components calculate, until none changes: one may follow from another. */
+static FmuStatus pass_parameters(FmuInstance *self) {
+    double values[COMPONENT_LARGEST];
+    for (uint32_t round = 0; round <= P->n_passed; round++) {
+        bool changed = false;
+        for (uint32_t k = 0; k < P->n_passed; k++) {
+            const PlanPassed *p = &P->passed[k];
+            Component *from = &self->components[p->from.component], *to = &self->components[p->to.component];
+            uint32_t status = component_get(from, p->from.kind, p->from.reference, values, p->from.n);
+            if (status > fmi3Warning)
+                return container_failed(self, p->from.component, "getting a calculated parameter", status);
+            const double x = p->scale * values[p->from.index] + p->offset;
+            if (round && x == self->passed[k]) continue;
+            const bool whole = p->to.kind != KIND_FLOAT64 && p->to.kind != KIND_FLOAT32;
+            if (!(isfinite(x) && x >= p->min && x <= p->max && (!whole || x == floor(x)))) {
+                self->state->mode = MODE_ERROR;
+                return fmu_fail(self, FMU_ERROR, "%s would be %g, a value that it cannot have: change the parameters "
+                    "that it is calculated from", p->name, x);
+            }
+            changed = true;
+            self->passed[k] = x;
+            status = p->to.n > 1 ? component_get(to, p->to.kind, p->to.reference, values, p->to.n) : fmi3OK;
+            values[p->to.index] = x;
+            if (status <= fmi3Warning) status = component_set(to, p->to.kind, p->to.reference, values, p->to.n);
+            if (status > fmi3Warning) return container_failed(self, p->to.component, "setting a parameter", status);
+        }
+        if (!changed) return FMU_OK;
+    }
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR, "calculated parameters do not settle: some follow from each other");
+}
+
+/* Pass outputs to inputs until nothing changes any more. */
+FmuStatus container_settle(FmuInstance *self) {
+    State *s = self->state;
+    if (s->settled) return FMU_OK;
+    const FmuStatus passed = pass_parameters(self);
+    if (passed != FMU_OK) return passed;
+    const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
+    if (result == ENGINE_CALL_FAILED) return container_call_failed(self, self->engine.component);
+    if (result == ENGINE_NO_SOLUTION) return container_not_solved(self);
+    s->settled = 1;
+    if (result == ENGINE_UNSETTLED)
+        (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
+    return FMU_OK;
+}
+
+FmuStatus fmu_enter_initialization(FmuInstance *self) {
+    State *s = self->state;
+    if (!s->d) { /* FMI 2.0 allows leaving out SetupExperiment */
+        const FmuStatus status = fmu_setup(self, 0.0, 0, 0.0);
+        if (status != FMU_OK) return status;
+    }
+    s->mode = MODE_INITIALIZATION;
+    s->settled = 0;
+    for (int32_t i = 0; i < P->n_components; i++) {
+        const PlanComponent *p = &P->components[i];
+        const EngineClock *clock = &P->clocks[p->clock];
+        s->tick = clock->offset;
+        const double begin = fmu_time(self);
+        s->tick = s->stop_tick;
+        const bool met = s->stop_tick != INT64_MAX && s->stop_tick > clock->offset &&
+                         (s->stop_tick - clock->offset) % clock->period == 0;
+        const double stop = met ? fmu_time(self) : 0.0;
+        s->tick = 0;
+        const uint32_t status = component_enter(&self->components[i], p->has_tolerance, p->tolerance, begin, met, stop);
+        if (status > fmi3Warning) return container_failed(self, i, "EnterInitializationMode", status);
+    }
+    const FmuStatus bound = container_bind(self);
+    if (bound != FMU_OK) return bound;
+    for (int32_t i = 0; i < P->n_components; i++) /* elements that nobody drives */
+        for (int32_t k = 0; k < P->components[i].n_sets; k++)
+            if (P->components[i].sets[k].keeps) {
+                EngineTransfer t = container_calls_of(self, i)[k];
+                component_values(&self->components[i], P->components[i].sets[k].kind, false, &t);
+                t.references = P->components[i].sets[k].references;
+                t.element = NULL;
+                EngineComponent e = self->bound[i];
+                e.gets = &t;
+                e.n_gets = 1;
+                if (engine_get(&self->engine, &e)) return container_call_failed(self, i);
+            }
+    for (int32_t i = 0; i < P->n_variables; i++) { /* inputs and parameters that are shown as values too */
+        const PlanVariable *v = &P->variables[i];
+        if (v->slot >= 0 && (v->role == FMU_INPUT || v->role == FMU_PARAMETER)) {
+            const uint32_t status =
+                component_get(&self->components[v->component], v->kind, v->reference, self->values + v->slot, 1);
+            if (status > fmi3Warning) return container_failed(self, v->component, "getting a value", status);
+        }
+    }
+    engine_publish(&self->engine);
+    return FMU_OK;
+}
+
+static FmuStatus check_finite(FmuInstance *self) {
+    for (uint32_t k = 0; k < P->n_values; k++)
+        if (!isfinite(self->values[k]))
+            return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k], fmu_time(self));
+    return FMU_OK;
+}
+
+FmuStatus fmu_exit_initialization(FmuInstance *self) {
+    State *s = self->state;
+    FmuStatus result = container_settle(self);
+    for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
+        const uint32_t status = component_exit(&self->components[i]);
+        const Exchange *const steps = P->components[i].exchange;
+        if (status > fmi3Warning)
+            result = steps && steps->culprit ? container_step_failed(self, i, status)
+                                             : container_failed(self, i, "ExitInitializationMode", status);
+    }
+    for (int32_t i = 0; i < P->n_connected && result == FMU_OK; i++) {
+        const uint32_t status = P->networks->begin(container_network(self, i));
+        if (status > fmi3Warning) result = container_step_failed(self, P->connected[i].components[0], status);
+    }
+    for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++)
+        if (engine_get(&self->engine, &self->bound[i])) result = container_call_failed(self, i);
+    engine_publish(&self->engine);
+    if (result == FMU_OK) result = check_finite(self);
+    s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
+    container_repeat_steps(self);
+    if (result == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", fmu_model.name, fmu_time(self));
+    return result;
+}
