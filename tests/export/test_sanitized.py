@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 import pytest
 from built import BuiltFmus
-from foreign import calculating, following, sloped
+from foreign import calculating, eventful, following, pulses, sloped
 from lxml import etree
 from sanitized import FLAGS, THREADS, gcc, kept_object
 
@@ -49,6 +49,13 @@ def unpacked(built_fmus: BuiltFmus, follower: dict[int, Path], tmp_path_factory:
             system.add(f"calculated{fmi}", calculating.build(folder, fmi), step="10 ms")
         system.connect("calculated3.sums[2]", "calculated2.factor")
         system.connect("calculated2.next", "calculated3.n")
+        ticking = pulses.build(folder, early_return=True)  # connected clocks, and one that returns early again
+        for name, period, relay in (("again", 0.0, 6), ("ticks", 0.0031, 3), ("told", 0.0, 1), ("other", 0.0041, 3)):
+            system.add(name, ticking, step="10 ms", parameters={"period": period, "relay": relay})
+        for source, target in (("ticks", "again"), ("ticks", "told"), ("other", "ticks")):
+            system.connect(f"{source}.out", f"{target}.in")
+        system.connect("ticks.y", "told.x")
+        system.add("eventful", eventful.build(folder), step="10 ms", start={"u": 1.0, "k": 1})
         return Path(fmpy.extract(system.export_fmu(folder / "Sanitized.fmu", fmi=3), folder / "files"))
 
 
