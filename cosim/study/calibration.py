@@ -15,10 +15,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import combinations as pairs_of
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +31,7 @@ from cosim.core.signals import Array
 from cosim.core.time import TimeLike, rational
 from cosim.gradient.metrics import Mean
 from cosim.study.lanes import LANES_PAY, quiet_batch
+from cosim.study.least_squares import Minimum, minimize_squares
 
 Response = Callable[[Mapping[str, float]], npt.ArrayLike]
 Range = tuple[float, float, float]
@@ -44,7 +44,6 @@ STEPS = (
     1e-2,
     1e-4,
 )  # of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
-OUTLYING = 2.0  # residuals over the noise, beyond which they count less in the first fit by exact derivatives
 
 
 class CalibrationError(CosimError, ValueError):
@@ -81,14 +80,16 @@ class SystemResponse:
         self._batches: list[Batch | None] = []  # one, when it is needed; None: nothing is vectorizable
         self.in_lanes = 0
         """How many runs so far were copies in lanes."""
+        self.by_difference: dict[str, str] = {}
+        """Components whose derivatives were differences of two neighboring instances, and why."""
 
     def _set(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
             component, variable = self._system.components.split(name)
             component.set({variable: value})
 
-    def slopes(self, values: Mapping[str, float]) -> Array:
-        """Derivatives (samples, outputs, parameters) of the outputs of a run by these parameters."""
+    def with_slopes(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Outputs (samples, outputs) of a run, and their derivatives (samples, outputs, parameters) by these values."""
         self._set(values)
         found = self._system.gradient(
             {n: Mean(n) for n in self.outputs},
@@ -97,7 +98,9 @@ class SystemResponse:
             interval=self._record.interval,
             mode="forward",
         )
-        return found.tangents[:, [found.recording.names.index(n) for n in self.outputs]]
+        self.by_difference |= found.by_difference
+        tangents = found.tangents[:, [found.recording.names.index(n) for n in self.outputs]]
+        return np.column_stack([found.recording[n] for n in self.outputs]), tangents
 
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Outputs (samples, outputs) of a run with these parameters, by full name."""
@@ -136,6 +139,8 @@ class Calibration:
         estimated: the noise is an estimate.
         inflation: factor on variances for residuals that are not independent from sample to sample.
         converged: the fit ended where the sum of squares no longer falls.
+        by_difference: components whose derivatives were differences of neighboring instances, and why, of a fit that
+            follows derivatives of the run.
     """
 
     names: Sequence[str]
@@ -147,6 +152,7 @@ class Calibration:
     estimated: bool
     inflation: float
     converged: bool
+    by_difference: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def information(self) -> Array:
@@ -277,6 +283,10 @@ class Calibration:
                 f"Residuals are autocorrelated (variances times {self.inflation:.3g}): the model underfits, and the"
                 " intervals do not account for that."
             )
+        lines += [
+            f"{name}: derivatives from differences of two neighboring instances ({why})"
+            for name, why in self.by_difference.items()
+        ]
         return "\n".join(lines)
 
 
@@ -328,84 +338,75 @@ def calibrate(
     start, low, high = _ranges(parameters)
     data = np.atleast_2d(np.asarray(measured, dtype=float).T).T
     finite("the measured response", data, sampled=True, error=CalibrationError)
-    shape = np.asarray(response(dict(zip(names, start.tolist(), strict=True))), dtype=float)
-    if np.atleast_2d(shape.T).T.shape != data.shape:
-        raise CalibrationError(f"the response has shape {shape.shape}, what was measured {np.shape(measured)}")
     if data.size <= len(names):
         raise CalibrationError(f"{data.size} measured values for {len(names)} parameters")
     scale = _scale(data) if noise is None else np.broadcast_to(np.asarray(noise, dtype=float), data.shape[1:]).copy()
     if not (scale > 0).all():
         raise CalibrationError(f"the noise is {noise!r}; give positive standard deviations")
 
-    def all_residuals(several: Sequence[Array]) -> list[Array]:
-        values = [dict(zip(names, np.exp(logs).tolist(), strict=True)) for logs in several]
-        shown = response.together(values) if isinstance(response, SystemResponse) else [response(v) for v in values]
-        found = [np.asarray(y, dtype=float).reshape(data.shape) for y in shown]
-        for y in found:
-            finite("the response", y, sampled=True, error=CalibrationError)
-        return [((y - data) / scale).ravel() for y in found]
+    def of_response(shown: npt.ArrayLike) -> Array:
+        found = np.asarray(shown, dtype=float)
+        if np.atleast_2d(found.T).T.shape != data.shape:
+            raise CalibrationError(f"the response has shape {found.shape}, what was measured {np.shape(measured)}")
+        found = found.reshape(data.shape)
+        finite("the response", found, sampled=True, error=CalibrationError)
+        return ((found - data) / scale).ravel()
+
+    def at(logs: Array) -> dict[str, float]:
+        return dict(zip(names, np.exp(logs).tolist(), strict=True))
 
     def residuals(logs: Array) -> Array:
-        return all_residuals([logs])[0]
+        return of_response(response(at(logs)))
 
-    @lru_cache(1)  # the second fit begins where the first one ends
-    def exact_jacobian(logs: bytes) -> Array:
-        at = np.exp(np.frombuffer(logs))
-        slopes = response.slopes(dict(zip(names, at.tolist(), strict=True))) * at  # type: ignore[attr-defined]
-        return (slopes / scale[:, None]).reshape(data.size, -1)
+    def with_jacobian(logs: Array) -> tuple[Array, Array]:
+        shown, slopes = response.with_slopes(at(logs))  # type: ignore[attr-defined]
+        return of_response(shown), (slopes * np.exp(logs) / scale[:, None]).reshape(data.size, -1)
 
-    def jacobian(logs: Array, step: float | None) -> Array:
-        if step is None:
-            return np.array(exact_jacobian(logs.tobytes()))
+    def differences(logs: Array, step: float) -> Array:
         pairs = []
         for i in range(len(logs)):
             a, b = logs.copy(), logs.copy()
             a[i], b[i] = min(logs[i] + step, math.log(high[i])), max(logs[i] - step, math.log(low[i]))
             pairs += [a, b]
-        found = all_residuals(pairs)
+        values = [at(p) for p in pairs]
+        shown = response.together(values) if isinstance(response, SystemResponse) else [response(v) for v in values]
+        found = [of_response(y) for y in shown]
         width = [a[i] - b[i] for i, (a, b) in enumerate(zip(pairs[::2], pairs[1::2], strict=True))]
         return np.column_stack([(a - b) / w for a, b, w in zip(found[::2], found[1::2], width, strict=True)])
 
     exact = isinstance(response, SystemResponse) and response.gradient
-    # Exact derivatives do not see single samples that jump, at a tire's touch-down: these count less at first.
-    robust, last = {"loss": "soft_l1", "f_scale": OUTLYING, "ftol": 1e-3, "xtol": 1e-5}, {"ftol": 1e-6, "xtol": 1e-5}
-    stages: Sequence[tuple[float | None, dict[str, Any]]] = (
-        [(None, robust), (None, last)] if exact else [(s, {}) for s in STEPS]
-    )
+    bounds = np.log(low), np.log(high)
     random = np.random.default_rng(seed)
-    begins = [np.log(start), *(random.uniform(np.log(low), np.log(high)) for _ in range(others))]
+    begins = [np.log(start), *(random.uniform(*bounds) for _ in range(others))]
 
-    def fit(logs: Array) -> Any:
-        for step, options in stages:
+    def fit(logs: Array) -> Minimum:
+        if exact:
+            return minimize_squares(residuals, with_jacobian, logs, *bounds)
+        for step in STEPS:
             found = optimize.least_squares(
-                residuals,
-                logs,
-                jac=partial(jacobian, step=step),
-                bounds=(np.log(low), np.log(high)),
-                x_scale="jac",
-                **{"xtol": 1e-10, **options},
+                residuals, logs, jac=partial(differences, step=step), bounds=bounds, x_scale="jac", xtol=1e-10
             )
             logs = found.x
-        return found
+        return Minimum(found.x, found.fun, found.jac, found.status > 0)
 
-    best = min((fit(b) for b in begins), key=lambda f: f.cost)
-    logs = best.x
-    left = (-best.fun.reshape(data.shape)) * scale
-    final, sigma = best.jac if exact else jacobian(logs, STEPS[-1]), scale
+    best = min((fit(b) for b in begins), key=lambda f: float(f.residuals @ f.residuals))
+    left = (-best.residuals.reshape(data.shape)) * scale
+    final, sigma = best.jacobian if exact else differences(best.x, STEPS[-1]), scale
     if noise is None:
         free = max(1, len(data) - len(names) / data.shape[1])
         sigma = np.maximum(np.sqrt((left**2).sum(axis=0) / free), 1e-12 * scale)
         final = (final.reshape(*data.shape, -1) * (scale / sigma)[:, None]).reshape(data.size, -1)
     return Calibration(
         names,
-        np.exp(logs),
+        np.exp(best.x),
         list(zip(low.tolist(), high.tolist(), strict=True)),
         left,
         final,
         sigma,
         noise is None,
         _inflation(left) if noise is None else 1.0,
-        bool(best.status > 0),
+        bool(best.converged),
+        response.by_difference if isinstance(response, SystemResponse) else {},
     )
 
 

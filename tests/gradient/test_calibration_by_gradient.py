@@ -59,7 +59,7 @@ class Jumping(SystemResponse):
     t = np.linspace(0.0, 2.0, 201)
 
     def __init__(self, gradient: bool) -> None:
-        self.gradient = gradient
+        self.gradient, self.by_difference = gradient, {}
 
     def __call__(self, values: Mapping[str, float]) -> np.ndarray:
         y = values["size"] * np.exp(-values["rate"] * self.t)
@@ -69,9 +69,9 @@ class Jumping(SystemResponse):
     def together(self, several: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
         return [self(values) for values in several]
 
-    def slopes(self, values: Mapping[str, float]) -> np.ndarray:
+    def with_slopes(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         e = np.exp(-values["rate"] * self.t)
-        return np.stack([e, -values["size"] * self.t * e], axis=-1)[:, None]
+        return self(values), np.stack([e, -values["size"] * self.t * e], axis=-1)[:, None]
 
 
 def test_samples_that_jump_are_no_slopes() -> None:
@@ -80,7 +80,7 @@ def test_samples_that_jump_are_no_slopes() -> None:
     noise = 0.05 * np.random.default_rng(1).normal(size=(201, 1))
     ranges = {"size": (2.6, 0.2, 20.0), "rate": (0.9, 0.1, 12.0)}
     found = {g: calibrate(Jumping(g), Jumping(g)(truth) + noise, ranges, noise=0.05) for g in (True, False)}
-    slopes = Jumping(True).slopes(truth)[:, 0] * list(truth.values()) / 0.05
+    slopes = Jumping(True).with_slopes(truth)[1][:, 0] * list(truth.values()) / 0.05
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     np.testing.assert_allclose(found[True].deviations, expected, rtol=0.02)
     assert np.abs(np.log(found[True].values / list(truth.values()))).max() < 3.0 * expected.max()
