@@ -4,6 +4,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from build_fmus.base.one_thread import one_thread
+
+one_thread()
+
 
 def spent(call: Callable[..., Any], *arguments: Any) -> float:
     """Processor time of one call [s], so that other work on the machine hardly counts."""

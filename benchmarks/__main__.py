@@ -28,6 +28,7 @@ NAMES = (
     "learning",
     "batch",
     "gradients",
+    "calibration",
     "trench_plant",
     "solver_check",
     "mathematics",

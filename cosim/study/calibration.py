@@ -78,8 +78,8 @@ class SystemResponse:
         self._system, self._stop, self._record = system, stop_time, Record(self.outputs, interval)
         self._lanes, self._seconds = lanes, 0.0
         self._batches: list[Batch | None] = []  # one, when it is needed; None: nothing is vectorizable
-        self.in_lanes = 0
-        """How many runs so far were copies in lanes."""
+        self.runs = self.runs_with_slopes = self.in_lanes = 0
+        """How many runs so far were without and with derivatives, and how many of the former were copies in lanes."""
         self.by_difference: dict[str, str] = {}
         """Components whose derivatives were differences of two neighboring instances, and why."""
 
@@ -99,6 +99,7 @@ class SystemResponse:
             mode="forward",
         )
         self.by_difference |= found.by_difference
+        self.runs_with_slopes += 1
         tangents = found.tangents[:, [found.recording.names.index(n) for n in self.outputs]]
         return np.column_stack([found.recording[n] for n in self.outputs]), tangents
 
@@ -108,6 +109,7 @@ class SystemResponse:
         begin = time.perf_counter()
         recording = self._system.run(self._stop, record=self._record)
         self._seconds += time.perf_counter() - begin
+        self.runs += 1
         return np.column_stack([recording[n] for n in self.outputs])
 
     def together(self, several: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -123,6 +125,7 @@ class SystemResponse:
                 ran = [k for k in range(len(several)) if k not in batch.recording.failed]
                 found = {k: np.column_stack([batch.recording.one(k)[n] for n in self.outputs]) for k in ran}
                 self.in_lanes += len(found)
+                self.runs += len(found)
         return [found[k] if k in found else self(values) for k, values in enumerate(several)]
 
 

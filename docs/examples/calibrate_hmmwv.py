@@ -14,7 +14,7 @@ import argparse
 import numpy as np
 
 from cosim import System
-from cosim.study.calibration import Calibration, SystemResponse, calibrate
+from cosim.study.calibration import Range, SystemResponse, calibrate
 
 SENSORS = {"car.body.az": 0.1, "car.body.roll_rate": 0.005, "car.body.pitch_rate": 0.005, "car.wheel.fl.az": 1.0}
 """Outputs and the standard deviation of their noise [SI]."""
@@ -51,29 +51,36 @@ def vehicle(speed_kmh: float) -> System:
     return system
 
 
-def fitted(speed_kmh: float, *, off: float = 1.1, seed: int = 1) -> tuple[Calibration, np.ndarray]:
-    """The fit to noisy data of one drive, and the true values.
+def response(system: System, *, gradient: bool = True) -> SystemResponse:
+    return SystemResponse(system, list(SENSORS), stop_time=SECONDS, interval=INTERVAL, gradient=gradient)
 
-    The fit starts from values that are wrong by the factor `off`, up and down in turn.
+
+def drive(system: System, *, off: float = 1.1, seed: int = 1) -> tuple[np.ndarray, dict[str, Range], dict[str, float]]:
+    """Noisy data of one drive, the ranges of the parameters, and their true values.
+
+    A fit starts from values that are wrong by the factor `off`, up and down in turn.
     """
-    with vehicle(speed_kmh) as system:
-        declared = system["car"].description.parameters
-        truth = {f"car.{n}": float(declared[n].start) for n in ASSUMED}
-        model = SystemResponse(system, list(SENSORS), stop_time=SECONDS, interval=INTERVAL, gradient=True)
-        noise = np.array(list(SENSORS.values()))
-        given = model(truth) + noise * np.random.default_rng(seed).standard_normal((801, len(SENSORS)))
-        ranges = {n: (v * off ** (-1) ** i, v / 3, v * 3) for i, (n, v) in enumerate(truth.items())}
-        return calibrate(model, given, ranges, noise=noise), np.array(list(truth.values()))
+    declared = system["car"].description.parameters
+    truth = {f"car.{n}": float(declared[n].start) for n in ASSUMED}
+    given = response(system)(truth)
+    given += list(SENSORS.values()) * np.random.default_rng(seed).standard_normal(given.shape)
+    return given, {n: (v * off ** (-1) ** i, v / 3, v * 3) for i, (n, v) in enumerate(truth.items())}, truth
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Which of the assumed values of the HMMWV would a drive tell?")
     parser.add_argument("--drive", choices=SPEEDS_KMH, default="fast")
-    drive = parser.parse_args().drive
-    found, truth = fitted(SPEEDS_KMH[drive])
-    print(f"{SECONDS:g} s of Perryman 3 at {SPEEDS_KMH[drive]:g} km/h\n{found.text()}")
-    inside = [low <= v <= high for v, (low, high) in zip(truth.tolist(), found.intervals, strict=True)]
+    parser.add_argument("--differences", action="store_true", help="follow differences of runs, not derivatives")
+    options = parser.parse_args()
+    speed = SPEEDS_KMH[options.drive]
+    with vehicle(speed) as system:
+        given, ranges, truth = drive(system)
+        model = response(system, gradient=not options.differences)
+        found = calibrate(model, given, ranges, noise=list(SENSORS.values()))
+    print(f"{SECONDS:g} s of Perryman 3 at {speed:g} km/h\n{found.text()}")
+    inside = [low <= v <= high for v, (low, high) in zip(truth.values(), found.intervals, strict=True)]
     print(f"{sum(inside)} of {len(truth)} true values lie in their intervals")
+    print(f"{model.runs} runs and {model.runs_with_slopes} with derivatives")
 
 
 if __name__ == "__main__":
