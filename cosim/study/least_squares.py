@@ -85,7 +85,7 @@ def _loss(r: Array, outlying: float | None) -> tuple[float, Array]:
     if outlying is None:
         return float(r @ r), np.ones_like(r)
     root = np.sqrt(1.0 + np.square(r / outlying))
-    return float(2.0 * outlying**2 * (root - 1.0).sum()), 1.0 / root
+    return float((2.0 * np.square(r) / (1.0 + root)).sum()), 1.0 / root
 
 
 def _step(r: Array, jacobian: Array, weights: Array, damping: float, low: Array, high: Array) -> tuple[Array, float]:

@@ -47,10 +47,13 @@ def test_a_fit_by_gradients_agrees_with_one_by_differences(
             needed.append(runs)
     by_differences, by_gradient = found
     assert by_gradient.converged
-    np.testing.assert_allclose(by_gradient.values, by_differences.values, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.log(by_gradient.values / by_differences.values) / by_differences.deviations, 0.0, atol=0.01
+    )
+    np.testing.assert_allclose(by_gradient.deviations, by_differences.deviations, rtol=1e-5)
     np.testing.assert_allclose(by_gradient.intervals, by_differences.intervals, rtol=1e-5)
     np.testing.assert_allclose(by_gradient.values, list(NAMES.values()), rtol=0.02)
-    assert needed[1] * 1.5 < needed[0]
+    assert needed[1] * 5 < needed[0]
 
 
 class Jumping(SystemResponse):

@@ -79,6 +79,7 @@ GROUPS = (
         ("tests/study/test_sweep_pages.py", "tests/study/test_design.py"),
     ),
     Group("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
+    Group("least squares", ("cosim/study/least_squares.py",), ("tests/optimisation/test_least_squares.py",)),
     Group("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
     Group("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
     Group("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
