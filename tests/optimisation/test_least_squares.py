@@ -10,7 +10,7 @@ from scipy import optimize
 
 from cosim.core.signals import Array
 from cosim.study import least_squares
-from cosim.study.least_squares import Minimum, minimize_squares
+from cosim.study.least_squares import Minimum, _loss, minimize_squares
 
 FREE = (np.full(2, -10.0), np.full(2, 10.0))
 TIME = np.linspace(0.0, 3.0, 301)
@@ -69,9 +69,11 @@ def reference(of: Counted) -> Array:
 
 
 def test_a_curved_valley_leads_to_its_minimum() -> None:
-    found = rosenbrock().fit([-1.2, 1.0])
+    of = rosenbrock()
+    found = of.fit([-1.2, 1.0])
     assert found.converged
     np.testing.assert_allclose(found.x, 1.0, atol=1e-6)
+    assert len(of.at) < 100
 
 
 def test_a_fit_to_noise_needs_two_jacobians_and_no_point_twice() -> None:
@@ -83,6 +85,27 @@ def test_a_fit_to_noise_needs_two_jacobians_and_no_point_twice() -> None:
     assert len(of.exact_at) == 2
     np.testing.assert_array_equal(of.exact_at[-1], found.x)
     assert len({tuple(x) for x in (*of.at, *of.exact_at)}) == len(of.at) + len(of.exact_at)
+
+
+def test_beyond_the_limit_a_residual_counts_by_its_magnitude() -> None:
+    r = np.array([0.0, 1.0, -30.0])
+    total, weights = _loss(r, 2.0)
+    assert total == pytest.approx(np.sum(8.0 * (np.sqrt(1.0 + r**2 / 4.0) - 1.0)), rel=1e-14)
+    h = 1e-6 * np.eye(3)
+    slopes = [(_loss(r + e, 2.0)[0] - _loss(r - e, 2.0)[0]) / 2e-6 for e in h]
+    np.testing.assert_allclose(slopes, 2.0 * weights * r, atol=1e-7)
+    assert _loss(r, None)[0] == 901.0
+
+
+def test_an_upper_bound_holds() -> None:
+    """With x0 at its end, more of it would fit better."""
+    of = decay()
+    found = of.fit([-0.4, 0.3], high=np.array([-0.1, 10.0]))
+    assert found.converged
+    assert found.x[0] == -0.1
+    slope = found.jacobian.T @ found.residuals
+    assert slope[0] < 0.0
+    assert abs(slope[1]) < 0.1 * np.linalg.norm(found.jacobian[:, 1]) * found.residuals.std()
 
 
 def test_bounds_hold_and_the_rest_is_at_its_minimum_along_them() -> None:
@@ -123,7 +146,7 @@ def test_residuals_of_zero_are_a_minimum() -> None:
 
 @pytest.mark.parametrize("start", [[0.3, -0.4], [-0.5, 0.6], [0.05, 0.02]])
 def test_a_sample_that_jumps_stops_no_fit(start: list[float]) -> None:
-    """It jumps by 40 standard deviations, so steps across it look bad; the result stays within one of the smooth fit."""
+    """It jumps by 40 standard deviations, so steps across it look bad; the result stays within one of them."""
     of, smooth = decay(jump=40.0), decay()
     found = of.fit(start)
     deviations = np.sqrt(np.diag(np.linalg.inv(found.jacobian.T @ found.jacobian)))
