@@ -250,6 +250,34 @@ def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFix
     names["system"].close()  # type: ignore[attr-defined]
 
 
+def test_the_assumed_values_that_a_drive_tells_are_those_of_the_page(
+    workplace: Path,  # noqa: ARG001
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Values, intervals and numbers of runs. The intervals are those of exact derivatives at the true values."""
+    example = runpy.run_path(str(ROOT / "docs" / "examples" / "calibrate_hmmwv.py"))
+    fits = []
+    calibrate = example["calibrate"]
+    monkeypatch.setitem(
+        example["main"].__globals__, "calibrate", lambda *a, **b: fits.append(calibrate(*a, **b)) or fits[-1]
+    )
+    monkeypatch.setattr("sys.argv", ["calibrate_hmmwv.py"])
+    example["main"]()
+    expected = next(t for t in blocks(ROOT / "docs" / "how-to" / "optimisation.md", "text") if "of Perryman 3" in t)
+    shown, printed = words(expected), words(capsys.readouterr().out)
+    assert len(shown) == len(printed)
+    for a, b in zip(shown, printed, strict=True):
+        assert same(a, b), f"the page shows {a!r}, the example prints {b!r}"
+    with example["vehicle"](example["SPEEDS_KMH"]["fast"]) as system:
+        _, _, truth = example["drive"](system)
+        _, slopes = example["response"](system).with_slopes(truth)
+    columns = (slopes * list(truth.values()) / np.array(list(example["SENSORS"].values()))[:, None]).reshape(-1, 10)
+    told = np.isfinite(fits[0].deviations)
+    exact = np.sqrt(np.diag(np.linalg.inv(columns[:, told].T @ columns[:, told])))
+    np.testing.assert_allclose(fits[0].deviations[told], exact, rtol=0.02)
+
+
 def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # noqa: ARG001
     """More weight on the tires gives better road holding than the published control law, and less comfort."""
     front = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_front.py"))
