@@ -60,6 +60,36 @@ def test_every_flipped_bit_of_a_file_is_found(tmp_path: Path) -> None:
             safe_files.kept_file(tmp_path, "key", ".o")
 
 
+def test_files_that_another_process_keeps_or_removes(tmp_path: Path) -> None:
+    """One that it keeps is found; one that it removed is missing, also where the folder's clock has not moved since."""
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    with pytest.raises(CacheMiss):
+        safe_files.kept_file(ours, "key", ".o")
+    safe_files.keep_file(ours, "another", ".o", lambda out: out.write_bytes(b"object") and None)
+    with pytest.raises(CacheMiss):
+        safe_files.kept_file(ours, "key", ".o")
+    before = ours.stat().st_mtime_ns
+    kept = safe_files.keep_file(theirs, "key", ".o", lambda out: out.write_bytes(b"object") and None)
+    with pytest.raises(CacheMiss):
+        safe_files.kept_file(ours, "key", ".o")
+    path = kept.rename(ours / kept.name)
+    os.utime(ours, ns=(before + 10**9, before + 10**9))
+    assert safe_files.kept_file(ours, "key", ".o") == path
+    path.unlink()
+    os.utime(ours, ns=(before + 10**9, before + 10**9))
+    with pytest.raises(CacheMiss):
+        safe_files.kept_file(ours, "key", ".o")
+
+
+def test_the_key_and_the_suffix_are_whole(tmp_path: Path) -> None:
+    paths = {
+        (key, suffix): safe_files.keep_file(tmp_path, key, suffix, lambda out: out.write_bytes(b"object") and None)
+        for key in ("key", "key2", "ke")
+        for suffix in (".o", ".so")
+    }
+    assert {of: safe_files.kept_file(tmp_path, *of) for of in paths} == paths
+
+
 def test_ignore_cache_skips_older_entries(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     safe_files.keep_json(path, 1)

@@ -11,9 +11,12 @@ import os
 import sys
 import tempfile
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +79,7 @@ def keep_file(directory: Path, key: str, suffix: str, make: Callable[[Path], Non
         make(made)
         path = directory / f"{key}-{_file_digest(key, made)}{suffix}"
         os.replace(made, path)
+    _names.cache_clear()  # the clock of a file system may not have moved since
     return path
 
 
@@ -85,13 +89,25 @@ def kept_file(directory: Path, key: str, suffix: str) -> Path:
     Raises:
         CacheMiss: no such file, one that is older than `ignore_cache` allows, or a damaged one.
     """
-    for path in sorted(directory.glob(f"{key}-*{suffix}")):
-        if path.name == f"{key}-{_file_digest(key, path)}{suffix}":
-            if _usable(path):
+    with suppress(FileNotFoundError):  # nothing was kept yet, or another process has removed a file
+        names = _names(directory, os.stat(directory).st_mtime_ns)
+        for name in islice(names, bisect_left(names, f"{key}-"), None):
+            if not name.startswith(f"{key}-"):
+                break
+            if not name.endswith(suffix):
+                continue
+            path = directory / name
+            if name != f"{key}-{_file_digest(key, path)}{suffix}":
+                _discard(path)
+            elif _usable(path):
                 return path
-        else:
-            _discard(path)
     raise CacheMiss(directory / f"{key}{suffix}")
+
+
+@lru_cache(maxsize=16)
+def _names(directory: Path, changed: int) -> list[str]:  # noqa: ARG001
+    """Names in a directory that last changed then [ns], sorted: listing thousands takes longer than reading a file."""
+    return sorted(os.listdir(directory))
 
 
 def _file_digest(key: str, path: Path) -> str:
