@@ -51,8 +51,9 @@ def vehicle(speed_kmh: float) -> System:
     return system
 
 
-def response(system: System, *, gradient: bool = True) -> SystemResponse:
-    return SystemResponse(system, list(SENSORS), stop_time=SECONDS, interval=INTERVAL, gradient=gradient)
+def response(system: System, *, gradient: bool = True, lanes: str | None = None) -> SystemResponse:
+    outputs = list(SENSORS)
+    return SystemResponse(system, outputs, stop_time=SECONDS, interval=INTERVAL, gradient=gradient, lanes=lanes)
 
 
 def drive(system: System, *, off: float = 1.1, seed: int = 1) -> tuple[np.ndarray, dict[str, Range], dict[str, float]]:

@@ -47,6 +47,7 @@ def test_a_fit_by_gradients_agrees_with_one_by_differences(
             needed.append(runs)
     by_differences, by_gradient = found
     assert by_gradient.converged
+    assert by_gradient.by_difference == {}
     np.testing.assert_allclose(
         np.log(by_gradient.values / by_differences.values) / by_differences.deviations, 0.0, atol=0.01
     )
@@ -88,3 +89,10 @@ def test_samples_that_jump_are_no_slopes() -> None:
     np.testing.assert_allclose(found[True].deviations, expected, rtol=0.02)
     assert np.abs(np.log(found[True].values / list(truth.values()))).max() < 3.0 * expected.max()
     assert found[False].deviations[1] < 0.5 * expected[1]
+
+
+def test_components_that_are_followed_by_differences_are_named() -> None:
+    model = Jumping(True)
+    model.by_difference["car"] = "it is isolated"
+    found = calibrate(model, model({"size": 2.0, "rate": 1.2}), {"size": (2.6, 0.2, 20.0), "rate": (0.9, 0.1, 12.0)})
+    assert "car: derivatives from differences of two neighboring instances (it is isolated)" in found.text()
