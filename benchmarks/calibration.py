@@ -15,6 +15,7 @@ from cosim.study.calibration import Calibration, calibrate
 
 EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "calibrate_hmmwv.py"
 ROUNDS = 10
+SEEDS, OFF = 30, (1.1, 1.3)  # of noise, and by what factor a fit starts from other values
 WAYS = {"differences": (False, "off"), "differences in lanes": (False, "auto"), "derivatives": (True, "off")}
 
 
@@ -31,7 +32,31 @@ def measure() -> dict[str, dict[str, float]]:
                 "intervals by derivatives / these, least": min(wider),
                 "most": max(wider),
             }
+        for off in OFF:
+            found[f"{drive}, {SEEDS} seeds, {off} times the values"] = _seeds(speed, off)
     return found
+
+
+def _seeds(speed: float, off: float) -> dict[str, float]:
+    """Of fits by derivatives to data with other noise: runs, and the share of intervals that contain the true value."""
+    example = runpy.run_path(str(EXAMPLE))
+    counts, held = [], []
+    with example["vehicle"](speed) as system:
+        for seed in range(1, SEEDS + 1):
+            given, ranges, truth = example["drive"](system, off=off, seed=seed)
+            model = example["response"](system)
+            fit = calibrate(model, given, ranges, noise=list(example["SENSORS"].values()))
+            counts.append((model.runs, model.runs_with_slopes))
+            intervals = zip(truth.values(), fit.intervals, fit.deviations.tolist(), strict=True)
+            held += [low <= true <= high for true, (low, high), deviation in intervals if deviation < 1.0]
+    runs, exact = zip(*counts, strict=True)
+    return {
+        "runs": sum(runs) / SEEDS,
+        "runs with derivatives": sum(exact) / SEEDS,
+        "most runs": max(runs),
+        "most with derivatives": max(exact),
+        "intervals that hold": sum(held) / len(held),
+    }
 
 
 def _fit(speed: float, gradient: bool, lanes: str) -> tuple[Calibration, dict[str, float]]:
