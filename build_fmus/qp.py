@@ -5,6 +5,8 @@
 with constant H and A, and with q, l, u computed from time, states, inputs and parameters at each sample. The
 declaration is `build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What
 depends on H and A alone is computed here, when the FMU is built, and lies in `qp_data.c` as constants.
+
+H may also be H0 + w1 H1 + w2 H2 + ... with weights w that are data of the sample; DAQP then factors it there.
 """
 
 from __future__ import annotations
@@ -253,14 +255,16 @@ class QuadraticProgram:
     Attributes:
         name: of the component and of the program, for messages.
         hessians, constraints: one per case.
+        terms: (k, n, n), what is added to H, each matrix times its weight.
         backends: the first one is used; the others are settings for when the build chooses another solver.
-        data: CasADi column q, l, u, case.
+        data: CasADi column q, l, u, case, weights.
         symbol: CasADi column z, multipliers, status, iterations, residual.
     """
 
     name: str
     hessians: tuple[np.ndarray, ...]
     constraints: tuple[np.ndarray, ...]
+    terms: np.ndarray
     backends: tuple[Backend, ...]
     data: Any
     symbol: Any
@@ -293,7 +297,7 @@ class QuadraticProgram:
     @property
     def n_data(self) -> int:
         """Length of `data`."""
-        return self.n + 2 * self.m + 1
+        return self.n + 2 * self.m + 1 + len(self.terms)
 
     @property
     def n_solution(self) -> int:
@@ -308,9 +312,11 @@ class QuadraticProgram:
 
 
 def checked_matrices(
-    where: str, hessians: Sequence[Any], constraints: Sequence[Any]
+    where: str, hessians: Sequence[Any], constraints: Sequence[Any], *, definite: bool = True
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Hessians and constraint matrices of all cases as finite arrays of matching shapes.
+
+    `definite`: whether Hessians must be positive definite.
 
     Raises:
         ProgramError: shapes that do not match, values that are not finite, a Hessian that is not symmetric positive
@@ -337,7 +343,7 @@ def checked_matrices(
             raise ProgramError(f"{where}: Hessian {k} is not symmetric")
         H[k] = 0.5 * (h + h.T)
         try:
-            np.linalg.cholesky(H[k])
+            np.linalg.cholesky(H[k] if definite else np.eye(n))
         except np.linalg.LinAlgError:
             smallest = np.linalg.eigvalsh(H[k])[0]
             raise ProgramError(
@@ -373,9 +379,12 @@ def generate_data(programs: Sequence[QuadraticProgram]) -> str:
                     written[key] = name
                     code.append(_array(name, values))
             matrices.append((written[h.tobytes()], written[id(a)]))
-        fallback = "NULL"
+        fallback, terms = "NULL", "NULL"
+        if len(p.terms):
+            terms = f"qp{i}_terms"
+            code.append(_array(terms, p.terms))
         for b in reversed(p.solvers):
-            row = _solver_data(p, b, matrices, f"qp{i}_{b.name}", fallback, code)
+            row = _solver_data(p, b, matrices, terms, f"qp{i}_{b.name}", fallback, code)
             if b is p.backend:
                 rows.append(row)
             else:
@@ -390,6 +399,7 @@ def _solver_data(
     p: QuadraticProgram,
     backend: Backend,
     matrices: Sequence[tuple[str, str]],
+    terms: str,
     prefix: str,
     fallback: str,
     code: list[str],
@@ -398,7 +408,9 @@ def _solver_data(
     cases = []
     same = dict[tuple[str, str], str]()  # cases that differ in q, l, u alone share their constants
     for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):
-        if matrices[k] not in same:
+        if len(p.terms):
+            same[matrices[k]] = f"{{{', '.join(matrices[k])}, NULL}}"
+        elif matrices[k] not in same:
             text, factors = backend.constants(f"{p.name}, case {k}", h, a, f"{prefix}_factors{k}")
             code.append(text)
             same[matrices[k]] = f"{{{', '.join(matrices[k])}, &{factors}}}"
@@ -407,5 +419,5 @@ def _solver_data(
     code.append(backend.settings(f"{prefix}_settings"))
     return (
         f"{{{p.n}, {p.m}, {len(p.hessians)}, {backend.memory(p.n, p.m)}, {backend.tolerance!r}, {prefix}_cases, "
-        f"&qp_{backend.name}, &{prefix}_settings, {fallback}}}"
+        f"&qp_{backend.name}, &{prefix}_settings, {fallback}, {len(p.terms)}, {terms}}}"
     )

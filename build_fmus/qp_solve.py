@@ -49,7 +49,7 @@ class CompiledPrograms:
         self._library.setup(self._scratch.ctypes.data)
 
     def solve(self, data: np.ndarray, *, commit: bool = True) -> np.ndarray:
-        """Solve the programs for `data` (q, l, u, case of each).
+        """Solve the programs for `data` (q, l, u, case, weights of each).
 
         Returns (z, multipliers, status, iterations, residual) of each. `commit=False` leaves the warm starts as they
         are.

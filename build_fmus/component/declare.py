@@ -508,6 +508,7 @@ class Component:
         lower: Any,
         upper: Any,
         case: Any = None,
+        terms: Sequence[tuple[Any, Any]] = (),
         backend: qp.Backend | Sequence[qp.Backend] | None = None,
     ) -> qp.Solution:
         """Solve `minimise 1/2 z'Hz + q'z subject to l <= A z <= u` at each sample (discrete components).
@@ -525,6 +526,9 @@ class Component:
             lower: l (m,), such an expression too. Bounds of 1e30 and beyond do not bind.
             upper: u (m,), likewise.
             case: expression for the case 0, 1, ... (rounded, clipped).
+            terms: weights, each such an expression, and symmetric matrices (n, n): H is that of `hessians`, which then
+                need not be definite, plus each matrix times its weight. DAQP factors it at each sample; where it is not
+                positive definite, the status is 3.
             backend: `build_fmus.qp.Daqp` (default) or `build_fmus.qp.Osqp` with its settings; of
                 several the first is used, and the others tell the settings when another one is chosen at build time.
 
@@ -539,7 +543,8 @@ class Component:
         if self.kind != "discrete":
             raise DeclarationError(f"{where}: quadratic programs are for discrete components")
         try:
-            H, A = qp.checked_matrices(where, hessians, constraints)
+            H, A = qp.checked_matrices(where, hessians, constraints, definite=not terms)
+            varying, _ = qp.checked_matrices(where, [H[0], *(m for _, m in terms)], A[:1], definite=False)
         except qp.ProgramError as error:
             raise DeclarationError(str(error)) from None
         n, m = len(H[0]), len(A[0])
@@ -549,7 +554,9 @@ class Component:
             self._column(where, what, expression, size)
             for what, expression, size in (("linear", linear, n), ("lower", lower, m), ("upper", upper, m))
         ]
-        data = ca.densify(ca.vertcat(*columns, self._column(where, "case", 0 if case is None else case, 1)))
+        columns.append(self._column(where, "case", 0 if case is None else case, 1))
+        columns += [self._column(where, "weight", w, 1) for w, _ in terms]
+        data = ca.densify(ca.vertcat(*columns))
         if any(ca.depends_on(data, p.symbol) for p in self.programs):
             raise DeclarationError(
                 f"{where}: its data depend on the solution of a quadratic program; keep it in a state and use it at the"
@@ -558,7 +565,10 @@ class Component:
         backends = (qp.Daqp(),) if backend is None else tuple(backend) if isinstance(backend, Sequence) else (backend,)
         if not backends:
             raise DeclarationError(f"{where}: the list of back ends is empty; leave backend out for the default")
-        program = qp.QuadraticProgram(where, H, A, backends, data, self._symbols.sym(name, n + m + 3))
+        if terms and any(b.name != "daqp" for b in backends):
+            raise DeclarationError(f"{where}: only DAQP solves programs with terms; give backend=Daqp(...)")
+        matrices = np.reshape(varying[1:], (-1, n, n))
+        program = qp.QuadraticProgram(where, H, A, matrices, backends, data, self._symbols.sym(name, n + m + 3))
         self.programs.append(program)
         s = program.solution
         self.output(
@@ -645,8 +655,13 @@ class Component:
 
     @_declares
     def choose_backend(self, name: str) -> None:
-        """Let all quadratic programs use the solver `name` (with its declared settings, or its defaults)."""
+        """Let all quadratic programs use the solver `name` (with its declared settings, or its defaults).
+
+        A program with terms stays with DAQP.
+        """
         for i, p in enumerate(self.programs):
+            if len(p.terms):
+                continue
             matching = [b for b in p.backends if b.name == name] or [qp.BACKENDS[name]()]
             rest = [b for b in p.backends if b.name != name]
             self.programs[i] = replace(p, backends=(*matching[:1], *rest))

@@ -385,6 +385,7 @@ def _structs(component: Model) -> dict[str, Struct]:
                 (f"{stem}.lower", (q.m,), "bounds of A z"),
                 (f"{stem}.upper", (q.m,), ""),
                 (f"{stem}.case", (), "which H and A"),
+                *([(f"{stem}.weights", (len(q.terms),), "of the terms of H")] if len(q.terms) else []),
             ]
         structs["s"] = Struct("Solutions", "Solutions of the quadratic programs", solutions)
         structs["data"] = Struct("ProgramData", "Data of the quadratic programs", data)

@@ -14,7 +14,7 @@ size_t qp_aligned(size_t bytes) { return (bytes + 15u) & ~(size_t)15u; }
 
 static double *own_part(const Qp *qp, void *scratch, size_t *bytes) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m;
-    *bytes = qp_aligned((2 * n + 3 * m) * sizeof(double));
+    *bytes = qp_aligned((2 * n + 3 * m + (qp->n_terms ? n * n : 0)) * sizeof(double));
     return (double *)scratch;
 }
 
@@ -86,6 +86,17 @@ static QpStatus prepare_bounds(const Qp *qp, const double *lower, const double *
     return status;
 }
 
+int qp_data_size(const Qp *qp) { return qp->n + 2 * qp->m + 1 + qp->n_terms; }
+
+/* H with its terms, in `sum`. */
+static const double *with_terms(const Qp *qp, const double *hessian, const double *weights, double *sum) {
+    const size_t size = (size_t)qp->n * (size_t)qp->n;
+    (void)memcpy(sum, hessian, size * sizeof *sum);
+    for (int k = 0; k < qp->n_terms; k++)
+        for (size_t i = 0; i < size; i++) sum[i] += weights[k] * qp->terms[(size_t)k * size + i];
+    return sum;
+}
+
 const QpCase *qp_case(const Qp *qp, double choice) {
     const double last = (double)(qp->n_cases - 1), rounded = floor(choice + 0.5);
     return qp->cases + (int)(!(rounded > 0.0) ? 0.0 : rounded > last ? last : rounded);
@@ -95,17 +106,18 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     const int n = qp->n, m = qp->m;
     size_t own;
     double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m, *ay = z + n;
-    const double *q = data, choice = data[n + 2 * m];
+    const double *q = data, choice = data[n + 2 * m], *const weights = data + n + 2 * m + 1;
     double *result = solution, *multipliers = solution + n, *report = solution + n + m;
-    const QpCase *const c = qp_case(qp, choice);
+    QpCase c = *qp_case(qp, choice);
     int iterations = 0;
+    if (qp->n_terms) c.hessian = with_terms(qp, c.hessian, weights, ay + n);
 
     (void)memcpy(z, memory, (size_t)n * sizeof(double));
     (void)memset(y, 0, (size_t)m * sizeof(double));
     QpStatus status = prepare_bounds(qp, data + n, data + n + m, l, u);
-    if (!all_finite(q, n) || !isfinite(choice)) status = QP_BAD_DATA;
+    if (!all_finite(q, n) || !isfinite(choice) || !all_finite(weights, qp->n_terms)) status = QP_BAD_DATA;
     if (status == QP_SOLVED)
-        status = qp->backend->solve(qp, c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
+        status = qp->backend->solve(qp, &c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
     const int usable = status == QP_SOLVED || status == QP_LIMIT_REACHED;
     const int finite = all_finite(z, n) && all_finite(y, m) && all_finite(memory + n, qp->n_memory);
     if (usable && !finite) status = QP_LIMIT_REACHED;
@@ -118,7 +130,7 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     (void)memcpy(multipliers, y, (size_t)m * sizeof(double));
     report[0] = (double)status;
     report[1] = (double)iterations;
-    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, c, q, l, u, z, y, ay);
+    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, &c, q, l, u, z, y, ay);
 }
 
 int qp_memory_ok(const Qp *qp, const double *memory) {
@@ -146,7 +158,7 @@ static void solve_all(void *scratch, double *memory, const double *data, double 
         qp_solve(qp, scratch, memory, data, solution);
         scratch = (char *)scratch + qp_scratch_size(qp);
         memory += qp->n + qp->n_memory;
-        data += qp->n + 2 * qp->m + 1;
+        data += qp_data_size(qp);
         solution += qp->n + qp->m + 3;
     }
 }

@@ -1,4 +1,5 @@
 /* Quadratic programs: minimise 1/2 z'Hz + q'z subject to l <= Az <= u, with constant H and A, solved at each sample.
+ * With terms, H is the constant one plus each term times its weight, which is data.
  *
  * qp.c checks data, keeps the warm start and judges the result; a back end (qp_daqp.c, qp_osqp.c) solves. What changes
  * from sample to sample lies in the caller's memory; scratch holds nothing that outlives a call of `solve`, except what
@@ -15,7 +16,7 @@ typedef enum { QP_SOLVED, QP_LIMIT_REACHED, QP_INFEASIBLE, QP_BAD_DATA } QpStatu
 typedef struct {
     const double *hessian;     /* n x n, symmetric */
     const double *constraints; /* m x n, row by row */
-    const void *factors;       /* what the back end needs beyond these two */
+    const void *factors;       /* what the back end needs beyond these two; NULL where H has terms */
 } QpCase;
 
 typedef struct Qp Qp;
@@ -41,13 +42,18 @@ struct Qp {
     const void *settings;
     const Qp *
         fallback; /* the same program for the solver that takes over at this one's limit of iterations; NULL for none */
+    int n_terms;
+    const double *terms; /* n_terms matrices n x n, symmetric */
 };
 
 /* Bytes and layout of scratch: the bounds as the back end gets them, the trial solution, then the back end's own. */
 size_t qp_scratch_size(const Qp *qp);
 void qp_setup(const Qp *qp, void *scratch);
 
-/* Solve one program. `data` holds q, l, u and the case; `solution` receives z, the multipliers, status, iterations,
+/* Numbers of `data`. */
+int qp_data_size(const Qp *qp);
+
+/* Solve one program. `data` holds q, l, u, the case and weights of terms; `solution` receives z, the multipliers, status, iterations,
  * residual. `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
 

@@ -1,12 +1,13 @@
 /* Back end DAQP, a dual active-set solver (Arnstroem, Bemporad, Axehill 2022); its C sources lie in daqp/.
  *
  * The program becomes a least-distance problem in the coordinates R z + v: minimise |w|^2 subject to bounds on rows of
- * M = A inv(R). M is constant; v and the bounds follow q, l, u. Memory: the number of active rows, then each as
+ * M = A inv(R). M is constant, or computed at each sample where H has terms; v and the bounds follow q, l, u. Memory: the number of active rows, then each as
  * +-(1 + row), negative at its lower bound. Nothing else of a solve survives it, so a restored state continues exactly.
  */
 
 #include "qp_daqp.h"
 
+#include <float.h>
 #include <string.h>
 
 #include "daqp/daqp.h"
@@ -21,6 +22,8 @@ typedef struct {
     DAQPProblem problem;
     void *vectors; /* what the workspace's arrays lie in */
     size_t bytes;
+    QpDaqpFactors factors; /* of this sample, where H has terms */
+    double *rinv, *rows, *scaling;
 } Scratch;
 
 static size_t take(size_t *offset, size_t bytes) {
@@ -60,13 +63,35 @@ static size_t lay_out(const Qp *qp, DAQPWorkspace *w, char *base) {
     return offset;
 }
 
-static size_t scratch_size(const Qp *qp) { return qp_aligned(sizeof(Scratch)) + lay_out(qp, NULL, NULL); }
+/* Lay out the factors of a sample likewise. */
+static size_t lay_out_factors(const Qp *qp, Scratch *s, char *base) {
+    const size_t n = (size_t)qp->n, m = (size_t)qp->m, real = sizeof(double);
+    size_t offset = 0;
+    if (qp->n_terms == 0) return 0;
+    const size_t rinv = take(&offset, n * (n + 1) / 2 * real), rows = take(&offset, m * n * real),
+                 scaling = take(&offset, m * real);
+    if (base) {
+        s->rinv = (double *)(void *)(base + rinv);
+        s->rows = (double *)(void *)(base + rows);
+        s->scaling = (double *)(void *)(base + scaling);
+        s->factors.rinv = s->rinv;
+        s->factors.rows = s->rows;
+        s->factors.scaling = s->scaling;
+        s->factors.ill_conditioned = 1; /* nobody has looked: DAQP refines its solution */
+    }
+    return offset;
+}
+
+static size_t scratch_size(const Qp *qp) {
+    return qp_aligned(sizeof(Scratch)) + lay_out(qp, NULL, NULL) + lay_out_factors(qp, NULL, NULL);
+}
 
 static void setup(const Qp *qp, void *scratch) {
     const QpDaqpSettings *chosen = (const QpDaqpSettings *)qp->settings;
     Scratch *s = (Scratch *)scratch;
     s->vectors = (char *)scratch + qp_aligned(sizeof *s);
     s->bytes = lay_out(qp, &s->work, (char *)s->vectors);
+    (void)lay_out_factors(qp, s, (char *)s->vectors + s->bytes);
     s->settings.primal_tol = chosen->tolerance;
     s->settings.iter_limit = chosen->max_iterations;
     s->settings.dual_tol = DAQP_DEFAULT_DUAL_TOL;
@@ -85,6 +110,43 @@ static void setup(const Qp *qp, void *scratch) {
     s->problem.m = s->work.m = qp->m;
     s->work.settings = &s->settings;
     s->work.qp = &s->problem;
+}
+
+/* The factors of H: R by Cholesky, with which rows of `rinv` begin, then its inverse and the rows of A. Returns whether
+ * H is positive definite to working precision. */
+static int factorize(const Qp *qp, const QpCase *data, const Scratch *s) {
+    const int n = qp->n;
+    double *const r = s->rinv;
+    for (int i = 0, at = 0; i < n; at += n - i, i++) { /* row i of R is r[at ...], from its diagonal on */
+        double *const row = r + at;
+        for (int j = i; j < n; j++) row[j - i] = data->hessian[(size_t)i * (size_t)n + (size_t)j];
+        for (int k = 0, above = 0; k < i; above += n - k, k++)
+            for (int j = i; j < n; j++) row[j - i] -= r[above + i - k] * r[above + j - k];
+        if (!(row[0] > (double)n * DBL_EPSILON * data->hessian[(size_t)i * (size_t)n + (size_t)i])) return 0;
+        const double root = sqrt(row[0]);
+        for (int j = i; j < n; j++) row[j - i] /= root;
+    }
+    for (int i = n - 1, at = n * (n + 1) / 2 - 1; i >= 0; i--, at -= n - i) { /* from the last row up, in place */
+        double *const row = r + at;
+        const double inverse = 1.0 / row[0];
+        for (int j = n - 1; j > i; j--) {
+            double sum = 0.0;
+            for (int k = i + 1, below = at + n - i; k <= j; below += n - k, k++) sum += row[k - i] * r[below + j - k];
+            row[j - i] = -inverse * sum;
+        }
+        row[0] = inverse;
+    }
+    for (int i = 0; i < qp->m; i++) {
+        const double *const a = data->constraints + (size_t)i * (size_t)n;
+        double *const row = s->rows + (size_t)i * (size_t)n, square = 0.0;
+        (void)memset(row, 0, (size_t)n * sizeof *row);
+        for (int k = 0, at = 0; k < n; at += n - k, k++)
+            for (int j = k; a[k] != 0.0 && j < n; j++) row[j] += a[k] * r[at + j - k];
+        for (int j = 0; j < n; j++) square += row[j] * row[j];
+        s->scaling[i] = square > 0.0 ? 1.0 / sqrt(square) : 1.0;
+        for (int j = 0; j < n; j++) row[j] *= s->scaling[i];
+    }
+    return 1;
 }
 
 /* v = inv(R)'q, and the bounds of the normalized rows, moved by M v. */
@@ -141,7 +203,8 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
                       const double *u, double *z, double *y, int *iterations) {
     Scratch *s = (Scratch *)scratch;
     DAQPWorkspace *w = &s->work;
-    const QpDaqpFactors *f = (const QpDaqpFactors *)data->factors;
+    const QpDaqpFactors *const f = qp->n_terms ? &s->factors : (const QpDaqpFactors *)data->factors;
+    if (qp->n_terms && !factorize(qp, data, s)) return QP_BAD_DATA;
     (void)memset(s->vectors, 0, s->bytes);
     (void)lay_out(qp, w, (char *)s->vectors); /* DAQP exchanges pointers */
     w->Rinv = (c_float *)f->rinv;     /* DAQP only reads these */

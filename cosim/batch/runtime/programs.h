@@ -1,17 +1,17 @@
 /* Quadratic programs of a component with derivatives (qp.h): values as qp.c finds them, derivatives of a solution from
  * its optimality conditions at the rows that are active there, those with a multiplier and those whose bounds are one:
- *     H dz + A' dy = -dq,   A dz = db,   dy = 0 for all other rows.
+ *     H dz + A' dy = -dq - dH z,   A dz = db,   dy = 0 for all other rows.
  * Where active rows depend on each other, and where the solver has stopped at its limit of iterations, there is no
  * derivative: it is NaN. Which rows are active is a side taken (numbers.h). */
 #include "qp_model.h"
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */
 
-/* What is kept of a program from one solution to the next: its case, from 1 on, number of active rows, these rows, and
- * the inverse of their system, for as long as they are the same. */
+/* What is kept of a program from one solution to the next: its case, from 1 on, number of active rows, weights of terms,
+ * these rows, and the inverse of their system, for as long as they are the same. */
 static size_t kept_numbers(const Qp *qp) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m, most = n + (n < m ? n : m);
-    return 2 + m + (2 * most + 1) * most;
+    return 2 + (size_t)qp->n_terms + m + (2 * most + 1) * most;
 }
 
 static size_t programs_bytes(void) {
@@ -58,12 +58,18 @@ static int is_active(const double *row, int n, double multiplier, const lanes *l
     return any;
 }
 
+/* Row j of a term of H. */
+INLINE const double *term(const Qp *qp, int k, size_t j) {
+    return qp->terms + ((size_t)k * (size_t)qp->n + j) * (size_t)qp->n;
+}
+
 /* Derivatives of the solution of one program. `known`: what is kept of it. */
 static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *known) {
     const int n = qp->n, m = qp->m;
     const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
+    const lanes *const weights = upper + m + 1;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
-    double *const rows = known + 2, *const a = rows + m;
+    double *const weighed = known + 2, *const rows = weighed + qp->n_terms, *const a = rows + m;
     const double which = (double)(c - qp->cases) + 1.0;
     int active = 0, same = known[0] == which;
     for (int i = 0; i < m; i++)
@@ -71,13 +77,21 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
             same &= rows[active] == (double)i;
             rows[active++] = (double)i;
         }
+    for (int k = 0; k < qp->n_terms; k++) {
+        same &= weighed[k] == weights[k].v;
+        weighed[k] = weights[k].v;
+    }
     const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
     if (solved && !(same && known[1] == (double)active)) {
         memset(a, 0, size * width * sizeof *a);
         for (size_t j = 0; j < size; j++) a[j * width + size + j] = j < (size_t)n ? -1.0 : 1.0;
         for (size_t j = 0; j < (size_t)n; j++)
-            memcpy(a + j * width, c->hessian + j * (size_t)n, (size_t)n * sizeof *a);
+            for (size_t i = 0; i < (size_t)n; i++) {
+                double *const h = a + j * width + i;
+                *h = c->hessian[j * (size_t)n + i];
+                for (int k = 0; k < qp->n_terms; k++) *h += weighed[k] * term(qp, k, j)[i];
+            }
         for (size_t r = (size_t)n; r < size; r++)
             for (size_t j = 0; j < (size_t)n; j++)
                 a[r * width + j] = a[j * width + r] = c->constraints[(size_t)rows[r - (size_t)n] * (size_t)n + j];
@@ -89,10 +103,24 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
     static_assert((int)N_QP_SOLUTION <= (int)TAPE_SPARE, "a solution depends on more than the tape has space for");
 #endif
     const lanes *of[N_QP_SOLUTION];
+    lanes moving[N_QP_SOLUTION]; /* q, moved by dH z */
+    const lanes *from[N_QP_DATA];
+    double by[N_QP_DATA];
+    for (int j = 0; j < n && qp->n_terms; j++) {
+        by[0] = 1.0;
+        from[0] = &q[j];
+        for (int k = 0; k < qp->n_terms; k++) {
+            from[1 + k] = &weights[k];
+            by[1 + k] = 0.0;
+            for (int i = 0; i < n; i++) by[1 + k] += term(qp, k, (size_t)j)[i] * solution[i].v;
+        }
+        moving[j] = chain(q[j].v, 1 + qp->n_terms, by, from);
+    }
+    const lanes *const linear = qp->n_terms ? moving : q;
     int column[N_QP_SOLUTION], count = 0;
     for (int k = 0; k < n + active; k++) {
         const int row = k < n ? 0 : (int)rows[k - n];
-        of[count] = k < n ? &q[k] : solution[n + row].v > 0.0 ? &upper[row] : &lower[row];
+        of[count] = k < n ? &linear[k] : solution[n + row].v > 0.0 ? &upper[row] : &lower[row];
         column[count] = k;
         count += depends(*of[count]);
     }
@@ -115,7 +143,7 @@ static void solve_programs(
     for (int i = 0; i < N_QP_SOLUTION; i++) solution[i] = lanes_all(found[i]);
     for (int k = 0; k < qp_count; k++) {
         const Qp *const qp = &qp_list[k];
-        const int size = qp->n + 2 * qp->m + 1, results = qp->n + qp->m + 3;
+        const int size = qp_data_size(qp), results = qp->n + qp->m + 3;
         const double status = solution[qp->n + qp->m].v;
         int moves = 0;
         for (int i = 0; i < size && !moves; i++) moves = depends(data[i]);

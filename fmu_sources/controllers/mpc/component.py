@@ -19,7 +19,10 @@ from build_fmus.qp import Backend
 from fmu_sources.controllers.mpc.model import MpcError, position
 from fmu_sources.controllers.mpc.observer import Observer
 from fmu_sources.controllers.mpc.qp import Bounds, CondensedQp
-from fmu_sources.controllers.mpc.settings import INFINITE, Mpc
+from fmu_sources.controllers.mpc.settings import INFINITE, Input, Mpc, Output
+
+LEAST_INPUT_WEIGHT = 1e-4
+"""Part of its start that a weight of inputs that is a parameter must have, so that the moves stay determined."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,7 @@ def add_mpc(
     backend: Backend | Sequence[Backend] | None = None,
     solver: str = "solver",
     bounds: Bounds | None = None,
+    weights: Sequence[tuple[Any, Sequence[str]]] = (),
 ) -> MpcSolution:
     """Add the control law to a component: its quadratic program, and the command that follows from it.
 
@@ -105,15 +109,16 @@ def add_mpc(
         backend: solver, or several of which the first is used; the default of the build when None.
         solver: prefix of the outputs `.status`, `.iterations` and `.residual`.
         bounds: bounds of the inputs that change from step to step, instead of their `min` and `max`.
+        weights: weights that are expressions, as `weight_parameters` declares them; the solver is then DAQP.
 
     Raises:
-        MpcError: the component's sample time is not the model's, or it is not made of MX symbols.
+        MpcError: the component's sample time is not the model's, or it is not made of MX symbols; see `CondensedQp`.
     """
     if c.sample_time is None or not math.isclose(c.sample_time, mpc.model.period):
         raise MpcError(f"{c.name}: sample time {c.sample_time} s is not the model's period of {mpc.model.period:g} s")
     if not isinstance(c.time, ca.MX):
         raise MpcError(f"{c.name}: make the component with symbols=ca.MX; the program's data are matrix products")
-    qp = CondensedQp(mpc)
+    qp = CondensedQp(mpc, weights)
     prefix = "" if solver == "solver" else f"{solver}_"
     data = qp.expressions(
         state,
@@ -132,6 +137,7 @@ def add_mpc(
         lower=data.lower,
         upper=data.upper,
         case=case,
+        terms=qp.terms,
         backend=backend,
     )
     held = solution.status > 0.5
@@ -159,6 +165,31 @@ def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any, bounds: tuple[An
     requested = ca.fmin(ca.fmax(requested, low), high)
     least, most = bounds or (limit("min"), limit("max"))
     return ca.fmin(ca.fmax(requested, ca.fmin(least, high)), ca.fmax(most, low))
+
+
+def weight_parameters(c: Component, mpc: Mpc, weighted: Mapping[str, Sequence[str]]) -> list[tuple[Any, Sequence[str]]]:
+    """Declare weights of squares as parameters `weight.NAME`, for `add_mpc`.
+
+    `weighted`: name -> the outputs and inputs with this weight. The parameters start at the weights of the settings.
+
+    Raises:
+        MpcError: signals whose weights are not the same, or a signal that the `mpc` does not have.
+    """
+    signals: dict[str, Input | Output] = {s.name: s for s in (*mpc.outputs, *mpc.inputs)}
+    found = []
+    for name, names in weighted.items():
+        given = [signals[list(signals)[position("output or input with a weight", n, list(signals))]] for n in names]
+        starts = {float(f"{(s.weight / s.scale) ** 2:.12g}") for s in given}
+        if len(starts) != 1:
+            raise MpcError(
+                f"weight.{name}: {', '.join(names)} have different weights; give each a parameter of its own"
+            )
+        (start,) = starts
+        least = start * LEAST_INPUT_WEIGHT if any(isinstance(s, Input) for s in given) else 0.0
+        text = f"weight of the square of {', '.join(names)}, per unit"
+        weight = c.parameter(f"weight.{name}", start, None, text, min=least, tunable=True, source=c.source)
+        found.append((weight, names))
+    return found
 
 
 def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
@@ -276,6 +307,7 @@ def mpc_component(
     preview: Preview | None = None,
     observer: Observer | None = None,
     backend: Backend | Sequence[Backend] | None = None,
+    weighted: Mapping[str, Sequence[str]] | None = None,
     notes: Iterable[str] = (),
 ) -> Component:
     """The FMU of an MPC whose inputs carry the names of the plant's outputs.
@@ -283,7 +315,7 @@ def mpc_component(
     Inputs: the states of the model (without `observer`) or the measured outputs (with it), preview and
     `use_preview` (with `preview`), references that outputs name, `case` (with more than one). Outputs: the
     commands under the names of the plant's inputs, `command.held`, `slack` (with soft bounds) and those of the
-    solver.
+    solver. `weighted`: weights that are parameters, see `weight_parameters`.
 
     Raises:
         MpcError: a state that is no output of the plant; an observer of another model; preview that does not fit.
@@ -319,7 +351,15 @@ def mpc_component(
         predicted = c.state("estimate", None, "state predicted for this sample", shape=(len(model.states),))
         x = observer.correct(predicted, y, previous, now, then)
     solution = add_mpc(
-        c, mpc, state=x, previous=previous, disturbance=disturbance, reference=reference, case=case, backend=backend
+        c,
+        mpc,
+        state=x,
+        previous=previous,
+        disturbance=disturbance,
+        reference=reference,
+        case=case,
+        backend=backend,
+        weights=weight_parameters(c, mpc, weighted or {}),
     )
     c.update(previous, solution.command)
     if observer is not None:
@@ -340,6 +380,10 @@ COMMAND_NOTE = (
     " than 0 means that the solvers reached their limits (1), found that there is no solution (2), or that the inputs"
     " make numbers without a meaning (3): command.held is then true and the last command is kept, within the bounds of"
     " now."
+)
+TUNABLE_NOTE = (
+    "Weights are parameters, which may change during a run: the quadratic program is factored at each sample. With the"
+    " weights at first it is that of the MPC whose weights are constants, solved by DAQP."
 )
 _NOTES = (
     (

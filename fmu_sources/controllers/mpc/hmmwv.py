@@ -20,11 +20,13 @@ from build_fmus.qp import Backend, Daqp, Osqp
 from fmu_sources.controllers.force_tracking import DECAY, NATURAL
 from fmu_sources.controllers.mpc.component import (
     COMMAND_NOTE,
+    TUNABLE_NOTE,
     Preview,
     add_mpc,
     command_outputs,
     preview_inputs,
     previous_command,
+    weight_parameters,
 )
 from fmu_sources.controllers.mpc.model import Disturbance, Filter, MpcModel, filter_inputs, filter_output
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
@@ -46,6 +48,14 @@ STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1
 VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 RESPONSE = "human_response"
+WEIGHTED = {
+    "absorbed_power": (RESPONSE,),
+    "travel": SUSPENSION,
+    "velocity": VELOCITY,
+    "tire": TIRE,
+    "force": FORCES,
+}
+"""What each weight of Table 1.2 weighs."""
 _DAQP = Daqp(max_iterations=250)
 BACKENDS = (Osqp(rho=0.3, max_iterations=300, fallback=_DAQP), _DAQP)
 """The first is the default; its step size suits bumps higher than the published ones. A sample at the limits of
@@ -130,6 +140,7 @@ def hmmwv_mpc(car: Component, weights: MpcHmmwvWeights | None = None, steps: int
 
 
 @component("Mpc{v}", "MPC of the HMMWV with or without preview (paper 001)", of="ride_car_hmmwv")
+@component("Mpc{v}Tunable", "MPC of the HMMWV (paper 001), its weights parameters", of="ride_car_hmmwv", tunable=True)
 def mpc_hmmwv(
     car: Component,
     weights: MpcHmmwvWeights | None = None,
@@ -139,8 +150,13 @@ def mpc_hmmwv(
     preview_points: int = PREVIEW_POINTS,
     preview_step: float = SAMPLE_TIME,
     backend: Backend | Sequence[Backend] = BACKENDS,
+    tunable: bool = False,
 ) -> Component:
-    """The controller FMU. Raises MpcError when horizon, preview and sample time do not fit together."""
+    """The controller FMU. `tunable`: the weights of Table 1.2 are parameters, and the solver is DAQP.
+
+    Raises:
+        MpcError: horizon, preview and sample time do not fit together.
+    """
     mpc = hmmwv_mpc(car, weights, steps)
     model = mpc.model
     c = Component(
@@ -150,7 +166,7 @@ def mpc_hmmwv(
         description="MPC of the HMMWV with or without preview (paper 001)",
         source="001 section 1.4, Tables 1.2 and 1.3, equations (1.16), (1.19)",
         symbols=ca.MX,
-        notes=_notes(weights or MpcHmmwvWeights(), steps),
+        notes=(*_notes(weights or MpcHmmwvWeights(), steps), *([TUNABLE_NOTE] if tunable else [])),
     )
     relative = relative_inputs(c, car)
     az = c.input("body.az", "m/s2", car.variable("body.az").description)
@@ -172,7 +188,13 @@ def mpc_hmmwv(
     felt = ca.mtimes(step, response) + then * az_before + now * az
 
     solution = add_mpc(
-        c, mpc, state=ca.vertcat(relative, actuators, felt), previous=previous, disturbance=road, backend=backend
+        c,
+        mpc,
+        state=ca.vertcat(relative, actuators, felt),
+        previous=previous,
+        disturbance=road,
+        backend=_DAQP if tunable else backend,
+        weights=weight_parameters(c, mpc, WEIGHTED if tunable else {}),
     )
     c.update(previous, solution.command)
     inside = slice(n, last)

@@ -14,7 +14,7 @@ near 1, rows of A to length 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from fmu_sources.controllers.design_checks import Array
-from fmu_sources.controllers.mpc.model import position
+from fmu_sources.controllers.mpc.model import MpcError, position
 from fmu_sources.controllers.mpc.settings import CATCH_UP, INFINITE, Mpc
 
 _NO_EFFECT = 1e-12  # of the largest: an output row that no move reaches
@@ -56,9 +56,29 @@ class QpExpressions:
 
 @dataclass(frozen=True, eq=False)
 class CondensedQp:
-    """The program of an `Mpc`. Build it once, then `expressions` for each step."""
+    """The program of an `Mpc`. Build it once, then `expressions` for each step.
+
+    `weights`: of squares, per unit, each an expression that takes the place of the weights of the outputs and inputs
+    that are named with it. H is then `hessians` plus `terms`.
+
+    Raises:
+        MpcError: a signal that the `mpc` does not have, or that has two such weights; weights and several cases.
+    """
 
     mpc: Mpc
+    weights: Sequence[tuple[Any, Sequence[str]]] = ()
+
+    def __post_init__(self) -> None:
+        signals = [s.name for s in (*self.mpc.outputs, *self.mpc.inputs)]
+        named = [n for _, names in self.weights for n in names]
+        for name in named:
+            position("output or input with a weight", name, signals)
+            if named.count(name) > 1:
+                raise MpcError(f"{name} has two weights that are parameters")
+        if named and len(self.mpc.cases) > 1:
+            raise MpcError(
+                "weights that are parameters are for one case: the cases of an MPC have weights of their own"
+            )
 
     # ------------------------------------------------------------------------------------------------ constant part
 
@@ -108,9 +128,24 @@ class CondensedQp:
             np.array([(i.rate_weight / i.scale) ** 2 for i in inputs]),
         )
 
-    def plain_hessian(self, case: int) -> Array:
-        """H before scaling."""
+    def _masks(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """1 for the outputs and the inputs with these names, 0 for others."""
+        signals = ([o.name for o in self.mpc.outputs], self.mpc.model.inputs)
+        outputs, inputs = (np.array([float(s in names) for s in known]) for known in signals)
+        return outputs, inputs
+
+    def _fixed_weights(self, case: int) -> tuple[Array, Array, Array]:
+        """As `_weights`, 0 where an expression takes their place."""
         wy, wu, wd = self._weights(case)
+        outputs, inputs = self._masks([n for _, names in self.weights for n in names])
+        return wy * (1 - outputs), wu * (1 - inputs), wd
+
+    def plain_hessian(self, case: int) -> Array:
+        """H before scaling, with the weights of the settings."""
+        return self._plain_hessian(self._weights(case), self.mpc.slack_weight)
+
+    def _plain_hessian(self, weights: tuple[Array, Array, Array], slack_weight: float) -> Array:
+        wy, wu, wd = weights
         h = self.mpc.horizon
         R, S = self.response, self.held
         H = np.zeros((self.size, self.size))
@@ -121,7 +156,7 @@ class CondensedQp:
             + np.diag(np.tile(wd, h.control))
         )
         if self.mpc.soft:
-            H[n, n] = 2 * self.mpc.slack_weight
+            H[n, n] = 2 * slack_weight
         return (H + H.T) / 2
 
     @cached_property
@@ -132,9 +167,17 @@ class CondensedQp:
 
     @cached_property
     def hessians(self) -> list[Array]:
-        """H of each case, scaled."""
+        """H of each case, scaled, without `terms`."""
         scale = np.outer(self.columns, self.columns)
-        return [self.plain_hessian(c) * scale for c in range(len(self.mpc.cases))]
+        cases = range(len(self.mpc.cases))
+        return [self._plain_hessian(self._fixed_weights(c), self.mpc.slack_weight) * scale for c in cases]
+
+    @property
+    def terms(self) -> list[tuple[Any, Array]]:
+        """What `weights` add to H: each with its matrix, scaled."""
+        scale = np.outer(self.columns, self.columns)
+        still = np.zeros(len(self.mpc.model.inputs))
+        return [(w, self._plain_hessian((*self._masks(names), still), 0.0) * scale) for w, names in self.weights]
 
     @cached_property
     def _output_rows(self) -> list[tuple[int, int, int, Array]]:
@@ -241,9 +284,12 @@ class CondensedQp:
             source="predicted outputs, column by column",
         )
         error = free if reference is None else named("error", free - reference)
-        weights = [self._weights(c) for c in cases]
+        weights = [self._fixed_weights(c) for c in cases]
         wy = self._by_case([2 * w[0] for w in weights], case)
         wu = self._by_case([2 * w[1] for w in weights], case)
+        for weight, names in self.weights:
+            outputs, inputs = self._masks(names)
+            wy, wu = wy + ca.DM(2 * outputs) * weight, wu + ca.DM(2 * inputs) * weight
         target = self._by_case([[i.target for i in mpc.case_inputs[c]] for c in cases], case)
         total = ca.DM([float(sum(i >= start for i in range(h.prediction + 1))) for start in h.moves])
         response = named("response_transposed", ca.MX(ca.DM(self.response.T)))
