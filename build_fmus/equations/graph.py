@@ -17,7 +17,12 @@ with extras.needed("build", extras.BUILDING):
 COPY = (ca.OP_RESHAPE, ca.OP_ASSIGN)  # the same numbers in the same order
 GATHER = -2  # elements of a vector, in another order
 SCATTER = -3  # a vector of zeros with some elements set
-_MATRICES = (ca.OP_MTIMES, ca.OP_HORZREPMAT, ca.OP_TRANSPOSE)  # what the sizes of operands decide beside their elements
+_MATRICES = (
+    ca.OP_MTIMES,
+    ca.OP_HORZREPMAT,
+    ca.OP_TRANSPOSE,
+    ca.OP_SOLVE,
+)  # what the sizes of operands decide beside their elements
 _AS_THEY_ARE = (
     *_MATRICES,
     ca.OP_VERTCAT,
@@ -164,6 +169,8 @@ class Graph:
             return self._moved(operation, matrix, arguments[0])
         if operation in (ca.OP_GETNONZEROS_PARAM, ca.OP_SETNONZEROS_PARAM) and "ParamVector" not in matrix.class_name():
             raise UnknownOperationError(f"elements of {matrix}")
+        if operation == ca.OP_SOLVE and ("LinsolCall" not in matrix.class_name() or matrix.info()["tr"]):
+            raise UnknownOperationError(f"triangular or transposed equations of {matrix}")
         if operation in _AS_THEY_ARE:
             dense = all(matrix.dep(i).is_dense() for i in range(matrix.n_dep())) and matrix.is_dense()
             if operation in (*_MATRICES, ca.OP_MMIN, ca.OP_MMAX) and not dense:
@@ -183,7 +190,9 @@ class Graph:
         if "nz" in info:
             places: Any = tuple(info["nz"])
         elif "slice" in info:
-            places = range(info["slice"]["start"], info["slice"]["stop"], info["slice"]["step"])
+            places = _range(info["slice"])
+        elif "outer" in info:
+            places = tuple(j + i for j in _range(info["outer"]) for i in _range(info["inner"]))
         else:
             raise UnknownOperationError(f"elements of {matrix}")
         if operation == ca.OP_GETNONZEROS:
@@ -211,6 +220,10 @@ class Graph:
         rows, columns = before.get_triplet()
         places = progression([r + c * matrix.shape[0] for r, c in zip(rows, columns, strict=True)])
         return self._add(SCATTER, (source,), matrix.nnz(), places)
+
+
+def _range(given: dict[str, int]) -> range:
+    return range(given["start"], given["stop"], given["step"])
 
 
 def progression(places: Sequence[int]) -> range | tuple[int, ...]:

@@ -135,6 +135,7 @@ HELPERS = (
     "largest",
     "product",
     "add_product",
+    "solve_linear",
 )
 """Functions of `runtime/equations.h`, and its types, which no value may be called like."""
 

@@ -457,6 +457,8 @@ class Statements:
             self._fill(storage, node.data, self._values[node.arguments[0]])
         elif node.operation == ca.OP_MTIMES:
             return self._product(n, node)
+        elif node.operation == ca.OP_SOLVE:
+            return self._solved(n, node)
         elif node.operation in (ca.OP_HORZREPMAT, ca.OP_TRANSPOSE):
             (a,) = node.arguments
             ((rows, columns),) = node.data
@@ -526,6 +528,17 @@ class Statements:
         call, storage = ("product", self._begin(n, node.size)) if self.is_zero(z) else ("add_product", self._own(n, z))
         reads = self._values[x].reads | self._values[y].reads
         line = f"{call}({storage}, {left}, {right}, {rows}, {inner}, {columns});"
+        self._lines.append(_Line([line], writes=storage, reads=reads))
+        return self._stored(storage, node.size)
+
+    def _solved(self, n: int, node: Node) -> Value:
+        """The solution of linear equations; behind it in its work array they are eliminated."""
+        b, a = node.arguments
+        (rows, columns), _ = node.data
+        right, left = self._pointer(b), self._pointer(a)
+        storage = self._begin(n, node.size + rows * rows)
+        reads = self._values[a].reads | self._values[b].reads
+        line = f"solve_linear({storage}, {storage} + {node.size}, {left}, {right}, {rows}, {columns});"
         self._lines.append(_Line([line], writes=storage, reads=reads))
         return self._stored(storage, node.size)
 

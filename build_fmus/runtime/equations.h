@@ -70,6 +70,33 @@ static inline void product(double *z, const double *x, const double *y, int rows
     add_product(z, x, y, rows, inner, columns);
 }
 
+/* x = inv(a) b: matrices column by column, a n x n, b and x n x columns; elimination with row exchanges, in `lu` (n x n).
+ * Numbers that are not finite where a is singular. */
+static inline void solve_linear(double *x, double *lu, const double *a, const double *b, int n, int columns) {
+    for (int i = 0; i < n * n; i++) lu[i] = a[i];
+    for (int i = 0; i < n * columns; i++) x[i] = b[i];
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(lu[i + k * n]) > fabs(lu[best + k * n])) best = i;
+        for (int j = k; j < n + columns; j++) {
+            double *const of = j < n ? lu + j * n : x + (j - n) * n;
+            const double top = of[best];
+            of[best] = of[k];
+            of[k] = top;
+            for (int i = k + 1; i < n; i++) {
+                if (j == k) of[i] = of[i] / top;
+                else of[i] -= lu[i + k * n] * top;
+            }
+        }
+    }
+    for (int j = 0; j < columns; j++)
+        for (int k = n - 1; k >= 0; k--) {
+            x[k + j * n] /= lu[k + k * n];
+            for (int i = 0; i < k; i++) x[i + j * n] -= lu[i + k * n] * x[k + j * n];
+        }
+}
+
 /* Types of equations, `real` (fmu_model.h) and `condition`, are vectors for copies side by side; for one copy: */
 #ifndef LANES
 typedef int condition;

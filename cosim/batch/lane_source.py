@@ -66,6 +66,8 @@ class LaneSource:
         """Why copies cannot lie side by side; empty where they can."""
         if self.sizes["qp_solution"]:
             return "it solves quadratic programs"
+        if b" solve_linear(" in self.files["model.c"]:
+            return "it solves linear equations, each copy with its own pivots"
         return "its solver (ros2) chooses pivots, each copy its own" if self.solver == "ros2" else ""
 
     @property

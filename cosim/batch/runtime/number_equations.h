@@ -24,3 +24,4 @@
 #define largest(array, n) number_largest(array, n)
 #define product(z, x, y, rows, inner, columns) number_product(z, x, y, rows, inner, columns)
 #define add_product(z, x, y, rows, inner, columns) number_add_product(z, x, y, rows, inner, columns)
+#define solve_linear(x, lu, a, b, n, columns) number_solve_linear(x, lu, a, b, n, columns)

@@ -229,4 +229,41 @@ static inline void number_product(Number *z, const X *x, const Y *y, int rows, i
     number_add_product(z, x, y, rows, inner, columns);
 }
 
+/* Derivatives of x = inv(a) b: inv(a) (db - da x). */
+INLINE double plain(double x) { return x; }
+INLINE double plain(const Number &x) { return x.v; }
+INLINE const Number *moving(const double *, Number *none) { return none; }
+INLINE const Number *moving(const Number *x, Number *) { return x; }
+template <class A, class B>
+NOINLINE void number_solve_linear(Number *x, Number *lu, const A *a, const B *b, int n, int columns) {
+    const int square = n * n, size = n * columns;
+    double *const found = (double *)__builtin_alloca(sizeof(double) * (size_t)(4 * square + 2 * size + n + 1));
+    double *const right = found + size, *const left = right + size, *const inverse = left + square;
+    double *const one = inverse + square, *const work = one + square, *const slopes = work + square;
+    const Number **const of = (const Number **)__builtin_alloca(sizeof(Number *) * (size_t)(n + 1));
+    for (int i = 0; i < square; i++) left[i] = plain(a[i]), one[i] = i % (n + 1) == 0;
+    for (int i = 0; i < size; i++) right[i] = plain(b[i]);
+    solve_linear(found, work, left, right, n, columns);
+    solve_linear(inverse, work, left, one, n, n);
+    Number none(0.0);
+    for (int j = 0; j < columns; j++) {
+        for (int i = 0; i < n; i++) {
+            slopes[n] = 1.0;
+            of[n] = moving(&b[i + j * n], &none);
+            for (int k = 0; k < n; k++) {
+                slopes[k] = -found[k + j * n];
+                of[k] = moving(&a[i + k * n], &none);
+            }
+            lu[i] = chain(0.0, n + 1, slopes, of);
+        }
+        for (int i = 0; i < n; i++) {
+            for (int k = 0; k < n; k++) {
+                slopes[k] = inverse[i + k * n];
+                of[k] = &lu[k];
+            }
+            x[i + j * n] = chain(found[i + j * n], n, slopes, of);
+        }
+    }
+}
+
 #endif

@@ -72,7 +72,11 @@ def _indices(plant: LinearPlant) -> list[QuadraticIndex]:
 
 
 def _relative(residual: ca.MX, P: ca.MX) -> ca.MX:
-    return ca.norm_fro(residual) / ca.norm_fro(P)
+    return ca.sqrt(_squares(residual) / _squares(P))
+
+
+def _squares(m: ca.MX) -> ca.MX:
+    return ca.sum1(ca.vec(m) ** 2)
 
 
 def _combined(parts: Sequence[np.ndarray], weights: ca.MX) -> ca.MX:
