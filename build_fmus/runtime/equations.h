@@ -70,7 +70,7 @@ static inline void product(double *z, const double *x, const double *y, int rows
     add_product(z, x, y, rows, inner, columns);
 }
 
-/* x = inv(a) b: matrices column by column, a n x n, b and x n x columns; elimination with row exchanges, in `lu` (n x n).
+/* x = inv(a) b: matrices column by column, a n x n, b and x n x columns; elimination with row exchanges in `lu`, n x n.
  * Numbers that are not finite where a is singular. */
 static inline void solve_linear(double *x, double *lu, const double *a, const double *b, int n, int columns) {
     for (int i = 0; i < n * n; i++) lu[i] = a[i];

@@ -88,9 +88,10 @@ static QpStatus prepare_bounds(const Qp *qp, const double *lower, const double *
 
 int qp_data_size(const Qp *qp) { return qp->n + 2 * qp->m + 1 + qp->n_terms; }
 
-/* H with its terms, in `sum`. */
+/* H with its terms, if it has any, in `sum`. */
 static const double *with_terms(const Qp *qp, const double *hessian, const double *weights, double *sum) {
     const size_t size = (size_t)qp->n * (size_t)qp->n;
+    if (qp->n_terms == 0) return hessian;
     (void)memcpy(sum, hessian, size * sizeof *sum);
     for (int k = 0; k < qp->n_terms; k++)
         for (size_t i = 0; i < size; i++) sum[i] += weights[k] * qp->terms[(size_t)k * size + i];
@@ -108,16 +109,17 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m, *ay = z + n;
     const double *q = data, choice = data[n + 2 * m], *const weights = data + n + 2 * m + 1;
     double *result = solution, *multipliers = solution + n, *report = solution + n + m;
-    QpCase c = *qp_case(qp, choice);
+    const QpCase *const constant = qp_case(qp, choice);
+    const QpCase sum = {with_terms(qp, constant->hessian, weights, ay + n), constant->constraints, NULL};
+    const QpCase *const c = qp->n_terms ? &sum : constant;
     int iterations = 0;
-    if (qp->n_terms) c.hessian = with_terms(qp, c.hessian, weights, ay + n);
 
     (void)memcpy(z, memory, (size_t)n * sizeof(double));
     (void)memset(y, 0, (size_t)m * sizeof(double));
     QpStatus status = prepare_bounds(qp, data + n, data + n + m, l, u);
     if (!all_finite(q, n) || !isfinite(choice) || !all_finite(weights, qp->n_terms)) status = QP_BAD_DATA;
     if (status == QP_SOLVED)
-        status = qp->backend->solve(qp, &c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
+        status = qp->backend->solve(qp, c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
     const int usable = status == QP_SOLVED || status == QP_LIMIT_REACHED;
     const int finite = all_finite(z, n) && all_finite(y, m) && all_finite(memory + n, qp->n_memory);
     if (usable && !finite) status = QP_LIMIT_REACHED;
@@ -130,7 +132,7 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     (void)memcpy(multipliers, y, (size_t)m * sizeof(double));
     report[0] = (double)status;
     report[1] = (double)iterations;
-    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, &c, q, l, u, z, y, ay);
+    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, c, q, l, u, z, y, ay);
 }
 
 int qp_memory_ok(const Qp *qp, const double *memory) {

@@ -53,8 +53,8 @@ void qp_setup(const Qp *qp, void *scratch);
 /* Numbers of `data`. */
 int qp_data_size(const Qp *qp);
 
-/* Solve one program. `data` holds q, l, u, the case and weights of terms; `solution` receives z, the multipliers, status, iterations,
- * residual. `memory` (n + n_memory numbers) carries the last solution and the warm start. */
+/* Solve one program. `data` holds q, l, u, the case and the weights of terms; `solution` receives z, the multipliers,
+ * status, iterations, residual. `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
 
 /* The case that a number means: the nearest one; the first for NaN. */

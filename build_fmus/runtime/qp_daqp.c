@@ -1,8 +1,9 @@
 /* Back end DAQP, a dual active-set solver (Arnstroem, Bemporad, Axehill 2022); its C sources lie in daqp/.
  *
  * The program becomes a least-distance problem in the coordinates R z + v: minimise |w|^2 subject to bounds on rows of
- * M = A inv(R). M is constant, or computed at each sample where H has terms; v and the bounds follow q, l, u. Memory: the number of active rows, then each as
- * +-(1 + row), negative at its lower bound. Nothing else of a solve survives it, so a restored state continues exactly.
+ * M = A inv(R). M is constant, or computed at each sample where H has terms; v and the bounds follow q, l, u. Memory:
+ * the number of active rows, then each as +-(1 + row), negative at its lower bound. Nothing else of a solve survives
+ * it, so a restored state continues exactly.
  */
 
 #include "qp_daqp.h"

@@ -7,8 +7,8 @@
 
 INLINE double size_of(double x) { return x < 0.0 ? -x : x; } /* fabs is that of lanes here */
 
-/* What is kept of a program from one solution to the next: its case, from 1 on, number of active rows, weights of terms,
- * these rows, and the inverse of their system, for as long as they are the same. */
+/* What is kept of a program from one solution to the next: its case, from 1 on, number of active rows, weights of
+ * terms, these rows, and the inverse of their system, for as long as they are the same. */
 static size_t kept_numbers(const Qp *qp) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m, most = n + (n < m ? n : m);
     return 2 + (size_t)qp->n_terms + m + (2 * most + 1) * most;
