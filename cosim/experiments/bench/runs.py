@@ -23,9 +23,12 @@ CONTROLLERS = {  # name -> FMU, parameters
     "mpc": ("MpcBench", {}),
     "mpc-moves": ("MpcBenchMoves", {}),
 }
+TUNABLE = "MpcBenchTunable"  # the MPC whose weights are parameters
 ROADS = {"bump": "RoadBenchBump", "random": "RoadBenchRandom"}
 ENCODERS = "BenchEncoders"
-FMUS = tuple(dict.fromkeys(["QuarterCarBench", *(f for f, _ in CONTROLLERS.values() if f), ENCODERS, *ROADS.values()]))
+FMUS = tuple(
+    dict.fromkeys(["QuarterCarBench", *(f for f, _ in CONTROLLERS.values() if f), TUNABLE, ENCODERS, *ROADS.values()])
+)
 BUMP_DURATION, BUMP_HEIGHT_MM, BUMP_START = 0.5, 20.0, 0.1  # s, mm, s
 EXCHANGE = Fraction(1, 1000)  # s, of the plant
 LENGTH = {"bump": 3.0, "random": 10.0}  # s, of a run
@@ -59,6 +62,11 @@ class Case(Stepped):
         label="{:g}mm",
     )
     encoders: bool = option(False, help="states from quantized encoders")
+    tunable: bool = option(
+        False,
+        only=(lambda c: c.controller == "mpc", "the controller mpc"),
+        help="the MPC whose weights are parameters, free to vary in sweeps and searches (controller.weight...)",
+    )
     offset: float = option(
         0.0,
         unit="s",
@@ -73,10 +81,15 @@ class Case(Stepped):
         if self.encoders and self.controller == "passive":
             raise CaseError("the passive bench has no controller that would use the encoders")
 
+    @property
+    def controller_fmu(self) -> str | None:
+        """Name of the controller's FMU; None for the passive bench."""
+        return TUNABLE if self.tunable else CONTROLLERS[self.controller][0]
+
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    return replace(case, controller="passive", encoders=False)
+    return replace(case, controller="passive", encoders=False, tunable=False)
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -84,7 +97,7 @@ def passive(case: Case) -> Case:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return case.road, CONTROLLERS[case.controller][0], case.encoders, case.exchange_parts
+    return case.road, case.controller_fmu, case.encoders, case.exchange_parts
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
@@ -93,10 +106,9 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("road", fmus.path(ROADS[case.road]))
     system.add("plant", fmus.path("QuarterCarBench"), step=exchange_step(EXCHANGE, case))
     system.connect_matching("road", "plant")
-    controller = CONTROLLERS[case.controller][0]
-    if controller is None:
+    if case.controller_fmu is None:
         return system
-    system.add("controller", fmus.path(controller))
+    system.add("controller", fmus.path(case.controller_fmu))
     if case.encoders:
         system.add("encoders", fmus.path(ENCODERS))
         system.connect("plant.suspension.deflection", "encoders.encoder.suspension")
@@ -131,7 +143,7 @@ def stop_time(_: System, case: Case) -> float:
 
 def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
-    names = ["road.road.height", "plant.*"] + ["controller.*"] * (CONTROLLERS[case.controller][0] is not None)
+    names = ["road.road.height", "plant.*"] + ["controller.*"] * (case.controller_fmu is not None)
     return names + ["encoders.*"] * case.encoders
 
 

@@ -9,7 +9,7 @@ from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW_CLAIMS
 from cosim.experiments.hmmwv.published import CONDITIONS, PUMP, WITHOUT_LIMIT, estimated
 from cosim.experiments.hmmwv.refinement import refinements
-from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, TRAVEL_LIMIT, Case
+from cosim.experiments.hmmwv.runs import PREDICTIVE, ROADS, TRAVEL_LIMIT, Case
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, finding, gain, parts, statement
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING_CLAIMS
 from cosim.study import Band, ClaimList, Distribution, Finding, Results
@@ -188,7 +188,7 @@ def _converged(results: Results) -> Finding:
 
 @CLAIMS.check("solver", "Every quadratic program of MPC is solved", expected="all", source="")
 def _solver(results: Results) -> Finding:
-    rows = [results[c] for c in results.of() if CONTROLLERS[c.controller] == "MpcHmmwv"]
+    rows = [results[c] for c in results.of() if c.controller in PREDICTIVE]
     failures = sum(r["solver_failures"] for r in rows)
     residual = max(r["solver_residual"] for r in rows)
     unsolved = "a sample was not solved" if failures else "all are solved, but not all to that residual"

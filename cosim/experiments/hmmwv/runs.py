@@ -49,6 +49,8 @@ CONTROLLERS = {
     "mpc": "MpcHmmwv",
     "mpc-preview": "MpcHmmwv",
 }
+PREDICTIVE = ("mpc", "mpc-preview")
+TUNABLE = "MpcHmmwvTunable"  # the MPC whose weights are parameters
 ACTUATORS = ("hydraulic", "ideal")
 STATES = ("true", "estimated")
 PREVIEWS = ("generated", "sensed")  # a known profile at the distance traveled, or what the range sensors see
@@ -60,6 +62,7 @@ FMUS = (
     PLANT,
     "RideComfort",
     *dict.fromkeys(filter(None, CONTROLLERS.values())),
+    TUNABLE,
     "HydraulicActuator",
     "ForceTracking",
     "SensorSuite",
@@ -159,6 +162,11 @@ class Case(Stepped):
     terrain: str = option(
         "E", choices=tuple(CLASSES), only=_OFF_ROAD, label="class-{}", help="class of the road profile (ISO 8608)"
     )
+    tunable: bool = option(
+        False,
+        only=(lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"),
+        help="the MPC whose weights are parameters, free to vary in sweeps and searches (controller.weight...)",
+    )
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
         None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
@@ -190,6 +198,11 @@ class Case(Stepped):
             )
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
             raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")
+
+    @property
+    def controller_fmu(self) -> str | None:
+        """Name of the controller's FMU; None without one."""
+        return TUNABLE if self.tunable else CONTROLLERS[self.controller]
 
     @property
     def variants(self) -> int:
@@ -287,6 +300,7 @@ def structure(case: Case) -> tuple[object, ...]:
         case.preview,
         case.preview_error_ms != 0,
         case.driven,
+        case.tunable,
         case.exchange_parts,
     )
 
@@ -299,7 +313,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
     if comfort:
         system.add("comfort", fmus.path("RideComfort"))
         system.connect_matching("car", "comfort", "body.az")
-    controller = CONTROLLERS[case.controller]
+    controller = case.controller_fmu
     if controller is not None:
         system.add("controller", fmus.path(controller))
     if case.actuators == "ideal":
@@ -316,7 +330,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
         _wire_estimator(system, fmus)
     if controller is not None:
         system.connect_matching("kalman" if case.states == "estimated" else "car", "controller")
-    if controller == "MpcHmmwv":
+    if case.controller in PREDICTIVE:
         _wire_preview(system, fmus, case)
     return system
 
@@ -443,7 +457,7 @@ def recorded(case: Case) -> Sequence[str]:
             names.append(f"controller.force.{k}")
     if case.road != "off-road":
         names += [f"road.{flag}" for flag in ROAD_FLAGS]
-    if CONTROLLERS[case.controller] == "MpcHmmwv":
+    if case.controller in PREDICTIVE:
         names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
 
