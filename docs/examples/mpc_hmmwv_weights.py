@@ -2,100 +2,70 @@
 
     python docs/examples/mpc_hmmwv_weights.py
 
-MpcHmmwv has no parameters: its quadratic program is made when the FMU is built. So every trial builds the law with its
-weights, and drives the hydraulic HMMWV over one stretch of the course with it. What is on the front, and what is
-published, then drives another stretch, which the search has not seen.
+`MpcHmmwvTunable` has the weights as parameters, and its quadratic programs are differentiated by them. So SLSQP follows
+the derivatives of whole runs on the hydraulic HMMWV over one stretch of the course: to the least absorbed power within
+the travel and the force that the published weights take, and with more of both. What it finds then drives another
+stretch, which the search has not seen.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
-from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
-from build_fmus.compile import ObjectCache, resolve_platforms
-from build_fmus.package import build_fmu
 from cosim.experiments.hmmwv import EXPERIMENT
-from cosim.experiments.hmmwv.runs import Case
-from cosim.report import Report, write_report
-from cosim.report.fronts import front_section
-from cosim.study import FmuSet, Runner
-from cosim.study.optimise import Outcome, optimise
-from fmu_sources.controllers.mpc.hmmwv import MpcHmmwvWeights, mpc_hmmwv
-from fmu_sources.plants.ride_car import ride_car
-from fmu_sources.vehicles import load_vehicle
+from cosim.study import FmuSet
+from cosim.study.descent import descend
+from cosim.study.design import Axis, Design
+from cosim.study.slopes import PointSlopes
+from cosim.study.sweep import prepare
+from fmu_sources.controllers.mpc.hmmwv import MpcHmmwvWeights
 
 PUBLISHED = MpcHmmwvWeights()
-SPACE = {"absorbed_power": (1.0, 500.0, "log"), "velocity": (1.0, 5000.0, "log"), "force": (1e-8, 1e-4, "log")}
-OBJECTIVES = {"absorbed_power": "min", "travel_rms": "min", "force_rms": "min"}
-LABELS = {"absorbed_power": "absorbed power [W]", "travel_rms": "rms travel [m]", "force_rms": "rms force [N]"}
+RANGES = {"absorbed_power": (1.0, 500.0), "velocity": (1.0, 5000.0), "force": (1e-8, 1e-4)}
+SPACE = {f"controller.weight.{name}": (*ends, "log") for name, ends in RANGES.items()}
+FIRST = {f"controller.weight.{name}": getattr(PUBLISHED, name) for name in RANGES}
+BOUNDS = {  # times what the published weights take
+    "published": {},
+    "as much": {"travel_rms": 1.002, "force_rms": 1.002},
+    "more": {"travel_rms": 1.25, "force_rms": 1.12},
+}
+TRIALS = 12
 SEEN, UNSEEN = 0, 3  # stretches of the course
 
 
-def drive(values: Mapping[str, float], stretch: int = SEEN, seconds: float = 10.0) -> dict[str, float]:
-    """The law with these weights, built, and driven over a stretch: the metrics of the experiment."""
-    weights = replace(PUBLISHED, **values)
-    law = mpc_hmmwv(ride_car(load_vehicle("ride_car_hmmwv"), "RideCarHmmwv"), weights)
-    with tempfile.TemporaryDirectory() as folder:
-        beside = Path(folder) / "fmi3"
-        beside.mkdir()
-        for fmu in Path("fmus/fmi3").resolve().glob("*.fmu"):
-            if fmu.stem != law.name:
-                (beside / fmu.name).symlink_to(fmu)
-        built = build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path("results/objects")))
-        (beside / f"{law.name}.fmu").write_bytes(built)
-        case = Case("off-road", "mpc-preview", variant=stretch, duration=seconds)
-        with Runner(EXPERIMENT, FmuSet(Path(folder))) as runner:
-            found = runner.metrics(case)
-    return {name: float(found[name]) for name in OBJECTIVES}
+def course(stretch: int, seconds: float) -> PointSlopes:
+    """Metrics of a run over a stretch, and their derivatives by the weights."""
+    axes = tuple(Axis(name, numbers=ends) for name, ends in zip(SPACE, RANGES.values(), strict=True))
+    case = {"road": "off-road", "controller": "mpc-preview", "tunable": True, "variant": stretch, "duration": seconds}
+    return PointSlopes(prepare(EXPERIMENT, FmuSet(), Design(axes), case), FmuSet())
 
 
-def search(trials: int, processes: int, storage: str | None, seconds: float) -> Outcome:
-    first = [{name: getattr(PUBLISHED, name) for name in SPACE}]
-    with ProcessPoolExecutor(processes) as pool:
-        evaluate = partial(drive, seconds=seconds)
-        return optimise(evaluate, SPACE, OBJECTIVES, trials=trials, storage=storage, executor=pool, first=first)
+def table(seconds: float) -> list[str]:
+    """The published weights and what the search finds, with what they do on both stretches."""
+    weights = " ".join(f"{name:>14}" for name in RANGES)
+    lines = [f"{'':<10} {weights}  power [W]  travel [mm]  force [N]  unseen: power [W]  travel [mm]  runs"]
+    with course(SEEN, seconds) as seen, course(UNSEEN, seconds) as unseen:
+        published = seen(FIRST).row
+        for name, factors in BOUNDS.items():
+            values, runs = FIRST, 0
+            if factors:
+                within = {metric: published[metric] * factor for metric, factor in factors.items()}
+                goal = {"absorbed_power": "min"}
+                found = descend(seen, SPACE, goal, at_most=within, first=FIRST, trials=TRIALS)
+                values, runs = found.best.values, len(found.trials)
+            here, there = seen(values).row, unseen(values).row
+            lines.append(
+                f"{name:<10} {' '.join(f'{values[n]:14.4g}' for n in SPACE)}  {here['absorbed_power']:9.3f}"
+                f"  {1e3 * here['travel_rms']:11.2f}  {here['force_rms']:9.0f}  {there['absorbed_power']:17.3f}"
+                f"  {1e3 * there['travel_rms']:11.2f}  {runs:4d}"
+            )
+    return lines
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Weights of MpcHmmwv for the off-road course.")
-    parser.add_argument("--trials", type=int, default=40)
-    parser.add_argument("--processes", type=int, default=2)
+    parser = argparse.ArgumentParser(description="Weights of MpcHmmwvTunable for the off-road course.")
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--storage", default="results/mpc-hmmwv-weights/trials.log")
-    options = parser.parse_args()
-    found = search(options.trials, options.processes, options.storage, options.seconds)
-    published = found.trials[0].row
-    done = found.done
-    section = front_section(
-        "Weights of MpcHmmwv",
-        LABELS,
-        OBJECTIVES,
-        [t.row for t in done],
-        [t.values for t in done],
-        {"published": published},
-    )
-    print("published: " + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in published.items()))
-    better = [t for t in done if all(t.row[n] < published[n] for n in OBJECTIVES)]
-    print(
-        f"{len(found.front)} of {len(done)} trials are Pareto-optimal; {len(better)} are better than the published"
-        " weights in all three"
-    )
-    calmest = min(done, key=lambda t: t.row["absorbed_power"])
-    for name, values in (("published", found.trials[0].values), ("least absorbed power", calmest.values)):
-        row = drive(values, UNSEEN, options.seconds)
-        print(
-            f"{name}, on a stretch that the search has not seen: "
-            + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items())
-        )
-    report = Report(
-        "mpc-hmmwv-weights", "Weights of MpcHmmwv", "Every trial is a law that was built.", sections=[section]
-    )
-    print(f"report: {write_report(report, Path('results/mpc-hmmwv-weights'))}")
+    print("\n".join(table(parser.parse_args().seconds)))
 
 
 if __name__ == "__main__":
