@@ -65,6 +65,7 @@ class Functions:
         vectorized: whether copies in lanes have all that they call.
         names: of the C functions there are, which are those of the runtime's fields.
         n_work: numbers that they work in.
+        kept: first slot and count of states that a sample leaves as they are, which it does not write in lanes.
     """
 
     def __init__(self, component: Model) -> None:
@@ -76,6 +77,7 @@ class Functions:
         self.in_lanes: list[str] = []
         self.sections: list[str] = []
         self.known: dict[int, str] = {}
+        self.kept: list[tuple[int, int]] = []
         parts = self._parts()
         read: dict[str, list[Result] | None] = {}
         for name in dict.fromkeys(("values", "out", "rhs", *(p.function for p in parts))):
@@ -294,6 +296,7 @@ class Functions:
         ]
         body = statements.write(wanted)
         self.n_work = max(self.n_work, statements.work)
+        self.kept += statements.kept
         return self._function(part, body, statements.pointers)
 
     def _is_skipped(self, part: _Part, r: Result) -> bool:

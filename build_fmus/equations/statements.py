@@ -181,6 +181,7 @@ class Statements:
         self._own_lines: set[int] = set()  # nodes under other conditions than what uses them, conditions, awaited calls
         self._storage: dict[int, str] = {}  # work arrays that operations own
         self.work = 0  # numbers of work arrays
+        self.kept: list[tuple[int, int]] = []  # first slot and count of states that a sample leaves as they are
 
     def write(self, results: Sequence[tuple[Target, int, int]]) -> list[str]:
         """Lines for results, each a target, the first element there, and its node; in this order."""
@@ -558,6 +559,7 @@ class Statements:
                 array = (f"{target.pointer}->{field.name}", slot - field.slot)
                 count = min(size - done, field.slot + field.size - slot) if len(field.shape) < 2 else 1
             comment = f" /* {c_comment(target.comments[slot])} */" if slot in target.comments else ""
+            stays = f"{array[0].replace('next->', 'x->')} + {array[1]}".removesuffix(" + 0")
             if count == 1:
                 line = f"{element} = {value.at(Index('', 0, done)).real.code};{comment}"
             else:
@@ -565,7 +567,11 @@ class Statements:
                 line = (
                     f"for (int i = 0; i < {count}; i++) {array[0]}[{Index('i', 1, array[1]).code}] = {code};{comment}"
                 )
-            self._lines.append(_Line([line], reads=value.reads))
+            lines = [line]
+            if target.pointer == "next" and count == size > 1 and value.pointer == stays:
+                self.kept.append((slot, count))
+                lines = ["#ifndef LANES", line, "#endif"]
+            self._lines.append(_Line(lines, reads=value.reads))
             done += count
 
     # ------------------------------------------------------------------ work arrays

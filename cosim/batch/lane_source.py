@@ -47,6 +47,7 @@ class LaneSource:
         places: role and slot of its variables, by value reference: in which vector, and where.
         hidden: (name, slot, size) of the states that are no variables.
         files: C files and headers by path below `sources/`.
+        kept: (slot, size) of states that samples leave as they are.
     """
 
     token: str
@@ -60,6 +61,7 @@ class LaneSource:
     places: tuple[tuple[str, int], ...] = field(repr=False)
     hidden: list[tuple[str, int, int]] = field(repr=False)
     files: dict[str, bytes] = field(repr=False)
+    kept: list[tuple[int, int]] = field(default_factory=list, repr=False)
 
     @property
     def one_at_a_time(self) -> str:
@@ -110,6 +112,8 @@ class LaneSource:
     def settings(self, outputs: tuple[int, ...]) -> list[str]:
         """Settings in C of its lanes, of which the outputs with these slots are read."""
         tables = {"nominals": bool(self.bounds), "velocity_of": self.solver == "semi_implicit" and bool(self.bounds)}
+        ends = [0, *(k for slot, size in sorted(self.kept) for k in (slot, slot + size)), self.sizes["states"]]
+        moving = [(a, b - a) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
         constants = {
             **{f"N_{k.upper()}": n for k, n in self.sizes.items()},
             "N_SHOWN": len(outputs),
@@ -122,6 +126,7 @@ class LaneSource:
             "IS_ROS2": int(self.solver == "ros2"),
             **{k.upper(): k if there else "NULL" for k, there in tables.items()},
             "SHOWN(each)": " ".join(f"each({slot})" for slot in outputs),
+            "MOVING(each)": " ".join(f"each({slot}, {size})" for slot, size in moving),
         }
         return [
             *(f"#define {k} {v}" for k, v in constants.items()),

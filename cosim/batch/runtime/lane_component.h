@@ -217,13 +217,15 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
         solve_at(m, instant, 0);
         evaluate(m, instant, next);
         mask finite = ~(mask){0};
-        for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_size(next[i]) <= DBL_MAX);
+#define MOVE(first, count)                                                                                      \
+    for (int i = first; i < first + count; i++) finite &= (mask)(lanes_size(next[i]) <= DBL_MAX);               \
+    memcpy(X + first, next + first, count * sizeof(lanes));
+        MOVING(MOVE) /* the other states stay as they are */
         for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_size(Y[shown[i]]) <= DBL_MAX);
         if (lanes_bits(~finite) & of & ~failed) {
-            failed |= not_finite(m, of & ~failed, next, NULL, N_STATES, STATE_NOT_FINITE, time);
+            failed |= not_finite(m, of & ~failed, X, NULL, N_STATES, STATE_NOT_FINITE, time);
             failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
         }
-        memcpy(X, next, N_STATES * sizeof(lanes));
         *sample_number += 1.0;
     }
     *(double *)&m->time = t + h;
