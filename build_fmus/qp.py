@@ -312,11 +312,11 @@ class QuadraticProgram:
 
 
 def checked_matrices(
-    where: str, hessians: Sequence[Any], constraints: Sequence[Any], *, definite: bool = True
+    where: str, hessians: Sequence[Any], constraints: Sequence[Any], *, what: str = "Hessian"
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Hessians and constraint matrices of all cases as finite arrays of matching shapes.
 
-    `definite`: whether Hessians must be positive definite.
+    `what`: other matrices than Hessians are called so, and need not be definite.
 
     Raises:
         ProgramError: shapes that do not match, values that are not finite, a Hessian that is not symmetric positive
@@ -337,13 +337,13 @@ def checked_matrices(
     n, m = H[0].shape[0], A[0].shape[0] if A[0].ndim == 2 else 0
     for k, h in enumerate(H):
         if h.shape != (n, n):
-            raise ProgramError(f"{where}: Hessian {k} has shape {h.shape}, not {(n, n)}")
-        finite(f"{where}: Hessian {k} at ", h, error=ProgramError)
+            raise ProgramError(f"{where}: {what} {k} has shape {h.shape}, not {(n, n)}")
+        finite(f"{where}: {what} {k} at ", h, error=ProgramError)
         if np.max(np.abs(h - h.T)) > 1e-9 * np.max(np.abs(h)):
-            raise ProgramError(f"{where}: Hessian {k} is not symmetric")
+            raise ProgramError(f"{where}: {what} {k} is not symmetric")
         H[k] = 0.5 * (h + h.T)
         try:
-            np.linalg.cholesky(H[k] if definite else np.eye(n))
+            np.linalg.cholesky(H[k] if what == "Hessian" else np.eye(n))
         except np.linalg.LinAlgError:
             smallest = np.linalg.eigvalsh(H[k])[0]
             raise ProgramError(

@@ -543,8 +543,8 @@ class Component:
         if self.kind != "discrete":
             raise DeclarationError(f"{where}: quadratic programs are for discrete components")
         try:
-            H, A = qp.checked_matrices(where, hessians, constraints, definite=not terms)
-            varying, _ = qp.checked_matrices(where, [H[0], *(m for _, m in terms)], A[:1], definite=False)
+            H, A = qp.checked_matrices(where, hessians, constraints, what="constant term" if terms else "Hessian")
+            varying, _ = qp.checked_matrices(where, [H[0], *(m for _, m in terms)], A[:1], what="term")
         except qp.ProgramError as error:
             raise DeclarationError(str(error)) from None
         n, m = len(H[0]), len(A[0])

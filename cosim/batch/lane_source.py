@@ -163,7 +163,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     if not source.continuous and "sample" not in source.functions:
         raise NoLanes("it has no equations")
     if not source.vectorized:
-        raise NoLanes("CasADi generated part of its code, such as for solving linear equations")
+        raise NoLanes("CasADi generated part of its code, such as an interpolant")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
         raise other
     _known[fmu] = source

@@ -7,9 +7,13 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import casadi as ca
 import pytest
-from built import FMUS
+from built import FMUS, OBJECTS
 
+from build_fmus.compile import resolve_platforms
+from build_fmus.component import Component
+from build_fmus.package import build_fmu
 from cosim import System
 from cosim.batch import Batch
 from cosim.batch.lane_source import NoLanes, lane_source
@@ -58,15 +62,21 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(
             assert list(batch.scalar) == ["plant"]
 
 
-def test_operations_that_lanes_do_not_have_are_said(raises) -> None:
+def test_operations_that_lanes_do_not_have_are_said(tmp_path: Path, raises) -> None:
+    c = Component("Table", kind="discrete", description="a test", source="none", sample_time=0.1, symbols=ca.MX)
+    table = ca.interpolant("table", "linear", [[0.0, 1.0, 2.0]], [0.0, 1.0, 4.0])
+    c.output("read", table(c.input("x", "1", "x")), "1", "from a table")
+    path = tmp_path / "Table.fmu"
+    path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), OBJECTS))
     with raises(NoLanes):
-        lane_source(FmuFile(FMUS / "fmi3" / "PreviewLqTunable.fmu"))
+        lane_source(FmuFile(path))
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
         ("MpcBench", "quadratic programs"),
+        ("PreviewLqTunable", "linear equations"),
         ("HydraulicActuator", "ros2"),
         ("RoadRandom", ""),
         ("LqrBench", ""),

@@ -229,6 +229,8 @@ UNCHECKED = {
     "MpcHmmwv": "quadratic program: its data and solution are in units of the scaling",
     "MpcThreeAxle": "quadratic program: its data and solution are in units of the scaling",
     "MpcBench": "quadratic program: its data and solution are in units of the scaling",
+    "MpcHmmwvTunable": "quadratic program: its data and solution are in units of the scaling",
+    "MpcBenchTunable": "quadratic program: its data and solution are in units of the scaling",
     "MpcBenchMoves": "quadratic program: its data and solution are in units of the scaling",
     "SemiActiveMpc": "quadratic program: its data and solution are in units of the scaling",
     "KalmanHmmwv": "covariance and gain are computed on measurements that are divided by their noise",

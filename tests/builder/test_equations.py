@@ -168,11 +168,11 @@ def test_a_comparison_that_compares_nothing_would_be_noticed(tmp_path: Path, mon
 
 
 def uncommon() -> Component:
-    """Operations that are left to CasADi's generator: a linear system, a lookup table."""
+    """Operations that are left to CasADi's generator: linear equations of a triangular matrix, a lookup table."""
     c = Component("Uncommon", kind="continuous", description="a test", source="no paper", symbols=ca.MX)
     u, x = c.input("u", "1", "u", shape=(2,)), c.state("x", "1", "x", shape=(2,), output=True)
     table = ca.interpolant("table", "linear", [[0.0, 1.0, 2.0], [0.0, 1.0, 4.0]], list(range(9)))
-    c.derivative(x, ca.solve(ca.diag(ca.vertcat(2.0, 3.0)) + u @ u.T, u - x))
+    c.derivative(x, ca.solve(ca.triu(ca.diag(ca.vertcat(2.0, 3.0)) + u @ u.T), u - x))
     c.output("read", table(u), "1", "from a table")
     c.reference_input({"u[1]": np.sin, "u[2]": lambda t: 1.0 + t})
     return c

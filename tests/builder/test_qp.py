@@ -67,6 +67,10 @@ MISTAKES = {
     "undeclared": undeclared,
     "start": start_from_a_solution,
     "twice": lambda c: [declare(c), declare(c)],
+    "terms of another size": lambda c: declare(c, terms=[(1.0, np.eye(3))]),
+    "terms without symmetry": lambda c: declare(c, terms=[(1.0, np.array([[0.0, 1.0], [0.0, 0.0]]))]),
+    "weights": lambda c: declare(c, terms=[(ca.SX(2, 1), H)]),
+    "terms for OSQP": lambda c: declare(c, terms=[(1.0, H)], backend=Osqp()),
     "no back end": lambda c: declare(c, backend=[]),
 }
 

@@ -137,6 +137,7 @@ EXPERIMENTS = {
                 "Skyhook{}",
                 "Lqr{}",
                 "Mpc{}",
+                "Mpc{}Tunable",
                 "Kalman{}",
                 "PreviewSensor{}",
                 "PreviewBuffer{}",

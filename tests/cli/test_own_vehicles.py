@@ -47,6 +47,7 @@ HMMWV = {
     "Skyhook",
     *(f"SemiActive{law}" for law in ("Skyhook", "Groundhook", "Add", "ShAdd", "Lqr", "Mpc")),
     "Mpc",
+    "Mpc{}Tunable",
     "Kalman",
     "Kalman{}Printed",
     "PreviewSensor",
@@ -58,7 +59,7 @@ HMMWV = {
     "RoadProvingGround",
     "RoadProvingGround5ms",
 }
-BENCH = {"QuarterCar", "Lqr", "Mpc", "Mpc{}Moves"}
+BENCH = {"QuarterCar", "Lqr", "Mpc", "Mpc{}Moves", "Mpc{}Tunable"}
 SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench", "RoadProvingGroundThreeAxle"}
 MADE = {
     "hmmwv": FULL_CAR,

@@ -424,6 +424,22 @@ def test_mistakes_are_named(model, change, raises) -> None:
         change(model)
 
 
+@pytest.mark.parametrize(
+    ("weighted", "cases"),
+    [
+        ({"travel": ["suspension.deflexion"]}, 1),
+        ({"one": ["body.az"], "other": ["body.az"]}, 1),
+        ({"both": ["body.az", "force"]}, 1),
+        ({"ride": ["body.az"]}, 2),
+    ],
+    ids=["unknown", "twice", "different", "cases"],
+)
+def test_weights_that_cannot_be_parameters_are_refused(car, model, weighted, cases, raises) -> None:
+    mpc = settings(model, cases=tuple(Case(n) for n in ("one", "two")[:cases]))
+    with raises(MpcError):
+        mpc_component(mpc, car, name="Law", description="x", source="x", weighted=weighted, backend=Daqp())
+
+
 def lin_of():
     return quarter_car(load_quarter_car("quarter_car_hmmwv")).linearize()
 

@@ -7,12 +7,15 @@ import pytest
 from oracles.mpc import MpcReference
 from scipy import integrate, signal
 
+from build_fmus.reference import Evaluator
 from cosim import Record, Recording, System
 from fmu_sources.controllers.mpc import MpcError
 from fmu_sources.controllers.mpc.hmmwv import (
     BACKENDS,
     SAMPLE_TIME,
     STEPS,
+    WEIGHTED,
+    MpcHmmwvWeights,
     hmmwv_mpc,
     human_response_filter,
     mpc_hmmwv,
@@ -30,6 +33,36 @@ POINTS = STEPS + 1
 @pytest.fixture(scope="module")
 def car():
     return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+
+
+def test_weights_that_are_parameters_are_those_of_a_law_that_is_built_with_them(car) -> None:
+    """With the weights at first, and with others that the parameters get."""
+    other = MpcHmmwvWeights(absorbed_power=7.0, travel=900.0, velocity=60.0, tire=300.0, force=4e-7)
+    for weights in (MpcHmmwvWeights(), other):
+        values = {f"weight.{n}": getattr(weights, n) for n in WEIGHTED}
+        laws = (
+            Evaluator(mpc_hmmwv(car, weights, backend=BACKENDS[1]).model()),
+            Evaluator(mpc_hmmwv(car, name="MpcHmmwvTunable", tunable=True).model(), values),
+        )
+        rng = np.random.default_rng(5)
+        for _ in range(25):
+            inputs = 0.3 * rng.standard_normal(len(laws[0].u))
+            for law in laws:
+                law.u[:] = inputs
+                law.u[[e.name for e in laws[0].component.elements("input")].index("use_preview")] = 1.0
+                law.step(SAMPLE_TIME)
+            np.testing.assert_allclose(laws[1].x, laws[0].x, atol=1e-6 * 8000.0)
+
+
+def test_a_matrix_that_is_not_positive_definite_keeps_the_command(car) -> None:
+    """Weights of nothing, which the limits of the parameters do not allow."""
+    law = Evaluator(mpc_hmmwv(car, name="MpcHmmwvTunable", tunable=True).model())
+    names = [e.name for e in law.component.output_elements()]
+    law.step(SAMPLE_TIME)
+    law.p[[i for i, e in enumerate(law.component.elements("parameter")) if e.name.startswith("weight.")]] = 0.0
+    law.step(SAMPLE_TIME)
+    outputs = dict(zip(names, law.outputs(), strict=True))
+    assert (outputs["solver.status"], outputs["command.held"]) == (3, 1)
 
 
 def drive(built_fmus, *, preview: bool, scale: float = 1.0) -> Recording:
