@@ -370,9 +370,10 @@ class Statements:
         ):
             vector, first = self.graph.nodes[node.arguments[0]].data
             return self._input(vector, first + places.start, node.size)
-        if isinstance(places, range):
-            if node.size == 1:
-                index = Index("", 0, places.start)
+        repeated = self.graph.nodes[node.arguments[0]].size == 1
+        if isinstance(places, range) or repeated:
+            if node.size == 1 or repeated:
+                index = Index("", 0, places[0])
                 return Value(lambda _: source.at(index), source.length, reads=source.reads, plain=source.plain)
             pointer = ""
             if source.pointer and places.step == 1:

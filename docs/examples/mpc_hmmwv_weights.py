@@ -42,8 +42,8 @@ def course(stretch: int, seconds: float) -> PointSlopes:
 
 def table(seconds: float) -> list[str]:
     """The published weights and what the search finds, with what they do on both stretches."""
-    weights = " ".join(f"{name:>14}" for name in RANGES)
-    lines = [f"{'':<10} {weights}  power [W]  travel [mm]  force [N]  unseen: power [W]  travel [mm]  runs"]
+    weights = " ".join(f"{name:>9}" for name in RANGES)
+    lines = [f"{'':<9} {weights}  power [W]  travel [mm]  force [N]  unseen: [W]   [mm]  runs"]
     with course(SEEN, seconds) as seen, course(UNSEEN, seconds) as unseen:
         published = seen(FIRST).row
         for name, factors in BOUNDS.items():
@@ -54,10 +54,11 @@ def table(seconds: float) -> list[str]:
                 found = descend(seen, SPACE, goal, at_most=within, first=FIRST, trials=TRIALS)
                 values, runs = found.best.values, len(found.trials)
             here, there = seen(values).row, unseen(values).row
+            travel, far = (1e3 * row["travel_rms"] for row in (here, there))
+            weighed = " ".join(f"{values[f'controller.weight.{n}']:{max(9, len(n))}.4g}" for n in RANGES)
             lines.append(
-                f"{name:<10} {' '.join(f'{values[n]:14.4g}' for n in SPACE)}  {here['absorbed_power']:9.3f}"
-                f"  {1e3 * here['travel_rms']:11.2f}  {here['force_rms']:9.0f}  {there['absorbed_power']:17.3f}"
-                f"  {1e3 * there['travel_rms']:11.2f}  {runs:4d}"
+                f"{name:<9} {weighed}  {here['absorbed_power']:9.3f}  {travel:11.2f}"
+                f"  {here['force_rms']:9.0f}  {there['absorbed_power']:11.3f}  {far:5.2f}  {runs:4d}"
             )
     return lines
 

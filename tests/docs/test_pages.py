@@ -287,6 +287,26 @@ def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # n
     assert other["comfort"] > published["comfort"]
 
 
+def test_weights_of_the_mpc_on_the_page_do_what_it_says(workplace: Path) -> None:  # noqa: ARG001
+    """What the search has found lies within its bounds, and no direction within them lowers the power much further."""
+    example = runpy.run_path(str(ROOT / "docs" / "examples" / "mpc_hmmwv_weights.py"))
+    page = (ROOT / "docs" / "how-to" / "optimisation.md").read_text(encoding="utf-8")
+    bounds, names = example["BOUNDS"], list(example["SPACE"])
+    lines = [re.search(rf"^{name} .*$", page, re.MULTILINE)[0] for name in bounds]  # type: ignore[index]
+    rows = [[float(x) for x in line.removeprefix(name).split()] for name, line in zip(bounds, lines, strict=True)]
+    with example["course"](example["SEEN"], 10.0) as seen:
+        found = [seen(dict(zip(names, row[:3], strict=True))) for row in (rows[0], rows[2])]
+    for slopes, row in zip(found, (rows[0], rows[2]), strict=True):
+        power, travel, force = (slopes.row[n] for n in ("absorbed_power", "travel_rms", "force_rms"))
+        assert [power, 1e3 * travel, force] == pytest.approx(row[3:6], rel=2e-3)
+    published, best = found
+    assert best.row["force_rms"] < bounds["more"]["force_rms"] * published.row["force_rms"] * 1.001
+    at = np.array(rows[2][:3])
+    power, force = (best.slopes[n] * at / best.row[n] for n in ("absorbed_power", "force_rms"))
+    along = power - force * (power @ force) / (force @ force)  # the bound of the travel is not reached
+    assert np.linalg.norm(along) < 0.1 * np.linalg.norm(power)
+
+
 def test_a_surface_of_weights_is_that_of_runs(workplace: Path) -> None:  # noqa: ARG001
     """With a coarser lattice than the example's: at its own places the values and slopes are those of runs."""
     example = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_surface.py"))

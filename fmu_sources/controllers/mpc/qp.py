@@ -74,11 +74,9 @@ class CondensedQp:
         for name in named:
             position("output or input with a weight", name, signals)
             if named.count(name) > 1:
-                raise MpcError(f"{name} has two weights that are parameters")
+                raise MpcError(f"{name} has two weights that are parameters: name it in one of them")
         if named and len(self.mpc.cases) > 1:
-            raise MpcError(
-                "weights that are parameters are for one case: the cases of an MPC have weights of their own"
-            )
+            raise MpcError("weights cannot be parameters of an MPC with several cases, each of which has its own")
 
     # ------------------------------------------------------------------------------------------------ constant part
 
@@ -289,7 +287,8 @@ class CondensedQp:
         wu = self._by_case([2 * w[1] for w in weights], case)
         for weight, names in self.weights:
             outputs, inputs = self._masks(names)
-            wy, wu = wy + ca.DM(2 * outputs) * weight, wu + ca.DM(2 * inputs) * weight
+            wy = wy + ca.DM(2 * outputs) * weight if outputs.any() else wy
+            wu = wu + ca.DM(2 * inputs) * weight if inputs.any() else wu
         target = self._by_case([[i.target for i in mpc.case_inputs[c]] for c in cases], case)
         total = ca.DM([float(sum(i >= start for i in range(h.prediction + 1))) for start in h.moves])
         response = named("response_transposed", ca.MX(ca.DM(self.response.T)))
