@@ -30,7 +30,7 @@ BOUNDS = {  # times what the published weights take
     "more": {"travel_rms": 1.25, "force_rms": 1.12},
 }
 TRIALS = 12
-SEEN, UNSEEN = 0, 3  # stretches of the course
+SEEN, OTHER = 0, 3  # stretches of the course
 
 
 def course(stretch: int, seconds: float) -> PointSlopes:
@@ -43,8 +43,8 @@ def course(stretch: int, seconds: float) -> PointSlopes:
 def table(seconds: float) -> list[str]:
     """The published weights and what the search finds, with what they do on both stretches."""
     weights = " ".join(f"{name:>9}" for name in RANGES)
-    lines = [f"{'':<9} {weights}  power [W]  travel [mm]  force [N]  unseen: [W]   [mm]  runs"]
-    with course(SEEN, seconds) as seen, course(UNSEEN, seconds) as unseen:
+    lines = [f"{'':<9} {weights}  power [W]  travel [mm]  force [N]  other: [W]    [mm]  runs"]
+    with course(SEEN, seconds) as seen, course(OTHER, seconds) as other:
         published = seen(FIRST).row
         for name, factors in BOUNDS.items():
             values, runs = FIRST, 0
@@ -53,7 +53,7 @@ def table(seconds: float) -> list[str]:
                 goal = {"absorbed_power": "min"}
                 found = descend(seen, SPACE, goal, at_most=within, first=FIRST, trials=TRIALS)
                 values, runs = found.best.values, len(found.trials)
-            here, there = seen(values).row, unseen(values).row
+            here, there = seen(values).row, other(values).row
             travel, far = (1e3 * row["travel_rms"] for row in (here, there))
             weighed = " ".join(f"{values[f'controller.weight.{n}']:{max(9, len(n))}.4g}" for n in RANGES)
             lines.append(
