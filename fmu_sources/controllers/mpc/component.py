@@ -175,7 +175,8 @@ def weight_parameters(c: Component, mpc: Mpc, weighted: Mapping[str, Sequence[st
     Raises:
         MpcError: signals whose weights are not the same, or a signal that the `mpc` does not have.
     """
-    signals: dict[str, Input | Output] = {s.name: s for s in (*mpc.outputs, *mpc.inputs)}
+    every: tuple[Input | Output, ...] = (*mpc.outputs, *mpc.inputs)
+    signals = {s.name: s for s in every}
     found = []
     for name, names in weighted.items():
         given = [signals[list(signals)[position("output or input with a weight", n, list(signals))]] for n in names]

@@ -69,7 +69,7 @@ class CondensedQp:
     weights: Sequence[tuple[Any, Sequence[str]]] = ()
 
     def __post_init__(self) -> None:
-        signals = [s.name for s in (*self.mpc.outputs, *self.mpc.inputs)]
+        signals = [*(o.name for o in self.mpc.outputs), *(i.name for i in self.mpc.inputs)]
         named = [n for _, names in self.weights for n in names]
         for name in named:
             position("output or input with a weight", name, signals)
