@@ -315,6 +315,7 @@ static void take_profiles(Component *m) {
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
+    note_moves(m->v, N_VALUES);
     sides = 0;
 #endif
 #if HAS_PLAIN

@@ -32,6 +32,16 @@ extern "C" {
 #include "tangents.h"
 #endif
 
+INLINE Number chain(double value, double slope, const Number &x) { return OfOne<Number>(value, slope, x); }
+INLINE Number chain(double value, double slope, const Number &x, double second, const Number &y) {
+    return OfTwo<Number, Number>(value, slope, x, second, y);
+}
+NOINLINE Number chain(double value, int n, const double *slopes, const Number *const *of) {
+    return OfMany<Number>(value, n, slopes, of);
+}
+template <class E> MEMBER Number &operator+=(Number &x, const Expression<E> &e) { return x = x + e.self(); }
+template <class E> MEMBER Number &operator*=(Number &x, const Expression<E> &e) { return x = x * e.self(); }
+
 #define HAS_SIDES 1
 typedef Number lanes;
 typedef Number real;
