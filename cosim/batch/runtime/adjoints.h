@@ -37,19 +37,34 @@ struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies 
         Tape *const t = tape;
         const TapeCount begin = t->n_operands < t->most ? t->n_operands : t->most;
         Operands to = {t->slopes, t->operands, begin};
-        e.self().note(to, 1.0);
+        e.self().template note<0>(to, 1.0);
         t->n_operands = to.at;
         t->n += to.at != begin;
         t->ends[t->n & t->mask] = (uint32_t)to.at;
         index = to.at != begin ? t->n : 0;
     }
-    MEMBER void note(Operands &to, double slope) const { to.note(slope, index); }
+    template <int> MEMBER void note(Operands &to, double slope) const { to.note(slope, index); }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
 typedef Adjoint Number;
 #define OPERATION INLINE
 
+struct OfMany : Expression<OfMany> {
+    enum { OPERANDS = TAPE_SPARE }; /* at most */
+    double v;
+    int n;
+    const double *slopes;
+    const Adjoint *const *of;
+    template <int> MEMBER void note(Operands &to, double) const {
+        for (int k = 0; k < n; k++) of[k]->note<0>(to, slopes[k]);
+    }
+};
+NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint *const *of) {
+    OfMany all;
+    all.v = value, all.n = n, all.slopes = slopes, all.of = of;
+    return all;
+}
 INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.index); }
 INLINE int depends(const Adjoint &x) { return x.index != 0; }
 INLINE int depends(const Adjoint &x, const Adjoint &y) { return x.index != y.index; }

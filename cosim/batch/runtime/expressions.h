@@ -6,21 +6,19 @@
 
 #define MEMBER inline __attribute__((always_inline))
 
-struct Operands; /* where the operands of a statement go */
-
 /* An operand, or an operation on operands, of type E; `v` is its value. Operands are references: a statement's parts
  * live as long as it. */
 template <class E> struct Expression {
     MEMBER const E &self() const { return static_cast<const E &>(*this); }
 };
 
-/* The chain rule. */
+/* The chain rule. `note` gives operands, of which the first is number AT of the statement, to `to`. */
 template <class X> struct OfOne : Expression<OfOne<X>> {
     enum { OPERANDS = X::OPERANDS };
     double v, slope;
     const X &x;
     MEMBER OfOne(double value, double by_x, const X &of) : v(value), slope(by_x), x(of) {}
-    MEMBER void note(Operands &to, double by) const { x.note(to, by * slope); }
+    template <int AT, class To> MEMBER void note(To &to, double by) const { x.template note<AT>(to, by * slope); }
 };
 template <class X, class Y> struct OfTwo : Expression<OfTwo<X, Y>> {
     enum { OPERANDS = X::OPERANDS + Y::OPERANDS };
@@ -29,24 +27,11 @@ template <class X, class Y> struct OfTwo : Expression<OfTwo<X, Y>> {
     const Y &y;
     MEMBER OfTwo(double value, double by_x, const X &of, double by_y, const Y &and_of)
         : v(value), slope(by_x), second(by_y), x(of), y(and_of) {}
-    MEMBER void note(Operands &to, double by) const {
-        x.note(to, by * slope);
-        y.note(to, by * second);
+    template <int AT, class To> MEMBER void note(To &to, double by) const {
+        x.template note<AT>(to, by * slope);
+        y.template note<AT + X::OPERANDS>(to, by * second);
     }
 };
-template <class X> struct OfMany : Expression<OfMany<X>> {
-    enum { OPERANDS = TAPE_SPARE }; /* at most */
-    double v;
-    int n;
-    const double *slopes;
-    const X *const *of;
-    MEMBER OfMany(double value, int count, const double *by, const X *const *these)
-        : v(value), n(count), slopes(by), of(these) {}
-    MEMBER void note(Operands &to, double) const {
-        for (int k = 0; k < n; k++) of[k]->note(to, slopes[k]);
-    }
-};
-
 #define OF_TWO(operator_, value, by_x, by_y)                                                             \
     template <class X, class Y>                                                                          \
     MEMBER OfTwo<X, Y> operator operator_(const Expression<X> &left, const Expression<Y> &right) {       \

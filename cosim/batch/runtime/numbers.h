@@ -36,9 +36,6 @@ INLINE Number chain(double value, double slope, const Number &x) { return OfOne<
 INLINE Number chain(double value, double slope, const Number &x, double second, const Number &y) {
     return OfTwo<Number, Number>(value, slope, x, second, y);
 }
-NOINLINE Number chain(double value, int n, const double *slopes, const Number *const *of) {
-    return OfMany<Number>(value, n, slopes, of);
-}
 /* An operand of a statement, by what follows from it; it lives as long as the statement. */
 typedef OfOne<Number> Operand;
 static Number nothing; /* 0, which does not move */

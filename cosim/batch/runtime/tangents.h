@@ -10,13 +10,15 @@ typedef double Part __attribute__((vector_size(8 * PART)));
 #define EACH_PART(expression) \
     _Pragma("GCC unroll 8") for (int i = 0; i < PARTS; i++) expression
 
+/* An operand and the slope by it. */
 struct Tangent;
-
-/* Operands of a statement; one that does not move is overwritten by the next. */
-struct Operands {
-    double *slopes;
-    const Tangent **of;
-    int n;
+struct Term {
+    double slope;
+    const Tangent *of;
+};
+enum { TOGETHER = 4 }; /* terms that one call adds up: they are in registers */
+template <int N> struct Terms {
+    Term all[N + TOGETHER]; /* the last are not read */
 };
 
 struct Tangent : Expression<Tangent> {
@@ -27,21 +29,8 @@ struct Tangent : Expression<Tangent> {
     Tangent() = default;
     Tangent(double x) : v(x), moves(0) { EACH_PART(d[i] = Part{}); }
     template <class E> MEMBER Tangent(const Expression<E> &e) { *this = e; }
-    template <class E> MEMBER Tangent &operator=(const Expression<E> &e) {
-        double slopes[E::OPERANDS];
-        const Tangent *of[E::OPERANDS];
-        Operands to = {slopes, of, 0};
-        e.self().note(to, 1.0);
-        v = e.self().v;
-        add_up(to);
-        return *this;
-    }
-    MEMBER void note(Operands &to, double slope) const {
-        to.slopes[to.n] = slope;
-        to.of[to.n] = this;
-        to.n += moves != 0;
-    }
-    inline void add_up(const Operands &these);
+    template <class E> MEMBER Tangent &operator=(const Expression<E> &e);
+    template <int AT, class To> MEMBER void note(To &to, double slope) const { to.all[AT] = Term{slope, this}; }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
@@ -56,14 +45,46 @@ INLINE Part scaled(double slope, const Part &d) {
     return r;
 }
 
-/* Derivatives of a statement, which may be one of its operands. */
-__attribute__((noinline)) void Tangent::add_up(const Operands &these) {
-    moves = these.n != 0;
+/* The derivatives of r, which may be one of the operands: the first N of these terms. */
+template <int N> NOINLINE void add_up(Tangent *r, Term a, Term b, Term c, Term d) {
     Part sum[PARTS];
-    if (these.n) EACH_PART(sum[i] = scaled(these.slopes[0], these.of[0]->d[i]));
-    else EACH_PART(sum[i] = Part{});
-    for (int k = 1; k < these.n; k++) EACH_PART(sum[i] += scaled(these.slopes[k], these.of[k]->d[i]));
-    EACH_PART(d[i] = sum[i]);
+    EACH_PART(sum[i] = Part{});
+    uint64_t moves = a.of->moves;
+    if (a.of->moves) EACH_PART(sum[i] = scaled(a.slope, a.of->d[i]));
+    if (N > 1 && b.of->moves) EACH_PART(sum[i] += scaled(b.slope, b.of->d[i]));
+    if (N > 2 && c.of->moves) EACH_PART(sum[i] += scaled(c.slope, c.of->d[i]));
+    if (N > 3 && d.of->moves) EACH_PART(sum[i] += scaled(d.slope, d.of->d[i]));
+    if (N > 1) moves |= b.of->moves;
+    if (N > 2) moves |= c.of->moves;
+    if (N > 3) moves |= d.of->moves;
+    r->moves = moves;
+    EACH_PART(r->d[i] = sum[i]);
+}
+template <class E> MEMBER Tangent &Tangent::operator=(const Expression<E> &e) {
+    enum { N = E::OPERANDS, LAST = N > TOGETHER ? (N - TOGETHER - 1) / (TOGETHER - 1) * (TOGETHER - 1) + TOGETHER : 0 };
+    Terms<N> terms;
+    e.self().template note<0>(terms, 1.0);
+    v = e.self().v;
+    const Term *const t = terms.all;
+    if (N <= TOGETHER) {
+        add_up<(N < TOGETHER ? N : TOGETHER)>(this, t[0], t[N > 1], t[N > 2 ? 2 : 0], t[N > 3 ? 3 : 0]);
+        return *this;
+    }
+    Tangent sum;
+    const Term before = {1.0, &sum};
+    add_up<TOGETHER>(&sum, t[0], t[1], t[2], t[3]);
+    _Pragma("GCC unroll 64") for (int k = TOGETHER; k < LAST; k += TOGETHER - 1)
+        add_up<TOGETHER>(&sum, before, t[k], t[k + 1], t[k + 2]);
+    add_up<N - LAST + 1>(this, before, t[LAST], t[LAST + 1], t[LAST + 2]);
+    return *this;
+}
+NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent *const *of) {
+    Tangent r(value);
+    for (int k = 0; k < n; k++) {
+        r.moves |= of[k]->moves;
+        EACH_PART(r.d[i] += scaled(slopes[k], of[k]->d[i]));
+    }
+    return r;
 }
 
 typedef decltype(Part() != Part()) PartMask;
