@@ -10,15 +10,11 @@ typedef double Part __attribute__((vector_size(8 * PART)));
 #define EACH_PART(expression) \
     _Pragma("GCC unroll 8") for (int i = 0; i < PARTS; i++) expression
 
-/* An operand and the slope by it. */
 struct Tangent;
-struct Term {
-    double slope;
-    const Tangent *of;
-};
-enum { TOGETHER = 4 }; /* terms that one call adds up: they are in registers */
-template <int N> struct Terms {
-    Term all[N + TOGETHER]; /* the last are not read */
+enum { TOGETHER = 4 }; /* operands that one call adds up: they are in registers */
+template <int N> struct Operands {
+    double slopes[N + TOGETHER]; /* the last are not read */
+    const Tangent *of[N + TOGETHER];
 };
 
 struct Tangent : Expression<Tangent> {
@@ -30,7 +26,10 @@ struct Tangent : Expression<Tangent> {
     Tangent(double x) : v(x), moves(0) { EACH_PART(d[i] = Part{}); }
     template <class E> MEMBER Tangent(const Expression<E> &e) { *this = e; }
     template <class E> MEMBER Tangent &operator=(const Expression<E> &e);
-    template <int AT, class To> MEMBER void note(To &to, double slope) const { to.all[AT] = Term{slope, this}; }
+    template <int AT, class To> MEMBER void note(To &to, double slope) const {
+        to.slopes[AT] = slope;
+        to.of[AT] = this;
+    }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
@@ -45,37 +44,38 @@ INLINE Part scaled(double slope, const Part &d) {
     return r;
 }
 
-/* The derivatives of r, which may be one of the operands: the first N of these terms. */
-template <int N> NOINLINE void add_up(Tangent *r, Term a, Term b, Term c, Term d) {
+/* The derivatives of r, which may be one of its operands: the first N of these. */
+template <int N>
+NOINLINE void add_up(Tangent *r, double by_a, const Tangent *a, double by_b, const Tangent *b, double by_c,
+    const Tangent *c, double by_d, const Tangent *d) {
     Part sum[PARTS];
     EACH_PART(sum[i] = Part{});
-    uint64_t moves = a.of->moves;
-    if (a.of->moves) EACH_PART(sum[i] = scaled(a.slope, a.of->d[i]));
-    if (N > 1 && b.of->moves) EACH_PART(sum[i] += scaled(b.slope, b.of->d[i]));
-    if (N > 2 && c.of->moves) EACH_PART(sum[i] += scaled(c.slope, c.of->d[i]));
-    if (N > 3 && d.of->moves) EACH_PART(sum[i] += scaled(d.slope, d.of->d[i]));
-    if (N > 1) moves |= b.of->moves;
-    if (N > 2) moves |= c.of->moves;
-    if (N > 3) moves |= d.of->moves;
-    r->moves = moves;
+    if (a->moves) EACH_PART(sum[i] = scaled(by_a, a->d[i]));
+    if (N > 1 && b->moves) EACH_PART(sum[i] += scaled(by_b, b->d[i]));
+    if (N > 2 && c->moves) EACH_PART(sum[i] += scaled(by_c, c->d[i]));
+    if (N > 3 && d->moves) EACH_PART(sum[i] += scaled(by_d, d->d[i]));
+    r->moves = a->moves | (N > 1 ? b->moves : 0) | (N > 2 ? c->moves : 0) | (N > 3 ? d->moves : 0);
     EACH_PART(r->d[i] = sum[i]);
 }
 template <class E> MEMBER Tangent &Tangent::operator=(const Expression<E> &e) {
     enum { N = E::OPERANDS, LAST = N > TOGETHER ? (N - TOGETHER - 1) / (TOGETHER - 1) * (TOGETHER - 1) + TOGETHER : 0 };
-    Terms<N> terms;
-    e.self().template note<0>(terms, 1.0);
+    Operands<N> all;
+    e.self().template note<0>(all, 1.0);
     v = e.self().v;
-    const Term *const t = terms.all;
+    const double *const s = all.slopes;
+    const Tangent *const *const x = all.of;
     if (N <= TOGETHER) {
-        add_up<(N < TOGETHER ? N : TOGETHER)>(this, t[0], t[N > 1], t[N > 2 ? 2 : 0], t[N > 3 ? 3 : 0]);
+        enum { SECOND = N > 1, THIRD = N > 2 ? 2 : 0, FOURTH = N > 3 ? 3 : 0 };
+        add_up<(N < TOGETHER ? N : TOGETHER)>(
+            this, s[0], x[0], s[SECOND], x[SECOND], s[THIRD], x[THIRD], s[FOURTH], x[FOURTH]);
         return *this;
     }
     Tangent sum;
-    const Term before = {1.0, &sum};
-    add_up<TOGETHER>(&sum, t[0], t[1], t[2], t[3]);
+    add_up<TOGETHER>(&sum, s[0], x[0], s[1], x[1], s[2], x[2], s[3], x[3]);
     _Pragma("GCC unroll 64") for (int k = TOGETHER; k < LAST; k += TOGETHER - 1)
-        add_up<TOGETHER>(&sum, before, t[k], t[k + 1], t[k + 2]);
-    add_up<N - LAST + 1>(this, before, t[LAST], t[LAST + 1], t[LAST + 2]);
+        add_up<TOGETHER>(&sum, 1.0, &sum, s[k], x[k], s[k + 1], x[k + 1], s[k + 2], x[k + 2]);
+    add_up<N - LAST + 1>(
+        this, 1.0, &sum, s[LAST], x[LAST], s[LAST + 1], x[LAST + 1], s[LAST + 2], x[LAST + 2]);
     return *this;
 }
 NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent *const *of) {
