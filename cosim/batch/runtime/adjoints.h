@@ -1,5 +1,4 @@
-/* A number of which it is known how it follows from others: the type, its operators, and what numbers.h is written
- * with.
+/* A number of which it is known how it follows from others: the type, and what numbers.h is written with.
  *
  * A statement of generated code, with all its operators, is one entry of a tape (batch.h): the indices of the numbers
  * that it reads, and the derivatives of the result by them. The index of the result is that of the entry. Index 0 is a

@@ -2,11 +2,11 @@
  * value in the operations of one number, so with its bits, the derivatives by the chain rule for each operation. For
  * one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
  *
- * The type and its operators come from tangents.h or adjoints.h, with
- *     chain(value, slope, x), chain(value, slope, x, second, y), moved(value, x)  a number that depends on x, on y,
- *                                                                                 or moves as x does;
+ * The operators come from expressions.h, the type from tangents.h or adjoints.h, with
+ *     moved(value, x)  a number that moves as x does;
  *     chain(value, n, slopes, of)  one that depends on n others;
  *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
+ *     note_moves(x, n)            where derivatives were written from elsewhere;
  *     lanes_moved, lanes_changed  whether a number is not the same, beyond rounding and at all.
  *
  * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side
@@ -32,6 +32,7 @@ extern "C" {
 #include "tangents.h"
 #endif
 
+/* A number that depends on x, and on y. */
 INLINE Number chain(double value, double slope, const Number &x) { return OfOne<Number>(value, slope, x); }
 INLINE Number chain(double value, double slope, const Number &x, double second, const Number &y) {
     return OfTwo<Number, Number>(value, slope, x, second, y);

@@ -1,4 +1,4 @@
-/* A number with its derivatives in TANGENTS directions: the type, its operators, and what numbers.h is written with. */
+/* A number with its derivatives in TANGENTS directions: the type, and what numbers.h is written with. */
 #ifndef TANGENTS_H
 #define TANGENTS_H
 
