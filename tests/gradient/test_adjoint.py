@@ -22,7 +22,7 @@ from cosim.experiments.hmmwv.runs import Case as HmmwvCase
 from cosim.experiments.preview_lq import EXPERIMENT as RIDE
 from cosim.experiments.preview_lq.runs import Case as RideCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
-from cosim.gradient.gradient import DIRECTIONS, MANY_DIRECTIONS
+from cosim.gradient.gradient import DIRECTIONS
 from cosim.tables import Table
 
 pytestmark = [
@@ -108,7 +108,7 @@ def test_a_full_car_under_gpc() -> None:
     system = system_of(GPC, GpcCase())
     names = ["car.body.*", "car.tire.stiffness", "controller.gain.preview[?,?]", "car.suspension.*", "road.*.x"]
     found, forward = both(system, RIDES, names, stop_time=2.5, interval="10 ms")
-    assert 2 * DIRECTIONS < len(found.parameters) <= MANY_DIRECTIONS
+    assert len(found.parameters) > 2 * DIRECTIONS  # copies of more directions
     assert found.changes["road"] >= forward.changes["road"] > 0
 
 
