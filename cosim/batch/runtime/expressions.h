@@ -4,6 +4,10 @@
 #ifndef EXPRESSIONS_H
 #define EXPRESSIONS_H
 
+#ifndef __clang__ /* what operands point to costs gcc more time than the rest of its work, and gains nothing */
+#pragma GCC optimize("no-tree-pta")
+#endif
+
 #define MEMBER inline __attribute__((always_inline))
 
 /* An operand, or an operation on operands, of type E; `v` is its value. Operands are references: a statement's parts
