@@ -44,6 +44,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
+MANY_DIRECTIONS = 56  # where there are more than two copies would carry: these cost about as much as 2.3 copies
 FORWARD = DIRECTIONS  # parameters up to which the forward way costs less than the adjoint (benchmarks/gradients.py)
 _WHY = "a root, a quotient or a norm has no slope there, or a quadratic program was not solved"
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
@@ -259,11 +260,12 @@ class GradientRun:
         )
 
     def _forward(self) -> Gradient:
-        """All parameters, `DIRECTIONS` by each copy."""
+        """All parameters, some by each copy."""
         n = len(self.elements)
-        copies = -(-n // DIRECTIONS)
-        seeds = np.zeros((n, copies, DIRECTIONS))
-        seeds[range(n), np.arange(n) // DIRECTIONS, np.arange(n) % DIRECTIONS] = 1.0
+        each = DIRECTIONS if n <= 2 * DIRECTIONS else MANY_DIRECTIONS
+        copies = -(-n // each)
+        seeds = np.zeros((n, copies, each))
+        seeds[range(n), np.arange(n) // each, np.arange(n) % each] = 1.0
         own = {
             name: seeds[part] if samples else seeds[part.start]
             for name, samples, part in zip(self.by, self.samples, self._parts, strict=True)

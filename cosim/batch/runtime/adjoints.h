@@ -1,5 +1,4 @@
-/* A number of which it is known how it follows from others: the type, its operators, and what numbers.h is written
- * with.
+/* A number of which it is known how it follows from others: the type, and what numbers.h is written with.
  *
  * A statement of generated code, with all its operators, is one entry of a tape (batch.h): the indices of the numbers
  * that it reads, and the derivatives of the result by them. The index of the result is that of the entry. Index 0 is a
@@ -7,10 +6,10 @@
 #ifndef ADJOINTS_H
 #define ADJOINTS_H
 
+#include "expressions.h"
+
 static __thread Tape *tape; /* of the run at hand, for all components */
 extern "C" EXPORT void cosim_use_tape(Tape *of) { tape = of; }
-
-#define MEMBER inline __attribute__((always_inline))
 
 /* Where the operands of a statement go. One that depends on nothing is overwritten by the next. */
 struct Operands {
@@ -22,12 +21,6 @@ struct Operands {
         indices[at] = (uint32_t)index;
         at += index != 0;
     }
-};
-
-/* An operand, or an operation on operands, of type E; `v` is its value. Operands are references: a statement's parts
- * live as long as it. */
-template <class E> struct Expression {
-    MEMBER const E &self() const { return static_cast<const E &>(*this); }
 };
 
 struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies between numbers */
@@ -43,51 +36,27 @@ struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies 
         Tape *const t = tape;
         const TapeCount begin = t->n_operands < t->most ? t->n_operands : t->most;
         Operands to = {t->slopes, t->operands, begin};
-        e.self().note(to, 1.0);
+        e.self().template note<0>(to, 1.0);
         t->n_operands = to.at;
         t->n += to.at != begin;
         t->ends[t->n & t->mask] = (uint32_t)to.at;
         index = to.at != begin ? t->n : 0;
     }
-    MEMBER void note(Operands &to, double slope) const { to.note(slope, index); }
+    template <int> MEMBER void note(Operands &to, double slope) const { to.note(slope, index); }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
 typedef Adjoint Number;
 #define OPERATION INLINE
 
-/* The chain rule. */
-template <class X> struct OfOne : Expression<OfOne<X>> {
-    enum { OPERANDS = X::OPERANDS };
-    double v, slope;
-    const X &x;
-    MEMBER OfOne(double value, double by_x, const X &of) : v(value), slope(by_x), x(of) {}
-    MEMBER void note(Operands &to, double by) const { x.note(to, by * slope); }
-};
-template <class X, class Y> struct OfTwo : Expression<OfTwo<X, Y>> {
-    enum { OPERANDS = X::OPERANDS + Y::OPERANDS };
-    double v, slope, second;
-    const X &x;
-    const Y &y;
-    MEMBER OfTwo(double value, double by_x, const X &of, double by_y, const Y &and_of)
-        : v(value), slope(by_x), second(by_y), x(of), y(and_of) {}
-    MEMBER void note(Operands &to, double by) const {
-        x.note(to, by * slope);
-        y.note(to, by * second);
-    }
-};
-INLINE Adjoint chain(double value, double slope, const Adjoint &x) { return OfOne<Adjoint>(value, slope, x); }
-INLINE Adjoint chain(double value, double slope, const Adjoint &x, double second, const Adjoint &y) {
-    return OfTwo<Adjoint, Adjoint>(value, slope, x, second, y);
-}
 struct OfMany : Expression<OfMany> {
     enum { OPERANDS = TAPE_SPARE }; /* at most */
     double v;
     int n;
     const double *slopes;
     const Adjoint *const *of;
-    MEMBER void note(Operands &to, double) const {
-        for (int k = 0; k < n; k++) of[k]->note(to, slopes[k]);
+    template <int> MEMBER void note(Operands &to, double) const {
+        for (int k = 0; k < n; k++) of[k]->note<0>(to, slopes[k]);
     }
 };
 NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint *const *of) {
@@ -98,41 +67,11 @@ NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint 
 INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.index); }
 INLINE int depends(const Adjoint &x) { return x.index != 0; }
 INLINE int depends(const Adjoint &x, const Adjoint &y) { return x.index != y.index; }
+INLINE void note_moves(Adjoint *, size_t) {}
 
-#define OF_TWO(operator_, value, by_x, by_y)                                                             \
-    template <class X, class Y>                                                                          \
-    MEMBER OfTwo<X, Y> operator operator_(const Expression<X> &left, const Expression<Y> &right) {       \
-        const X &x = left.self();                                                                        \
-        const Y &y = right.self();                                                                       \
-        const double r = value;                                                                          \
-        return OfTwo<X, Y>(r, by_x, x, by_y, y);                                                         \
-    }
-#define WITH_NUMBER(operator_, value, by_x, value_of_number, by_y)                          \
-    template <class X> MEMBER OfOne<X> operator operator_(const Expression<X> &of, double y) { \
-        const X &x = of.self();                                                             \
-        return OfOne<X>(value, by_x, x);                                                    \
-    }                                                                                       \
-    template <class Y> MEMBER OfOne<Y> operator operator_(double x, const Expression<Y> &of) { \
-        const Y &y = of.self();                                                             \
-        const double r = value_of_number;                                                   \
-        return OfOne<Y>(r, by_y, y);                                                        \
-    }
-OF_TWO(+, x.v + y.v, 1.0, 1.0)
-OF_TWO(-, x.v - y.v, 1.0, -1.0)
-OF_TWO(*, x.v * y.v, y.v, x.v)
-OF_TWO(/, x.v / y.v, 1.0 / y.v, -r / y.v)
-WITH_NUMBER(+, x.v + y, 1.0, x + y.v, 1.0)
-WITH_NUMBER(-, x.v - y, 1.0, x - y.v, -1.0)
-WITH_NUMBER(*, x.v * y, y, x * y.v, x)
-WITH_NUMBER(/, x.v / y, 1.0 / y, x / y.v, -r / y.v)
-template <class X> MEMBER OfOne<X> operator-(const Expression<X> &of) {
-    return OfOne<X>(-of.self().v, -1.0, of.self());
-}
 INLINE Adjoint operator+(const Adjoint &x, double y) { return moved(x.v + y, x); }
 INLINE Adjoint operator+(double x, const Adjoint &y) { return moved(x + y.v, y); }
 INLINE Adjoint operator-(const Adjoint &x, double y) { return moved(x.v - y, x); }
-template <class E> MEMBER Adjoint &operator+=(Adjoint &x, const Expression<E> &e) { return x = x + e.self(); }
-template <class E> MEMBER Adjoint &operator*=(Adjoint &x, const Expression<E> &e) { return x = x * e.self(); }
 
 /* What a number depends on is another entry in each round: batch.c takes more rounds instead. */
 INLINE int lanes_moved(const Adjoint &was, const Adjoint &now) {

@@ -89,12 +89,15 @@ INLINE const Table *table_of(const Group *g, int32_t number) {
 /* Derivatives of the outputs of a table by its samples. */
 static void follow_samples(Group *g, const EngineComponent *of, int32_t number) {
     const Table *const s = table_of(g, number);
-    const lanes *const samples = (const lanes *)g->b->components[number].samples;
-    const lanes *const row = samples + ((size_t)g->group * s->rows + s->row) * s->width;
+    lanes *const samples = (lanes *)g->b->components[number].samples;
+    lanes *const row = samples + ((size_t)g->group * s->rows + s->row) * s->width;
     for (size_t i = 0; i < s->n; i++) {
         lanes *const y = &g->values[of->first + s->places[i]];
-        const lanes *const x = &row[s->columns[i]];
-        if (i < s->n_linear && s->weight > 0.0) *y = chain(y->v, 1.0 - s->weight, x[0], s->weight, x[s->width]);
+        lanes *const x = &row[s->columns[i]];
+        const int between = i < s->n_linear && s->weight > 0.0;
+        note_moves(x, 1);
+        if (between) note_moves(&x[s->width], 1);
+        if (between) *y = chain(y->v, 1.0 - s->weight, x[0], s->weight, x[s->width]);
         else *y = moved(y->v, x[0]);
     }
 }
@@ -126,6 +129,7 @@ static void run_probes(Group *g, const EngineComponent *of, int32_t number, doub
             ((double *)g->values[of->first + i].d)[k] =
                 (both[0]->values[of->first + i] - both[1]->values[of->first + i]) / (2.0 * apart);
     }
+    note_moves(&g->values[of->first], of->n_outputs);
 }
 #endif
 
@@ -303,6 +307,9 @@ EXPORT void cosim_batch_settle(Batch *b, BatchWorker *w) {
     for (int64_t number = 0; number < b->n_groups; number++) {
         Group g = group_at(b, w, number);
         w->engine.context = &g;
+#ifdef HAS_SIDES
+        note_moves(g.values, b->n_values);
+#endif
         settle(&g, &w->engine, (lanes *)w->before);
     }
 }

@@ -32,7 +32,7 @@ typedef struct {
     Engine **alone;          /* of all copies: the exchange of one, in which the copy's component is bound */
     const uint32_t *reads;   /* slots that its inputs come from */
     size_t n_reads;
-    const char *samples;     /* of a table with derivatives: its numbers, for each copy row by row; else NULL */
+    char *samples;           /* of a table with derivatives: its numbers, for each copy row by row; else NULL */
     Engine **probes;         /* of numbers with derivatives: for each copy and direction two that are a little apart */
 } BatchComponent;
 

@@ -257,7 +257,7 @@ static void from_plain(Component *m, size_t begin, size_t n) {
 
 static int moves(const lanes *values, int n) {
     int any = 0;
-    for (int i = 0; i < n && !any; i++) any = depends(values[i]);
+    while (n && !any) any = depends(values[--n]); /* parameters, which come first, mostly do not move */
     return any;
 }
 
@@ -317,6 +317,7 @@ static void take_profiles(Component *m) {
 EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
+    note_moves(m->v, N_VALUES);
     sides = 0;
 #endif
 #if HAS_PLAIN

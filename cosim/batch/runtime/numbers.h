@@ -2,11 +2,11 @@
  * value in the operations of one number, so with its bits, the derivatives by the chain rule for each operation. For
  * one copy what lanes.h and lane_equations.h are for several; in C++, for its operators.
  *
- * The type and its operators come from tangents.h or adjoints.h, with
- *     chain(value, slope, x), chain(value, slope, x, second, y), moved(value, x)  a number that depends on x, on y,
- *                                                                                 or moves as x does;
+ * The operators come from expressions.h, the type from tangents.h or adjoints.h, with
+ *     moved(value, x)  a number that moves as x does;
  *     chain(value, n, slopes, of)  one that depends on n others;
  *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
+ *     note_moves(x, n)            where derivatives were written from elsewhere;
  *     lanes_moved, lanes_changed  whether a number is not the same, beyond rounding and at all.
  *
  * Where a comparison decides (a branch, a limit, a sign, the piece of a table), the derivative is that of the side
@@ -31,6 +31,17 @@ extern "C" {
 #else
 #include "tangents.h"
 #endif
+
+/* A number that depends on x, and on y. */
+INLINE Number chain(double value, double slope, const Number &x) { return OfOne<Number>(value, slope, x); }
+INLINE Number chain(double value, double slope, const Number &x, double second, const Number &y) {
+    return OfTwo<Number, Number>(value, slope, x, second, y);
+}
+/* An operand of a statement, by what follows from it; it lives as long as the statement. */
+typedef OfOne<Number> Operand;
+static Number nothing; /* 0, which does not move */
+template <class E> MEMBER Number &operator+=(Number &x, const Expression<E> &e) { return x = x + e.self(); }
+template <class E> MEMBER Number &operator*=(Number &x, const Expression<E> &e) { return x = x * e.self(); }
 
 #define HAS_SIDES 1
 typedef Number lanes;
@@ -110,31 +121,37 @@ OPERATION double fmu_side(const Number &x, const Number &y) {
     return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
 }
 
-OPERATION Number number_square(const Number &x) { return chain(x.v * x.v, 2.0 * x.v, x); }
+INLINE Operand number_square(const Number &x) { return Operand(x.v * x.v, 2.0 * x.v, x); }
 OPERATION Number number_sign(const Number &x) {
     noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
     return Number(sign(x.v));
 }
-OPERATION Number number_when(int holds, const Number &a) { return holds ? a : Number(0.0); }
-OPERATION Number number_if_else(int holds, const Number &a, const Number &b) { return (holds ? a : b) + 0.0; }
-OPERATION Number number_fabs(const Number &x) {
-    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
-    return chain(fabs(x.v), side, x);
+INLINE Operand number_if_else(int holds, const Number &a, const Number &b) {
+    const Number &x = holds ? a : b;
+    return Operand(x.v + 0.0, 1.0, x);
 }
-OPERATION Number number_copysign(const Number &x, const Number &y) {
+INLINE Operand number_when(int holds, const Number &a) {
+    const Number &x = holds ? a : nothing;
+    return Operand(x.v, 1.0, x);
+}
+OPERATION Operand number_fabs(const Number &x) {
+    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
+    return Operand(fabs(x.v), side, x);
+}
+OPERATION Operand number_copysign(const Number &x, const Number &y) {
     const double r = copysign(x.v, y.v);
     noted(depends(x), x.v < 0.0);
     noted(depends(y), signbit(y.v) != 0);
-    return chain(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
+    return Operand(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
 }
 /* Tables and limits call these two often, which would take minutes to compile in place. */
-NOINLINE Number number_fmax(const Number &x, const Number &y) {
+NOINLINE Operand number_fmax(const Number &x, const Number &y) {
     const double r = fmu_fmax(x.v, y.v);
-    return moved(r, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
+    return Operand(r, 1.0, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
 }
-NOINLINE Number number_fmin(const Number &x, const Number &y) {
+NOINLINE Operand number_fmin(const Number &x, const Number &y) {
     const double r = fmu_fmin(x.v, y.v);
-    return moved(r, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
+    return Operand(r, 1.0, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
 }
 OPERATION Number number_floor(const Number &x) {
     const double r = fmu_floor(x.v);
@@ -148,10 +165,11 @@ OPERATION Number number_ceil(const Number &x) {
 }
 
 #define OF_ONE(name, slope)                                 \
-    OPERATION Number number_##name(const Number &x) {       \
+    OPERATION Operand number_##name(const Number &x) {      \
         const double v = x.v, r = fmu_##name(v);            \
         (void)v;                                            \
-        return depends(x) ? chain(r, slope, x) : Number(r); \
+        if (!depends(x)) return Operand(r, 0.0, nothing);   \
+        return Operand(r, slope, x);                        \
     }
 INLINE double fmu_sqrt(double x) { return sqrt(x); }
 OF_ONE(sqrt, 0.5 / r)
