@@ -136,25 +136,34 @@ class IntegrationFailed(CallFailed):
 class LoopNotSolved(CallFailed):
     """An algebraic loop has no solution at `at` [s], or jumps there.
 
-    `values`: name, value and residual of each unknown; `path`: the connections of the loop, as text.
+    `values`: name, value and residual of each unknown; `path`: the connections of the loop, as text; `culprit`: an
+    output that was not finite where the solution ended.
     """
 
     def __init__(
-        self, component: str, values: Sequence[tuple[str, float, float]], tolerance: float, at: float, path: str
+        self,
+        component: str,
+        values: Sequence[tuple[str, float, float]],
+        tolerance: float,
+        at: float,
+        path: str,
+        culprit: NotFinite | None = None,
     ):
-        self.values, self.tolerance, self.at, self.path = values, tolerance, at, path
+        self.values, self.tolerance, self.at, self.path, self.culprit = values, tolerance, at, path, culprit
         super().__init__(component, "algebraic loop", 3)
         self.status = "not solved"
 
     def _text(self, time: float | None) -> str:  # noqa: ARG002
         found = ", ".join(f"{n} = {z:.9g} (residual {r:.3g})" for n, z, r in self.values[:8])
         more = f" and {len(self.values) - 8} more" if len(self.values) > 8 else ""
+        if self.culprit is not None:
+            more += f", where {self.culprit.component}.{self.culprit.variable} is {self.culprit.value}"
         return (
             f"the algebraic loop through '{self.component}' has no solution at t = {self.at:.9g} s, or its solution"
             f" jumps there: {found}{more}, tolerance {self.tolerance:g}\n{self.path}"
             + surface.hint(
-                "\nGive one of these connections delay=True (one step of delay), or the run a larger"
-                " execution=Execution(loop_tolerance=...)."
+                "\nGive an input of the loop a start value near the solution (start=...), one of these connections"
+                " delay=True (one step of delay), or the run a larger execution=Execution(loop_tolerance=...)."
             )
         )
 

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12, WARNING = 1, ERROR = 3 };
+enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12, WARNING = 1, DISCARD = 2, ERROR = 3 };
 #define DIFFERENCE 0x1p-20   /* by which an unknown is changed for the Jacobian, relative to its size */
 #define SUFFICIENT 1e-4      /* a step of Newton's method must reduce the residual by this share of what it promises */
 #define POOR 0.1             /* a step that leaves a larger share of the residual outdates the Jacobian */
@@ -67,7 +67,8 @@ static int extrapolate(Engine *e, EngineLoop *l, const EngineComponent *m, const
 }
 
 /* residual = G(z) - z, NaN where a component computes what is not finite; the unknowns are z afterward. With a `change`
- * by which z differs from the last point, along derivatives where there are any. */
+ * by which z differs from the last point, along derivatives where there are any. A component that returns Discard at a
+ * trial point has no value there, too. */
 static int evaluate(Engine *e, EngineLoop *l, const double *z, double change, double *residual) {
     bool finite = true, evaluated = false;
     put(e, l, z);
@@ -76,9 +77,13 @@ static int evaluate(Engine *e, EngineLoop *l, const double *z, double change, do
         const EngineDerivative *d = offered(l, i);
         const bool along = d && change != 0.0;
         const int result = along ? extrapolate(e, l, m, d, change) : engine_exchange(e, m, NAN);
+        evaluated |= !along;
+        if (result == ENGINE_CALL_FAILED && e->status == DISCARD && z != l->work) {
+            finite = false;
+            break;
+        }
         if (result) return result;
         if (d && !along) keep(m, d);
-        evaluated |= !along;
         finite = engine_finite(m->y, m->n_outputs);
         if (finite) engine_publish_outputs(e, m);
     }

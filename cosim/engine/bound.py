@@ -56,7 +56,8 @@ class BoundEngine:
         )
         self._named = setup.loops
         self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
-        self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work)])
+        self._starts = [np.array(loop.start) for loop in plan.loops]
+        self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
         e.loops, e.n_loops = self._loops, len(plan.loops)
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
@@ -110,12 +111,10 @@ class BoundEngine:
 
     def _raise_no_solution(self, number: int, t: float) -> None:
         loop, work = self._named[number], self._work[number]
-        culprit = self._setup.layout.not_finite(loop.components, t)
-        if culprit is not None:
-            raise culprit
+        culprit = self._setup.layout.not_finite(loop.components)
         n = len(loop.unknowns)
         values = [(f"{m.name}.{v.name}", z, r) for (m, v), z, r in zip(loop.unknowns, work[:n], work[n:], strict=False)]
-        raise LoopNotSolved(loop.components[0].name, values, self._setup.loop_tolerance, t, str(loop))
+        raise LoopNotSolved(loop.components[0].name, values, self._setup.loop_tolerance, t, str(loop), culprit)
 
     @property
     def loop_effort(self) -> list[LoopEffort]:
@@ -159,6 +158,8 @@ class BoundEngine:
         values = self._setup.values
         chosen = np.array([m in components for m in self._setup.schedule.components], dtype=np.bool_)
         changes = np.zeros(len(values))
+        for start, loop in zip(self._starts, self._named, strict=True):
+            start[:] = loop.first_guess
         pointers = self._address("bool*", chosen), self._address("double*", changes)
         result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
         if result not in (self.AT_END, self.UNSETTLED):
@@ -243,7 +244,7 @@ class BoundEngine:
             if ports.fmi.follow is not None:
                 ports.fmi.follow(m, self._pointer("double*", self._setup.values), self._adaptive)
 
-    def _loop(self, plan: LoopPlan, work: Array) -> dict[str, Any]:
+    def _loop(self, plan: LoopPlan, work: Array, start: Array) -> dict[str, Any]:
         return {
             "components": self._pointer("int32_t*", np.array(plan.components, dtype=np.int32)),
             "n_components": len(plan.components),
@@ -254,6 +255,7 @@ class BoundEngine:
             "published": self._slots(plan.published),
             "computed": self._slots(plan.computed),
             "nominal": self._pointer("double*", np.array(plan.nominal)),
+            "start": self._pointer("double*", start),
             "tolerance": self._setup.loop_tolerance,
             "derivatives": self._array(
                 "EngineDerivative",

@@ -295,8 +295,19 @@ static bool is_in_loop(const Engine *e, int32_t component) {
     return false;
 }
 
+/* The first guess of a loop, of unknowns whose components settle. */
+static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
+    for (int32_t i = 0; i < l->n_components; i++) {
+        const EngineComponent *m = &e->components[l->components[i]];
+        for (int32_t k = 0; k < l->n && (!settles || settles[l->components[i]]); k++)
+            if (l->computed[k] >= m->first && l->computed[k] - m->first < m->n_outputs)
+                e->values[l->published[k]] = e->values[l->computed[k]] = l->start[k];
+    }
+}
+
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     e->environment = environment_bits();
+    for (int32_t i = 0; i < e->n_loops; i++) begin_loop(e, &e->loops[i], settles);
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
         for (int32_t i = 0; i < e->n_components; i++) {

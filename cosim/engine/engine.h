@@ -132,6 +132,7 @@ typedef struct {
     int32_t n;                  /* unknowns */
     const uint32_t *published, *computed; /* of n: their slots */
     const double *nominal;      /* of n */
+    const double *start;        /* of n: the first guess at initialization, from start values of driven inputs */
     double tolerance;           /* of |G(z) - z| / max(nominal, |z|) */
     const EngineDerivative *derivatives; /* of n_components; NULL: none offers them */
     double *work;               /* of engine_loop_work(n); first the unknowns, then their residuals */
@@ -239,7 +240,8 @@ size_t engine_loop_work(int32_t n);
 void engine_publish(Engine *e);
 /* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of
  * the components that `settles` says, NULL: all. Of values that still change, ENGINE_UNSETTLED, `before` is 1, else 0;
- * it has as many elements as there are values. */
+ * it has as many elements as there are values. Loops are solved from the start values of those outputs whose components
+ * settle, and from the published values of the others. */
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_component(Engine *e, int32_t number, double t);

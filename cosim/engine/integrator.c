@@ -273,7 +273,8 @@ static uint32_t compare(Integrator *s, double t, const double *jacobian) {
             sum += part, all += size_of(part);
         }
         const double difference = size_of(s->k[0][i] - s->f[i] - sum);
-        if (status <= WARNING && difference > 0.01 * all + 1e-9 * size_of(s->f[i])) s->memory.directional = 2;
+        const bool agrees = difference <= 0.01 * all + 1e-9 * size_of(s->f[i]) && finite_number(difference);
+        if (status <= WARNING && !agrees) s->memory.directional = 2;
     }
     for (uint32_t i = 0; i < n; i++) s->seed[i] = 0.0;
     return OK;
@@ -299,6 +300,10 @@ static uint32_t linearize(Integrator *s, double t, double *jacobian) {
                       const double *, size_t, double *, size_t), s->derivatives, m, s->states, m, s->seed,
                       n, s->k[0], n);
             s->seed[j] = 0.0;
+            if (status > WARNING && status <= ERROR) {
+                s->memory.directional = 2;
+                return linearize(s, t, jacobian);
+            }
             TRY(INTEGRATOR_DIRECTIONAL, status);
             for (uint32_t i = 0; i < n; i++) jacobian[i * n + j] = s->k[0][i];
             continue;

@@ -120,6 +120,7 @@ class LoopPlan:
     published: tuple[int, ...]
     computed: tuple[int, ...]
     nominal: tuple[float, ...]
+    start: tuple[float, ...]
     derivatives: tuple[DerivativePlan | None, ...]  # by component; empty: none offers them
 
 
@@ -193,6 +194,7 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
         published=tuple(layout.visible[key] for key in loop.unknowns),
         computed=tuple(layout.latest[key] for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
+        start=tuple(loop.first_guess),
         derivatives=derivatives if any(derivatives) else (),
     )
 

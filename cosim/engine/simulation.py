@@ -26,6 +26,7 @@ from cosim.core.errors import (
     ComponentError,
     CosimError,
     Interrupted,
+    LoopNotSolved,
     NotFinite,
     TimeError,
     WiringError,
@@ -458,7 +459,9 @@ class Simulation:
         """A component that cannot take a NaN does not cause it. Only initialization hands such values on."""
         if self._exchange.allow_nan or isinstance(failure, NotFinite):
             return failure
-        return self._layout.not_finite(self.schedule.components) or failure
+        found = self._layout.not_finite(self.schedule.components)
+        loop = failure.culprit if isinstance(failure, LoopNotSolved) else None
+        return failure if found is None or (loop and loop.component == found.component) else found
 
     @cached_property
     def _driven(self) -> dict[tuple[SystemComponent, Variable], Connection]:

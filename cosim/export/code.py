@@ -345,7 +345,8 @@ class SystemCode:
 
 def _loop(plan: LoopPlan) -> dict[str, Any]:
     derivatives = [d and {**asdict(d), "i": i} for i, d in enumerate(plan.derivatives)]
-    return {**asdict(plan), "nominal": list(map(c_number, plan.nominal)), "derivatives": derivatives}
+    numbers = {"nominal": list(map(c_number, plan.nominal)), "start": list(map(c_number, plan.start))}
+    return {**asdict(plan), **numbers, "derivatives": derivatives}
 
 
 def _exchange_calls(part: Part) -> list[str]:

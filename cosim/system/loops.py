@@ -38,10 +38,21 @@ class AlgebraicLoop:
     @property
     def unknowns(self) -> tuple[tuple[SystemComponent, Variable], ...]:
         """Outputs at which the loop is cut: those that their own component reads, or one ahead of it."""
+        return tuple(dict.fromkeys((c.source, c.output) for c in self._cut))
+
+    @property
+    def first_guess(self) -> list[float]:
+        """The unknowns before the first solution: start values of inputs that they drive, rather given than declared."""
+        found: dict[tuple[SystemComponent, Variable], float] = {}
+        for c in sorted(self._cut, key=lambda c: not _has_given_start(c)):
+            start = c.target.start(c.input.name)
+            found.setdefault((c.source, c.output), 0.0 if start is None else (float(start) - c.offset) / c.scale)
+        return [found[unknown] for unknown in self.unknowns]
+
+    @property
+    def _cut(self) -> list[Connection]:
         place = {m: i for i, m in enumerate(self.components)}
-        return tuple(
-            dict.fromkeys((c.source, c.output) for c in self.connections if place[c.source] >= place[c.target])
-        )
+        return [c for c in self.connections if place[c.source] >= place[c.target]]
 
     @property
     def names(self) -> str:
@@ -60,6 +71,11 @@ def declared(component: SystemComponent, output: str) -> frozenset[str] | None:
 def certain(component: SystemComponent, output: str) -> frozenset[str]:
     """As `declared`, without inputs of which nothing is declared."""
     return declared(component, output) or frozenset()
+
+
+def _has_given_start(connection: Connection) -> bool:
+    """Whether the user has set the start value of its input."""
+    return connection.input.name in connection.target.values
 
 
 def numeric(connections: Iterable[Connection]) -> list[Connection]:
@@ -114,16 +130,25 @@ def _has_cycle(edges: Iterable[tuple[int, int]]) -> bool:
 
 
 def _ordered(connections: tuple[Connection, ...]) -> AlgebraicLoop:
-    """A loop with its components in an order that cuts few outputs: next is what reads the fewest of those waiting."""
+    """A loop with its components in an order that cuts few outputs: next is what reads the fewest of those waiting.
+
+    Components with given start values are ahead, so that the loop is cut where the user has chosen its first guess.
+    """
     waiting = sorted({c.source for c in connections}, key=lambda m: m.name)
     order: list[SystemComponent] = []
     while waiting:
-        needs = {
-            m: {(c.output.type != "real", c.source_name) for c in connections if c.target is m and c.source in others}
+        reads = {
+            m: [c for c in connections if c.target is m and c.source in others]
             for m in waiting
             for others in [set(waiting) - {m}]
         }
-        order.append(min(waiting, key=lambda m: (sum(other for other, _ in needs[m]), len(needs[m]))))
+        needs = {m: {(c.output.type != "real", c.source_name) for c in reads[m]} for m in waiting}
+        order.append(
+            min(
+                waiting,
+                key=lambda m: (sum(other for other, _ in needs[m]), not any(map(_has_given_start, reads[m])), len(needs[m])),
+            )
+        )
         waiting.remove(order[-1])
     place = {m: i for i, m in enumerate(order)}
     return AlgebraicLoop(tuple(order), tuple(sorted(connections, key=lambda c: place[c.source])))

@@ -88,6 +88,6 @@ FmuStatus container_not_solved(FmuInstance *self) {
     self->state->mode = MODE_ERROR;
     return fmu_fail(self, FMU_ERROR,
         "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there "
-        "(%.9g, residual %.3g)",
+        "(%.9g, residual %.3g): export the system with a start value of an input of the loop near the solution",
         P->owners[l->published[0]], fmu_time(self), l->work[0], l->work[l->n]);
 }
