@@ -851,8 +851,9 @@ class FmuComponent:
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives.
 
-        By differences where an FMU of Model Exchange does not offer them. States and derivatives are those of the model
-        structure. Raises CosimError when the FMU offers neither.
+        By differences where an FMU of Model Exchange does not offer them, or where those of a third-party one do not
+        agree with differences, of which an FmuWarning tells. States and derivatives are those of the model structure.
+        Raises CosimError when the FMU offers neither.
         """
         states, derivatives = self.description.states, self.description.derivatives
         if not self.description.directional_derivatives:
@@ -866,6 +867,15 @@ class FmuComponent:
         for column, known in enumerate(knowns):
             if asked:
                 jacobian[asked, column] = self.derivative([unknowns[i] for i in asked], known)
+        own = self.integration
+        if own is not None and self.description.kind is None and not own.agrees(jacobian, inputs, outputs):
+            warnings.warn(
+                f"component '{self.name}': the directional derivatives of its FMU ({self.fmu.path.name}) do not agree"
+                " with differences, by which it is linearized",
+                FmuWarning,
+                stacklevel=2,
+            )
+            return own.linearize(inputs, outputs)
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:

@@ -8,7 +8,8 @@ within them inputs keep their values.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, Protocol
 
@@ -17,7 +18,7 @@ import numpy as np
 from build_fmus.base.checks import number, unknown
 from cosim.core.component import Array, is_whole
 from cosim.core.description import Description, Variable
-from cosim.core.errors import CosimError, FmuError, IntegrationFailed, WiringError
+from cosim.core.errors import CallFailed, CosimError, FmuError, IntegrationFailed, WiringError
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING, full_name
@@ -27,6 +28,7 @@ Solver = Literal["auto", "explicit", "implicit"]
 SOLVERS: Mapping[str, int] = {"auto": 0, "explicit": 1, "implicit": 2}  # IntegratorMethod
 LARGEST_TOLERANCE = 1e-8  # unless the user says otherwise
 _DIFFERENCE = 6e-6  # of a central difference, relative to the value or its nominal one: cube root of the precision
+_COMPARED = 2.0**-20  # of differences that are compared with directional derivatives, relative to the same
 LARGEST_IMPLICIT = 5000  # states, of which two matrices are kept
 
 
@@ -193,7 +195,7 @@ class Integration:
 
         Raises CosimError if the FMU is isolated or cannot save its state.
         """
-        component, ffi, n = self._component, self._ffi, len(self._about.states)
+        n = len(self._about.states)
         if self._isolated is not None or not self._about.can_save:
             why = "is isolated: add it without isolation" if self._about.can_save else "cannot save its state"
             raise CosimError(f"its FMU offers no directional derivatives; differences are not possible, as it {why}")
@@ -203,6 +205,48 @@ class Integration:
                 f"its FMU offers no directional derivatives; differences are not possible for its discrete input"
                 f" {discrete}: name other inputs"
             )
+        with self._moved(inputs, outputs) as (shown, present, scale):
+            columns = []
+            for k, size in enumerate(scale):
+                step = _DIFFERENCE * size
+                ends = [[*present[:k], present[k] + sign * step, *present[k + 1 :]] for sign in (1.0, -1.0)]
+                columns.append((shown(ends[0]) - shown(ends[1])) / (ends[0][k] - ends[1][k]))
+        jacobian = np.array(columns).reshape(len(present), n + len(outputs)).T
+        if not np.isfinite(jacobian).all():
+            raise CosimError("its derivatives or outputs are not finite beside its present state")
+        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def agrees(self, jacobian: Array, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> bool:
+        """Whether derivatives agree with differences along one direction, by the rule of `compare` in `integrator.c`.
+
+        True where no differences are possible. `jacobian`: of the states' derivatives and `outputs` by states and
+        `inputs`.
+        """
+        discrete = any(v.variability == "discrete" for v in inputs)
+        if self._isolated is not None or not self._about.can_save or discrete:
+            return True
+        try:
+            with self._moved(inputs, outputs) as (shown, present, scale):
+                steps = _COMPARED * np.array(scale)
+                here, *ends = (shown([*(present + sign * steps)]) for sign in (0.0, 1.0, -1.0))
+        except CallFailed as failure:
+            if failure.status == "Fatal":
+                raise
+            return True
+        change, parts = (ends[0] - ends[1]) / 2, jacobian * steps
+        allowed = 0.01 * np.abs(parts).sum(axis=1) + 1e-9 * np.maximum(1.0, np.abs(here))
+        beyond = np.abs(change - parts.sum(axis=1)) > allowed
+        return not (np.isfinite(change).all() and beyond.any())
+
+    @contextmanager
+    def _moved(
+        self, inputs: Sequence[Variable], outputs: Sequence[Variable]
+    ) -> Iterator[tuple[Callable[[Sequence[float]], Array], list[float], list[float]]]:
+        """The states' derivatives and `outputs` as a function of states and `inputs`; these at present and their sizes.
+
+        The state is restored afterward.
+        """
+        component, ffi, n = self._component, self._ffi, len(self._about.states)
         x, slopes = ffi.new("double[]", n), ffi.new("double[]", n)
         variables = [*self._about.states, *inputs]
         state, report = component.save(), bytes(ffi.buffer(self._report))
@@ -218,19 +262,11 @@ class Integration:
                 component._must(self._names[3], slopes, n)
                 return np.array([*slopes, *component.get(outputs)], dtype=float)
 
-            columns = []
-            for k, variable in enumerate(variables):
-                step = _DIFFERENCE * max(abs(present[k]), variable.nominal)
-                ends = [[*present[:k], present[k] + sign * step, *present[k + 1 :]] for sign in (1.0, -1.0)]
-                columns.append((shown(ends[0]) - shown(ends[1])) / (ends[0][k] - ends[1][k]))
+            yield shown, present, [max(abs(at), v.nominal) for at, v in zip(present, variables, strict=True)]
         finally:
             component.restore(state)
             component.forget(state)
             ffi.buffer(self._report)[:] = report
-        jacobian = np.array(columns).reshape(len(variables), n + len(outputs)).T
-        if not np.isfinite(jacobian).all():
-            raise CosimError("its derivatives or outputs are not finite beside its present state")
-        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def saved(self) -> bytes:
         """What continues from step to step, apart from the state of the FMU."""

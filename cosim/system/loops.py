@@ -42,7 +42,7 @@ class AlgebraicLoop:
 
     @property
     def first_guess(self) -> list[float]:
-        """The unknowns before the first solution: start values of inputs that they drive, rather given than declared."""
+        """The unknowns before the first solution, by start values of inputs that they drive: given ones come first."""
         found: dict[tuple[SystemComponent, Variable], float] = {}
         for c in sorted(self._cut, key=lambda c: not _has_given_start(c)):
             start = c.target.start(c.input.name)
@@ -137,18 +137,12 @@ def _ordered(connections: tuple[Connection, ...]) -> AlgebraicLoop:
     waiting = sorted({c.source for c in connections}, key=lambda m: m.name)
     order: list[SystemComponent] = []
     while waiting:
-        reads = {
-            m: [c for c in connections if c.target is m and c.source in others]
-            for m in waiting
-            for others in [set(waiting) - {m}]
-        }
-        needs = {m: {(c.output.type != "real", c.source_name) for c in reads[m]} for m in waiting}
-        order.append(
-            min(
-                waiting,
-                key=lambda m: (sum(other for other, _ in needs[m]), not any(map(_has_given_start, reads[m])), len(needs[m])),
-            )
-        )
+        needs: dict[SystemComponent, tuple[int, bool, int]] = {}
+        for m in waiting:
+            reads = [c for c in connections if c.target is m and c.source in waiting and c.source is not m]
+            cut = {(c.output.type != "real", c.source_name) for c in reads}
+            needs[m] = sum(other for other, _ in cut), not any(map(_has_given_start, reads)), len(cut)
+        order.append(min(waiting, key=needs.__getitem__))
         waiting.remove(order[-1])
     place = {m: i for i, m in enumerate(order)}
     return AlgebraicLoop(tuple(order), tuple(sorted(connections, key=lambda c: place[c.source])))

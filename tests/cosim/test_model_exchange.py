@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import fmpy
 import fmpy.sundials
@@ -12,7 +13,7 @@ from foreign import exchanged, followers
 from foreign.making import redescribed
 from probes import Clock
 
-from cosim import ComponentError, CosimError, Fmu, FmuError, ModelExchange, System, SystemState, WiringError
+from cosim import ComponentError, CosimError, Fmu, FmuError, FmuWarning, ModelExchange, System, SystemState, WiringError
 from cosim.batch import Batch
 from cosim.fmu.component import FmuComponent
 
@@ -293,6 +294,33 @@ def test_fmus_without_directional_derivatives_are_linearized_by_differences(fmu)
     with one(fmu, OSCILLATOR, k=3.0) as system:
         model = system.linearize(inputs=["m.u"], outputs=["m.v"])
         np.testing.assert_allclose(model.A, [[0.0, 1.0], [-9.0, 0.0]], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("slope", "returned"), [("0.0", "OK"), ("NAN", "OK"), ("INFINITY", "OK"), ("0.0", "Discard"), ("0.0", "Error")]
+)
+def test_the_implicit_method_takes_differences_where_derivatives_do_not_agree(version, slope, returned, tmp_path):
+    path = exchanged.build(version, tmp_path, slope=slope, returned=returned)
+    with one(path, STIFF, step="0.1", solver="implicit") as system:
+        run = system.run(1, record=["m.x"])
+    np.testing.assert_allclose(run["m.x"], np.cos(run.time), atol=1e-6)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_linear_model_takes_differences_where_derivatives_do_not_agree(version, tmp_path):
+    with one(exchanged.build(version, tmp_path, slope="0.0"), LAG, k=2.0) as system:
+        with pytest.warns(FmuWarning, match="'m': the directional derivatives .* do not agree with differences"):
+            model = system.linearize(inputs=["m.u"], outputs=["m.x"])
+        np.testing.assert_allclose(model.A, [[-1.0, 0.0], [0.0, 0.0]], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(model.B, [[2.0], [0.0]], rtol=0, atol=1e-9)
+
+
+def test_a_linear_model_takes_derivatives_that_agree(tmp_path):
+    """The model of kind TIMED has none but zeros."""
+    with one(exchanged.build(3, tmp_path, slope="0.0"), TIMED) as system, warnings.catch_warnings():
+        warnings.simplefilter("error", FmuWarning)
+        assert not system.linearize(inputs=["m.u"], outputs=["m.x"]).A.any()
 
 
 def test_linearization_by_differences_changes_nothing(fmu):

@@ -170,3 +170,10 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *end, Flag *nomina
     return update(c, again, end, states, defined, next);
 }
 #endif
+#ifdef SLOPE /* directional derivatives that are all the same */
+Status F(GetDirectionalDerivative)(Instance c, const Reference of[], size_t n, const Reference by[], size_t k,
+    const double seed[], FMI2_OR_3(, size_t n_seed COMMA) double slope[] FMI2_OR_3(, COMMA size_t n_slope)) {
+    for (size_t i = 0; i < n; i++) slope[i] = SLOPE;
+    return RETURNED;
+}
+#endif

@@ -59,11 +59,15 @@ def description(version: int) -> str:
     )
 
 
-def build(version: int, folder: Path) -> Path:
-    """The FMU for this machine, in a folder."""
-    name = f"exchanged{version}"
-    sources = [making.HERE / "exchanged.c", making.others(folder, name, version)]  # FMPy looks for every function
-    library = making.compile_library(folder, name, version, sources, "-O2")
-    return making.pack(
-        folder / f"Exchanged{version}.fmu", making.contents(version, "exchanged", description(version), library)
-    )
+def build(version: int, folder: Path, *, slope: str | None = None, returned: str = "OK") -> Path:
+    """The FMU for this machine, in a folder; all its directional derivatives are `slope`, if that is given."""
+    name, text = f"exchanged{version}", description(version)
+    options, without = ["-O2"], []
+    if slope is not None:
+        offer = f"providesDirectionalDerivative{'s' * (version == 3)}"
+        text = text.replace("<ModelExchange ", f'<ModelExchange {offer}="true" ')
+        options += [f"-DSLOPE={slope}", f"-DRETURNED=fmi{version}{returned}"]
+        without.append(f"fmi{version}GetDirectionalDerivative")
+    others = making.others(folder, name, version, without=without)  # FMPy looks for every function
+    library = making.compile_library(folder, name, version, [making.HERE / "exchanged.c", others], *options)
+    return making.pack(folder / f"Exchanged{version}.fmu", making.contents(version, "exchanged", text, library))

@@ -3,8 +3,8 @@
  *   a = t + k sin(p) + q / 4,  b = p q / 8 - k cos(q)
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
- * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. `calls` counts
- * derivatives. */
+ * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
+ * values for p < -1 returns Discard. `calls` counts derivatives. */
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -54,7 +54,7 @@ static Status slopes(Model *m, const Reference of[], size_t n, const Reference b
         if (trouble == 1) slope[i] *= -3.0;
         if (trouble == 2) slope[i] = NAN;
     }
-    return trouble < 3 || trouble == 6 ? F(OK) : (Status)(trouble - 1);
+    return trouble < 3 || trouble > 5 ? F(OK) : (Status)(trouble - 1);
 }
 
 #define M ((Model *)c)
@@ -65,7 +65,8 @@ SETUP((M->time = begin, M->sum = 0.0, F(OK)), F(OK))
 Status F(ExitInitializationMode)(Instance c) { return F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
-ACCESS(REAL, double, EACH(value[i] = get(M, vr[i])), EACH(M->value[vr[i]] = value[i]))
+ACCESS(REAL, double, if (M->value[TROUBLE] == 7.0 && M->value[P] < -1.0) return F(Discard); EACH(value[i] = get(M, vr[i])),
+    EACH(M->value[vr[i]] = value[i]))
 #ifndef LACKING
 Status F(GetDirectionalDerivative)(Instance c, const Reference of[], size_t n, const Reference by[], size_t k,
     const double seed[], FMI2_OR_3(, size_t n_seed COMMA) double slope[] FMI2_OR_3(, COMMA size_t n_slope)) {
