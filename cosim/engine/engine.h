@@ -232,8 +232,8 @@ void engine_publish_outputs(Engine *e, const EngineComponent *m);
 bool engine_finite(const double *y, size_t n);
 /* Solve a loop by Newton's method from the published values on. Its first Jacobian is that of directional derivatives
  * where components offer them and of differences elsewhere; if its step does not reduce the residual, and where the
- * Jacobian is outdated, another one is of differences alone. Between them are Broyden's updates. Published values that
- * solve the loop are left as they are. */
+ * Jacobian is outdated, another one is of differences alone. Between them are Broyden's updates. NaN or Discard at a
+ * trial point halves the step. Published values that solve the loop are left as they are. */
 int engine_solve(Engine *e, int32_t loop);
 size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
