@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from foreign import sloped
+from foreign.making import redescribed
 from oracles.exchange_rule import by_the_rule
 from probes import Integrator
 from same import assert_same
@@ -555,6 +556,15 @@ def test_discard_at_a_trial_point_halves_the_step(fmi, isolated, tmp_path):
         execution = Execution(isolate=("*",) if isolated else ())
         a = system.run(0.0, record=["m.a"], execution=execution)["m.a"]
     np.testing.assert_allclose(a, np.sin(a / 0.7), atol=1e-8)
+
+
+def test_the_start_value_of_the_fmu_itself_counts_where_none_is_given(tmp_path):
+    begin = b'name="p" valueReference="0" causality="input" variability="continuous" start='
+    path = redescribed(sloped.build(3, tmp_path), tmp_path / "Started.fmu", (begin + b'"0.0"', begin + b'"1.3"'))
+    with System() as system:
+        system.add("m", path, step="10 ms")
+        system.connect("m.a", "m.p", linear=(1 / 0.7, 0.0))
+        assert system.run(0, record=["m.a"])["m.a"] == pytest.approx([0.98713], abs=1e-5)
 
 
 def test_exported_systems_begin_loops_at_start_values(tmp_path):
