@@ -269,6 +269,12 @@ uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned ch
     return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
+uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n) {
+    EngineTransfer t;
+    component_values(m, kind, true, &t);
+    return seen(m, t.call3(m->instance, &reference, 1, (void *)(uintptr_t)values, n));
+}
+
 bool component_asked_to_end(Component *m, double *reached) {
     if (m->exchange) {
         uint32_t number;

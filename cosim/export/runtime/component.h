@@ -186,6 +186,7 @@ uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
 uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
+uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n);
 
 /* Whether the values of an input wait for a tick: gets, or sets, the one that waits, NaN if none does. */
 bool component_later(Component *m, uint32_t reference, double *value, bool set);
