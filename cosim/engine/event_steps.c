@@ -118,7 +118,7 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
         *last = now;
         TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
             s->stepped, now, to - now, no_set_prior, &needed, terminate, early, last));
-        const bool returned = *early;
+        const bool returned = *early || (*terminate && !ENGINE_IS_WHOLE(*last, now, to - now));
         if (returned && !s->variable_step) return OK; /* which it was not allowed to */
         if (returned && !(*last >= now - near && *last <= to + near))
             return failed(s, EVENT_BAD_TIME, EVENT_DO_STEP, *last, ERROR);

@@ -138,7 +138,7 @@ class EventSteps:
             self._library.EVENT_CALL_FAILED,
             self._library.EVENT_DO_STEP,
         ):
-            whole = self._component.took_whole_step(status)
+            whole = self._component.took_whole_step(status, t, h)
             self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", whole=whole)
 
     def fail(self, status: int, where: str, *, whole: bool = False) -> NoReturn:

@@ -212,7 +212,7 @@ def test_exported_systems_exchange_texts(
 def test_exported_systems_show_whole_numbers_beyond_32_bits(
     fmus: dict[int, Path], tmp_path: Path, first: int, fmi: int
 ) -> None:
-    """As Float64, whose description names the type. Start values are exact: a double of the last one gives 1, not 11."""
+    """As Float64, whose description names the type. Starts are exact: a double of the last one gives 1, not 11."""
     names = ["a.whole", "a.unsigned"]
     with System(allow_unconnected=True) as system:
         system.add("a", fmus[3], step="10 ms", parameters={"source": 1, "first": first})

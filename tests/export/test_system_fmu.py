@@ -415,7 +415,16 @@ def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
         reached = made.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
     else:
         steps = (made.doStep(0.25 * k, 0.25) for k in range(4))
-        reached = next(last for _, terminated, _, last in steps if terminated)
+        early, reached = next((early, last) for _, terminated, early, last in steps if terminated)
+        assert not early, "mightReturnEarlyFromDoStep is false"
+        alone = fmpy.simulate_fmu(path, stop_time=1.0, output_interval=0.25, output=["plant.y"])
+        assert alone["plant.y"][-1] == result["plant.y"][-1]
+        for depth in (1, 2):
+            with System() as outer:
+                outer.add("s", path, step="0.25 s")
+                again, path = outer.run(1.0, record=[]), outer.export_fmu(tmp_path / f"Nested{depth}.fmu")
+            assert "'s' asked to end" in str(again.stopped_by)
+            assert again.time[-1] == 0.25, "its step was not whole"
     assert reached == result.time[-1]
     for name in ("plant.y", "law.y", "fast.y"):
         assert get([reference[name]]) == [result[name][-1]], name
