@@ -189,16 +189,19 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
             system.add(
                 f"f{version}", follower[version], step="2 ms", parameters={"rate": 7.0}, start={"u": 30.0, "on": True}
             )
-        system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], "int64_in": 2**40})
+        large = {"uint32_in": 3 * 10**9, "int64_in": 2**40}
+        system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], **large})
         system.add("ours", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"force": 100.0})
         system.connect("f2.y", "f3.u")
         system.connect("f3.total[2]", "again.w[1]")
         system.connect("f2.count", "f3.count_in")
         names = ["f3.y", "f3.count", "f3.off", "again.total[1]", "again.total[3]", "ours.body.z"]
+        names += ["again.uint32_out", "again.int64_out"]
         fmu = system.export_fmu(tmp_path / "Mixed.fmu", outputs=names, fmi=2)
         with system.initialize(record=names) as simulation:
             simulation.advance("1/10")
             expected = [simulation[n] for n in names]
+    assert expected[-2:] == [*large.values()]
     with zipfile.ZipFile(fmu) as archive:
         held = archive.namelist()
         assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/components.json"))} == {
