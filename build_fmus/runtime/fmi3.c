@@ -513,8 +513,6 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     *eventHandlingNeeded = *terminateSimulation = *earlyReturn = false;
     const FmuStatus status = fmu_do_step(self, __func__, currentCommunicationPoint, communicationStepSize);
     *lastSuccessfulTime = fmu_time(self);
-    *terminateSimulation = fmu_ended(self) != 0;
-    *earlyReturn = *terminateSimulation &&
-                   *lastSuccessfulTime < currentCommunicationPoint + (1.0 - 1e-6) * communicationStepSize;
+    *terminateSimulation = fmu_ended(self) != 0; /* maybe before the step's end; mightReturnEarlyFromDoStep is false */
     return (fmi3Status)status;
 }

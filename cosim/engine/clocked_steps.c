@@ -551,7 +551,8 @@ static uint32_t advance(ClockedFmu *f, double to, double end) {
         f->values.instance, now, to - now, no_set_prior, flags, flags + 2, flags + 3, f->last);
     TRY(seen(f, CLOCKED_DO_STEP, status));
     const bool early = f->setup->returns_early && flags[3] && !flags[2];
-    if (!early && (flags[3] || (flags[2] && to < end))) return failed(f, CLOCKED_CALL_FAILED, CLOCKED_DO_STEP, status);
+    const bool whole = to >= end && ENGINE_IS_WHOLE(*f->last, now, to - now);
+    if (!early && (flags[3] || (flags[2] && !whole))) return failed(f, CLOCKED_CALL_FAILED, CLOCKED_DO_STEP, status);
     if (early && !(now <= *f->last && *f->last <= to)) return failed_with(f, CLOCKED_BAD_TIME, *f->last);
     f->memory.now = early ? *f->last : to;
     return OK;

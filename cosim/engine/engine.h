@@ -18,6 +18,9 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
+/* Whether a step from t of length h was taken whole if it reached that time, as in cosim/core/component.py. */
+#define ENGINE_IS_WHOLE(reached, t, h) ((reached) >= (t) + (h) - 1e-6 * (h))
+
 /* C types of the values that FMI functions move. */
 typedef enum {
     ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16, ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32,

@@ -80,6 +80,18 @@ uint32_t event_steps_begin(EventSteps *s, double t) {
     return OK;
 }
 
+const char *event_steps_why(const EventReport *report) {
+    static const char *const functions[] = {"", "fmi3EnterEventMode failed", "fmi3UpdateDiscreteStates failed",
+        "fmi3EnterStepMode failed", "setting discrete inputs failed"};
+    static const char *const said[] = {"", "",
+        "event iteration did not converge: every update of discrete states requires another one "
+        "(fmi3UpdateDiscreteStates); correct the model's event equations",
+        "more than 10000 events in one communication step: the model switches back and forth (chattering), or returns "
+        "early without progress; add hysteresis to its conditions",
+        "fmi3DoStep returned early at a time outside of its step", "it asks for the end of the simulation"};
+    return report->end == EVENT_CALL_FAILED ? functions[report->index] : said[report->end];
+}
+
 /* Where to step from `now`: to the announced event, or to the end of the internal step that holds it. */
 static double target(const EventSteps *s, double now, double end, double near) {
     double to = s->memory.next_event;
@@ -118,7 +130,7 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
         *last = now;
         TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
             s->stepped, now, to - now, no_set_prior, &needed, terminate, early, last));
-        const bool returned = *early;
+        const bool returned = *early || (*terminate && !ENGINE_IS_WHOLE(*last, now, to - now));
         if (returned && !s->variable_step) return OK; /* which it was not allowed to */
         if (returned && !(*last >= now - near && *last <= to + near))
             return failed(s, EVENT_BAD_TIME, EVENT_DO_STEP, *last, ERROR);

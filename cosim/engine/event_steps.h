@@ -66,6 +66,8 @@ uint32_t event_steps_begin(EventSteps *s, double t);
 /* Enter event mode, or update discrete states and go back to step mode, at time t. */
 uint32_t event_steps_enter(EventSteps *s, double t);
 uint32_t event_steps_leave(EventSteps *s, double t);
+/* Why a step or event mode has failed, for people; empty where fmi3DoStep itself has. */
+const char *event_steps_why(const EventReport *report);
 /* The step function of a Co-Simulation FMU that never returns early, unless it asks for the end of the simulation. */
 uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
     double *last);

@@ -2,6 +2,7 @@
 #include "integrator.h"
 
 #include <float.h>
+#include <stdio.h>
 #include <string.h>
 
 #if defined(_MSC_VER) && !defined(__clang__)
@@ -559,6 +560,40 @@ const char *integrator_function(uint32_t version, uint32_t number) {
             "GetEventIndicators", "GetNominalsOfContinuousStates", "EnterEventMode", "UpdateDiscreteStates",
             "EnterContinuousTimeMode", "CompletedIntegratorStep", "GetDirectionalDerivative"}};
     return number < INTEGRATOR_FUNCTIONS ? names[version == 3][number] : NULL;
+}
+
+void integrator_why(const IntegratorSetup *setup, const IntegratorReport *report, const char *state, char *text,
+    size_t size) {
+    const unsigned version = setup->version, number = report->index + 1;
+    char own[32];
+    (void)snprintf(own, sizeof own, "number %u", number);
+    if (!state) state = own;
+    text[0] = 0;
+#define SAY(...) (void)snprintf(text, size, __VA_ARGS__); break
+    switch (report->end) {
+        case INTEGRATOR_CALL_FAILED:
+            SAY("fmi%u%s failed", version, integrator_function(version, report->index));
+        case INTEGRATOR_BAD_STATE: SAY("state %s is NaN or infinite after an event", state);
+        case INTEGRATOR_BAD_DERIVATIVE:
+            SAY("the derivative of state %s is NaN or infinite; check its inputs and parameters", state);
+        case INTEGRATOR_BAD_INDICATOR:
+            SAY("event indicator %u is NaN or infinite; check its inputs and parameters", number);
+        case INTEGRATOR_TOO_SMALL:
+            SAY("the error of state %s exceeds the tolerance %.3g even with the smallest step: the state diverges, or "
+                "the model jumps without an event; a larger tolerance may help "
+                "(interface=ModelExchange(tolerance=...))", state, setup->tolerance);
+        case INTEGRATOR_TOO_MANY_STEPS:
+            SAY("more than 1000000 steps of the integrator in one communication step; a larger tolerance or the "
+                "implicit solver may help (interface=ModelExchange(tolerance=..., solver=\"implicit\"))");
+        case INTEGRATOR_NOT_CONVERGED:
+            SAY("event iteration did not converge: every update of discrete states requires another one (fmi%u%s); "
+                "correct the model's event equations", version, integrator_function(version, INTEGRATOR_UPDATE));
+        case INTEGRATOR_TOO_MANY_EVENTS:
+            SAY("more than 10000 events in one communication step: the model switches back and forth (chattering), or "
+                "its next time event is never later; add hysteresis to its conditions");
+        case INTEGRATOR_TERMINATED: SAY("it asks for the end of the simulation");
+        default: break;
+    }
 }
 
 bool integrator_needs(const IntegratorSetup *setup, uint32_t number) {

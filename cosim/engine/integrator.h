@@ -2,8 +2,9 @@
  *
  * Between steps the FMU is in event mode, in which all inputs may be set and all values read. A step updates discrete
  * states, integrates to the end of the step with all its events, and enters event mode again. Dormand-Prince 5(4)
- * integrates, and RODAS, a Rosenbrock method of order 4(3), where the model is stiff. Nothing here allocates memory or
- * calls a library, and there are no globals. Lines that do not begin with # are also read by cffi. */
+ * integrates, and RODAS, a Rosenbrock method of order 4(3), where the model is stiff. Nothing here allocates memory,
+ * only integrator_why calls a library, and there are no globals. Lines that do not begin with # are also read by
+ * cffi. */
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
 
@@ -73,6 +74,9 @@ typedef struct {
 
 /* Name of a function of the FMU without its prefix; NULL: there is none in this version. */
 const char *integrator_function(uint32_t version, uint32_t number);
+/* Why a step has failed, for people; `state`: the name of state number `index`, NULL: its number. */
+void integrator_why(const IntegratorSetup *setup, const IntegratorReport *report, const char *state, char *text,
+    size_t size);
 /* Whether the FMU must have it. */
 bool integrator_needs(const IntegratorSetup *setup, uint32_t number);
 /* Bytes of memory for an integrator, its two lists of value references, and its work space; 0: too many. */

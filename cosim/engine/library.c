@@ -62,6 +62,10 @@ EXPORT uint32_t cosim_table_step(void *table, double t, double h, int no_set_pri
 EXPORT const char *cosim_integrator_function(uint32_t version, uint32_t number) {
     return integrator_function(version, number);
 }
+EXPORT void cosim_integrator_why(const IntegratorSetup *setup, const IntegratorReport *report, const char *state,
+    char *text, size_t size) {
+    integrator_why(setup, report, state, text, size);
+}
 EXPORT bool cosim_integrator_needs(const IntegratorSetup *setup, uint32_t number) {
     return integrator_needs(setup, number);
 }
@@ -85,6 +89,7 @@ EXPORT uint32_t cosim_event_steps_set(void *instance, const uint32_t *inputs, si
 EXPORT uint32_t cosim_event_steps_begin(EventSteps *s, double t) { return event_steps_begin(s, t); }
 EXPORT uint32_t cosim_event_steps_enter(EventSteps *s, double t) { return event_steps_enter(s, t); }
 EXPORT uint32_t cosim_event_steps_leave(EventSteps *s, double t) { return event_steps_leave(s, t); }
+EXPORT const char *cosim_event_steps_why(const EventReport *report) { return event_steps_why(report); }
 EXPORT uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last) {
     return event_steps_step(steps, t, h, no_set_prior, event, terminate, early, last);

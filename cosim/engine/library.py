@@ -87,6 +87,8 @@ size_t cosim_engine_loop_work(int32_t n);
 size_t cosim_engine_size(void);
 uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
 const char *cosim_integrator_function(uint32_t version, uint32_t number);
+void cosim_integrator_why(const IntegratorSetup *setup, const IntegratorReport *report, const char *state, char *text,
+    size_t size);
 bool cosim_integrator_needs(const IntegratorSetup *setup, uint32_t number);
 size_t cosim_integrator_size(const IntegratorSetup *setup);
 Integrator *cosim_integrator_make(void *memory, const IntegratorSetup *setup, const uint32_t *references,
@@ -99,6 +101,7 @@ uint32_t cosim_event_steps_set(void *instance, const uint32_t *inputs, size_t n,
 uint32_t cosim_event_steps_begin(EventSteps *s, double t);
 uint32_t cosim_event_steps_enter(EventSteps *s, double t);
 uint32_t cosim_event_steps_leave(EventSteps *s, double t);
+const char *cosim_event_steps_why(const EventReport *report);
 uint32_t cosim_event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);
 const ClockedCalls *cosim_clocked_calls(void);

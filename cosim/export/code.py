@@ -13,7 +13,7 @@ from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from cosim.core.description import INTEGER_RANGE, RECORDABLE, TEXTS, Variable
+from cosim.core.description import INTEGER_RANGE, RECORDABLE, TEXTS, WIDE, Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.clock_networks import NetworkPlan, clock_networks
 from cosim.engine.library import CLOCKED_STEPS, EVENT_STEPS, EXACT_VALUES, INTEGRATOR, INTERMEDIATE
@@ -98,7 +98,7 @@ class _Start:
     reference: int
     numbers: list[str]
     text: str | None = None
-    binary: bool = False
+    type: str = "double"
 
 
 class SystemCode:
@@ -519,7 +519,8 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
             raise WiringError(
                 f"'{component.name}': set all of {one.declared}; the FMU has no start value for {missing[0]}"
             )
-        yield one, [float(values[k]) for k in sorted(values)]
+        number = int if one.fmi_type in WIDE else float
+        yield one, [number(values[k]) for k in sorted(values)]
 
 
 def _starts(component: SystemComponent, version: int) -> list[_Start]:
@@ -529,7 +530,10 @@ def _starts(component: SystemComponent, version: int) -> list[_Start]:
         if isinstance(values, str):
             found.append(_Start("KIND_STRING", variable.reference, [], values))
         elif isinstance(values, bytes):
-            found.append(_Start("KIND_BINARY", variable.reference, list(map(str, values)), binary=True))
+            found.append(_Start("KIND_BINARY", variable.reference, list(map(str, values)), type="unsigned char"))
+        elif variable.fmi_type in WIDE:
+            words = [f"{x % 2**64}ull" for x in values]
+            found.append(_Start(_kind(version, variable.fmi_type), variable.reference, words, type="uint64_t"))
         else:
             found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [c_number(x) for x in values]))
     return found

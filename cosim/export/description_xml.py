@@ -107,7 +107,7 @@ def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> 
     common = {
         "name": e.name,
         "valueReference": str(reference),
-        "description": v.description,
+        "description": e.description,
         "causality": e.causality,
         "variability": variability,
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 from build_fmus.base import units
 from build_fmus.base.units import Unit
-from cosim.core.description import Variable
+from cosim.core.description import WIDE, Variable
 from cosim.core.errors import WiringError
 from cosim.system.components import Connection, SystemComponent
 from cosim.system.names import SystemComponents
@@ -16,6 +16,7 @@ from cosim.system.schedule import Schedule
 
 TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
 _FITS = {"Real", "Float64", "Float32", "Integer", "Int32", "Int16", "UInt16", "Int8", "UInt8", "Boolean"}
+_LARGE = ("UInt32", *WIDE)  # integers that an Int32 may not hold
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,15 @@ class Exported:
 
     @property
     def type(self) -> str:
-        """FMI 3.0 type."""
-        return TYPES[self.variable.type]
+        """FMI 3.0 type; Float64 for outputs that an Int32 may not hold."""
+        return "Float64" if self.variable.fmi_type in _LARGE else TYPES[self.variable.type]
+
+    @property
+    def description(self) -> str:
+        """The variable's own, and what its type is if it is another one here."""
+        own, kind = self.variable.description, self.variable.fmi_type
+        said = f"{kind} as Float64, exact up to 2^53" if kind in _LARGE else ""
+        return f"{own} ({said})" if own and said else own or said
 
     @property
     def tunable(self) -> bool:

@@ -652,7 +652,7 @@ class FmuComponent:
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
         if self.clocked is not None:
-            self.clocked.fail(whole=self.took_whole_step(status))
+            self.clocked.fail(whole=self.took_whole_step(status, t, h))
         if (failing_function := self._library.failing_function("DoStep")) != "DoStep":
             self._fail(failing_function, status)
         if self._intermediate is not None:
@@ -663,9 +663,9 @@ class FmuComponent:
             self._event_steps.step_failed(status, t, h)
         self.do_step_failed(status, t, h)
 
-    def took_whole_step(self, status: int) -> bool:
-        """Whether the last step of an FMU of FMI 3.0, which returned `status`, was taken whole."""
-        return status <= fmi.WARNING and not self._early[0]
+    def took_whole_step(self, status: int, t: float, h: float) -> bool:
+        """Whether the last step of an FMU of FMI 3.0, from t of length h [s], which returned `status`, was whole."""
+        return status <= fmi.WARNING and not self._early[0] and is_whole(self._last[0], t, h)
 
     def do_step_failed(self, status: int, t: float, h: float, *, within: bool = False) -> None:
         """Raise what a status of `fmi3DoStep` itself, or of its like, means.
@@ -675,7 +675,7 @@ class FmuComponent:
         last, terminated, whole = None, False, False
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
-            whole = self.took_whole_step(status) and not within
+            whole = self.took_whole_step(status, t, h) and not within
         elif status == fmi.DISCARD:
             number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
             if self._query("GetRealStatus", 2, number):

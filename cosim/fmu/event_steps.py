@@ -138,7 +138,7 @@ class EventSteps:
             self._library.EVENT_CALL_FAILED,
             self._library.EVENT_DO_STEP,
         ):
-            whole = self._component.took_whole_step(status)
+            whole = self._component.took_whole_step(status, t, h)
             self.fail(status, f"step from {t:.9g} s, length {seconds_text(h)}", whole=whole)
 
     def fail(self, status: int, where: str, *, whole: bool = False) -> NoReturn:
@@ -150,11 +150,5 @@ class EventSteps:
         if why == "CALL_FAILED":
             function = _CALLS[report.index] if report.index < len(_CALLS) else "setting discrete inputs"
             component._fail(function, status, where)
-        said = {
-            "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
-            " (fmi3UpdateDiscreteStates); correct the model's event equations",
-            "TOO_MANY": "more than 10000 events in one communication step: the model switches back and forth"
-            " (chattering), or returns early without progress; add hysteresis to its conditions",
-            "BAD_TIME": f"fmi3DoStep returned early at {at:.9g} s, which is outside of the {where}",
-        }[why]
+        said = self._ffi.string(self._library.cosim_event_steps_why(self._ffi.addressof(report))).decode()
         raise CallFailed(component.name, "event mode", 3, f"{said} (at {at:.9g} s)", component._recent_log())

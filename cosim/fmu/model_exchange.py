@@ -118,7 +118,7 @@ class Instance(Protocol):
 
     def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
 
-    def took_whole_step(self, status: int) -> bool: ...
+    def took_whole_step(self, status: int, t: float, h: float) -> bool: ...
 
     def _recent_log(self) -> list[str]: ...
 
@@ -311,24 +311,8 @@ class Integration:
             component._fail(self._names[report.index] if why != "FINE" else "DoStep", status, where)
         if why == "TERMINATED":
             component._end_requested(f"at {at:.9g} s; {where}", step is not None and is_whole(at, *step))
-        states = self._about.states
-        state = states[report.index].name if report.index < len(states) else "?"
-        why = self._sentence(why, state, int(report.index))
-        raise IntegrationFailed(component.name, why, at, component._recent_log())
-
-    def _sentence(self, why: str, state: str, index: int) -> str:
-        tolerance = f"{self._setup.tolerance:.3g}"
-        return {
-            "BAD_STATE": f"state '{state}' is NaN or infinite after an event",
-            "BAD_DERIVATIVE": f"the derivative of state '{state}' is NaN or infinite; check its inputs and parameters",
-            "BAD_INDICATOR": f"event indicator {index + 1} is NaN or infinite; check its inputs and parameters",
-            "TOO_SMALL": f"the error of state '{state}' exceeds the tolerance {tolerance} even with the smallest step:"
-            " the state diverges, or the model jumps without an event; a larger tolerance may help"
-            " (interface=ModelExchange(tolerance=...))",
-            "TOO_MANY_STEPS": "more than 1000000 steps of the integrator in one communication step; a larger tolerance"
-            ' or the implicit solver may help (interface=ModelExchange(tolerance=..., solver="implicit"))',
-            "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
-            f" (fmi{self._setup.version}{self._names[7]}); correct the model's event equations",
-            "TOO_MANY_EVENTS": "more than 10000 events in one communication step: the model switches back and forth"
-            " (chattering), or its next time event is never later; add hysteresis to its conditions",
-        }[why]
+        states, text = self._about.states, self._ffi.new("char[]", 1024)
+        state = f"'{states[report.index].name if report.index < len(states) else '?'}'"
+        self._library.cosim_integrator_why(self._setup, report, state.encode(), text, len(text))
+        said = self._ffi.string(text).decode(errors="replace")
+        raise IntegrationFailed(component.name, said, at, component._recent_log())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -243,6 +244,22 @@ def test_exported_systems_name_the_component_whose_events_fail(fmu: Path, tmp_pa
             system.run(0.2, record=[])
 
     refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("endless", "backward", "stuck")))
+
+
+def test_exported_systems_say_why_they_do_not_begin_or_step(fmu: Path, folder: Path, tmp_path: Path, refused) -> None:
+    """The first event iteration is endless, or asks for the end; an early return that was not allowed."""
+    plain = eventful.build(folder, event_mode=False, variable_step=False)
+
+    def run_exported(path: Path, kind: str, period: float) -> None:
+        number = eventful.KINDS.index(kind)
+        with System(allow_unconnected=True) as system:
+            system.add("a", path, step="20 ms", parameters={"kind": number, "period": period})
+            exported = system.export_fmu(tmp_path / f"{kind}.fmu")
+        with alone(exported) as system:
+            system.run(0.2, record=[])
+
+    cases = [(fmu, "endless", 0.0), (fmu, "ending", 0.0), (plain, "backward", 0.03)]
+    refused(ComponentError, *(partial(run_exported, *case) for case in cases))
 
 
 @pytest.mark.parametrize(("kind", "end"), [("ending", 0.06), ("discards", 0.02)])

@@ -206,6 +206,27 @@ def test_exported_systems_exchange_texts(
     assert (outside[-1] % 1.0 > 0) is event_mode
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.filterwarnings("ignore:.*integers from 2.53 on")
+@pytest.mark.parametrize("first", [3 * 10**9, -5 * 10**9, -(2**63) + 5])
+def test_exported_systems_show_whole_numbers_beyond_32_bits(
+    fmus: dict[int, Path], tmp_path: Path, first: int, fmi: int
+) -> None:
+    """As Float64, whose description names the type. Starts are exact: a double of the last one gives 1, not 11."""
+    names = ["a.whole", "a.unsigned"]
+    with System(allow_unconnected=True) as system:
+        system.add("a", fmus[3], step="10 ms", parameters={"source": 1, "first": first})
+        inside = system.run(0.02, record=names)
+        path = system.export_fmu(tmp_path / "Whole.fmu", outputs=names, fmi=fmi)
+    with System(allow_unconnected=True) as outer:
+        outer.add("s", path, step="10 ms")
+        outside = outer.run(0.02, record=["s.*"])
+        said = [outer["s"].description.outputs[n].description for n in names]
+    exact = [[float(first + k), float((2 * first + 1 + k) % 2**64)] for k in range(3)]
+    assert outside.data.tolist() == inside.data.tolist() == exact
+    assert said == ["Int64 as Float64, exact up to 2^53", "UInt64 as Float64, exact up to 2^53"]
+
+
 def test_an_exported_system_names_a_text_that_is_too_long(
     fmus: dict[int, Path], tmp_path: Path, refused: Callable[..., None]
 ) -> None:

@@ -189,16 +189,19 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
             system.add(
                 f"f{version}", follower[version], step="2 ms", parameters={"rate": 7.0}, start={"u": 30.0, "on": True}
             )
-        system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], "int64_in": 2**40})
+        large = {"uint32_in": 3 * 10**9, "int64_in": 2**40}
+        system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], **large})
         system.add("ours", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"force": 100.0})
         system.connect("f2.y", "f3.u")
         system.connect("f3.total[2]", "again.w[1]")
         system.connect("f2.count", "f3.count_in")
         names = ["f3.y", "f3.count", "f3.off", "again.total[1]", "again.total[3]", "ours.body.z"]
+        names += ["again.uint32_out", "again.int64_out"]
         fmu = system.export_fmu(tmp_path / "Mixed.fmu", outputs=names, fmi=2)
         with system.initialize(record=names) as simulation:
             simulation.advance("1/10")
             expected = [simulation[n] for n in names]
+    assert expected[-2:] == [*large.values()]
     with zipfile.ZipFile(fmu) as archive:
         held = archive.namelist()
         assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/components.json"))} == {
@@ -415,7 +418,16 @@ def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
         reached = made.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
     else:
         steps = (made.doStep(0.25 * k, 0.25) for k in range(4))
-        reached = next(last for _, terminated, _, last in steps if terminated)
+        early, reached = next((early, last) for _, terminated, early, last in steps if terminated)
+        assert not early, "mightReturnEarlyFromDoStep is false"
+        alone = fmpy.simulate_fmu(path, stop_time=1.0, output_interval=0.25, output=["plant.y"])
+        assert alone["plant.y"][-1] == result["plant.y"][-1]
+        for depth in (1, 2):
+            with System() as outer:
+                outer.add("s", path, step="0.25 s")
+                again, path = outer.run(1.0, record=[]), outer.export_fmu(tmp_path / f"Nested{depth}.fmu")
+            assert "'s' asked to end" in str(again.stopped_by)
+            assert again.time[-1] == 0.25, "its step was not whole"
     assert reached == result.time[-1]
     for name in ("plant.y", "law.y", "fast.y"):
         assert get([reference[name]]) == [result[name][-1]], name

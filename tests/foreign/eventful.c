@@ -8,7 +8,7 @@
 
 #include "../fmi_names.h"
 
-/* Kinds; PAUSED: early without an event. */
+/* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. */
 enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS };
 enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 
@@ -37,13 +37,13 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
     Flag *nominals, Flag *values, Flag *has_next, double *next) {
     IN(BIT(EVENT));
     *terminate = *nominals = *values = false;
-    *again = m->v.kind == ENDLESS && m->v.count > 1;
+    *again = m->v.kind == ENDLESS && (m->v.count > 1 || m->v.period == 0.0);
     m->v.level = m->v.k;
     if (m->v.now > m->v.next - 1e-9) {
         m->v.count++;
         m->v.last = m->v.now;
         m->v.next += m->v.period;
-        *terminate = m->v.kind == ENDING && m->v.count == 2;
+        *terminate = m->v.kind == ENDING && (m->v.count == 2 || m->v.period == 0.0);
     }
     *has_next = m->v.kind == ANNOUNCED || m->v.kind >= ENDLESS;
     *next = m->v.next;

@@ -79,9 +79,9 @@ uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, dou
 uint32_t component_exit(Component *m) {
     const uint32_t left = m->exchange && m->exchange->leave ? seen(m, m->exchange->leave(m)) : (uint32_t)fmi3OK;
     if (left > fmi3Warning) return left;
-    const uint32_t status = CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
-    return m->exchange && status <= fmi3Warning ? seen(m, m->exchange->begin(m)) : status;
+    return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
 }
+uint32_t component_begin(Component *m) { return m->exchange ? seen(m, m->exchange->begin(m)) : (uint32_t)fmi3OK; }
 uint32_t component_reset(Component *m) {
     if (m->exchange && m->exchange->bind) m->exchange->bind(m, false);
     if (m->exchange && m->exchange->values) memset(m->memory[1].at, 0, m->memory[1].n); /* no input waits */
@@ -269,11 +269,15 @@ uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned ch
     return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
+uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n) {
+    EngineTransfer t;
+    component_values(m, kind, true, &t);
+    return seen(m, t.call3(m->instance, &reference, 1, (void *)(uintptr_t)values, n));
+}
+
 bool component_asked_to_end(Component *m, double *reached) {
-    if (m->exchange) {
-        uint32_t number;
-        return !m->exchange->why(m, &number, reached);
-    }
+    char text[1];
+    if (m->exchange) return !m->exchange->why(m, reached, text, sizeof text);
     fmi2Boolean ended = fmi2False;
     if (m->version == 2 && m->f2->GetRealStatus)
         (void)m->f2->GetRealStatus(m->instance, fmi2LastSuccessfulTime, reached);

@@ -84,7 +84,7 @@ typedef struct {
     void (*wait)(Component *m, EngineTransfer *t); /* inputs of a call wait for event mode */
     uint32_t (*change)(Component *m, bool begins, bool done); /* before and after values are set between steps; `done`:
                                                                * they have been set */
-    const char *(*why)(const Component *m, uint32_t *number, double *time); /* of a failed step; NULL: asks to end */
+    bool (*why)(const Component *m, double *time, char *text, size_t size); /* it failed; false: it asks to end */
     EngineStep2 step2;
     EngineStep3 step3;
     uint32_t (*leave)(Component *m);               /* before it leaves initialization */
@@ -171,6 +171,7 @@ void component_free(Component *m);
 /* Each returns the status that the FMU has returned; a larger one than 1 (Warning) is a failure. */
 uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop);
 uint32_t component_exit(Component *m);
+uint32_t component_begin(Component *m); /* the first event iteration, after it */
 uint32_t component_reset(Component *m);
 uint32_t component_terminate(Component *m);
 uint32_t component_save(Component *m, void **state);
@@ -186,6 +187,7 @@ uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
 uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
+uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n);
 
 /* Whether the values of an input wait for a tick: gets, or sets, the one that waits, NaN if none does. */
 bool component_later(Component *m, uint32_t reference, double *value, bool set);

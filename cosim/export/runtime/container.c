@@ -145,9 +145,11 @@ static FmuStatus set_starts(FmuInstance *self, int32_t i) {
     const PlanComponent *p = &P->components[i];
     for (uint32_t k = 0; k < p->n_starts; k++) {
         const PlanStart *s = &p->starts[k];
-        const uint32_t status = s->text ? component_set_text(&self->components[i], s->reference, s->text)
-                                : s->bytes ? component_set_bytes(&self->components[i], s->reference, s->bytes, s->n)
-                                        : component_set(&self->components[i], s->kind, s->reference, s->values, s->n);
+        Component *m = &self->components[i];
+        const uint32_t status = s->text    ? component_set_text(m, s->reference, s->text)
+                                : s->bytes ? component_set_bytes(m, s->reference, s->bytes, s->n)
+                                : s->wide  ? component_set_wide(m, s->kind, s->reference, s->wide, s->n)
+                                           : component_set(m, s->kind, s->reference, s->values, s->n);
         if (status > fmi3Warning) return container_failed(self, i, "setting a start value", status);
     }
     return FMU_OK;

@@ -44,14 +44,18 @@ FmuStatus container_call_failed(FmuInstance *self, int32_t i) {
     }
     if (self->engine.status == fmi3Fatal) self->components[i].dead = true;
     if (m->exchange && !m->exchange->culprit && !call) {
-        uint32_t number;
+        char text[1024];
         double time;
-        const char *why = m->exchange->why(m, &number, &time);
-        (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s failed at %.9g s: %s %u",
-            P->components[i].name, P->components[i].integrated ? "integration" : "event mode", time,
-            why ? why : "", (unsigned)number);
+        const bool fails = m->exchange->why(m, &time, text, sizeof text);
+        if (*text)
+            (void)fmu_fail(self, FMU_ERROR, "component '%s': its %s %s at %.9g s: %s", P->components[i].name,
+                P->components[i].integrated ? "integration" : "event mode", fails ? "failed" : "ended", time, text);
     }
     const PlanComponent *p = &P->components[i];
+    const bool together = m->exchange && m->exchange->culprit, early = self->engine.status <= fmi3Warning;
+    if (early && !together)
+        (void)fmu_fail(self, FMU_ERROR, "component '%s': it returned early, which it was not allowed to "
+            "(earlyReturnAllowed is false)", p->name);
     double when;
     const char *const refused = p->follows && !call ? P->updates->why(m, &when) : NULL;
     if (refused) (void)fmu_fail(self, FMU_ERROR, "component '%s': it %s, at %.9g s", p->name, refused, when);
@@ -72,9 +76,10 @@ FmuStatus container_call_failed(FmuInstance *self, int32_t i) {
         : call == ENGINE_DERIVATIVE ? "GetDirectionalDerivative"
         : call > 0 ? "setting its inputs"
         : call < 0 ? "getting its outputs"
-        : m->exchange && m->exchange->culprit ? "taking its step"
-                                              : "DoStep",
-        self->engine.status);
+        : together ? "taking its step"
+        : self->state->mode == MODE_INITIALIZATION ? "its first event iteration"
+                                                   : "DoStep",
+        early ? (uint32_t)fmi3Discard : self->engine.status);
 }
 
 FmuStatus container_step_failed(FmuInstance *self, int32_t i, uint32_t status) {

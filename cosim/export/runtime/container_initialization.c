@@ -107,11 +107,12 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     State *s = self->state;
     FmuStatus result = container_settle(self);
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
-        const uint32_t status = component_exit(&self->components[i]);
+        uint32_t status = component_exit(&self->components[i]);
         const Exchange *const steps = P->components[i].exchange;
-        if (status > fmi3Warning)
-            result = steps && steps->culprit ? container_step_failed(self, i, status)
-                                             : container_failed(self, i, "ExitInitializationMode", status);
+        if (status > fmi3Warning && !(steps && steps->culprit))
+            result = container_failed(self, i, "ExitInitializationMode", status);
+        else if (status > fmi3Warning || (status = component_begin(&self->components[i])) > fmi3Warning)
+            result = container_step_failed(self, i, status);
     }
     for (int32_t i = 0; i < P->n_connected && result == FMU_OK; i++) {
         const uint32_t status = P->networks->begin(container_network(self, i));

@@ -90,11 +90,11 @@ static bool asked_to_end(FmuInstance *self, int32_t i, double t, bool *whole) {
     double reached = -INFINITY;
     const uint32_t status = self->engine.status;
     if (p->version == 3 && !p->integrated) {
-        *whole = status <= fmi3Warning && !self->flags[4 * i + 3];
+        *whole = status <= fmi3Warning && !self->flags[4 * i + 3] && ENGINE_IS_WHOLE(self->last[i], t, step);
         return status <= fmi3Discard && self->flags[4 * i + 2];
     }
     const bool asked = status == fmi2Discard && component_asked_to_end(&self->components[i], &reached);
-    *whole = reached >= t + step - 1e-6 * step;
+    *whole = ENGINE_IS_WHOLE(reached, t, step);
     return asked;
 }
 

@@ -1,4 +1,5 @@
 /* Components that report events or return early, without clocks: see component.h. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,14 +74,11 @@ static uint32_t change(Component *m, bool begins, bool done) {
     return begins ? event_steps_enter(s, s->report.time) : event_steps_leave(s, s->report.time);
 }
 
-static const char *why(const Component *m, uint32_t *number, double *time) {
-    static const char *const texts[] = {"a function failed, number", "a function failed, number",
-        "event iteration did not converge, in function", "too many events in one communication step, in function",
-        "it returned early at a time outside of its step, from function", NULL};
+static bool why(const Component *m, double *time, char *text, size_t size) {
     const EventReport *const r = &steps_of(m)->report;
-    *number = r->index + 1;
     *time = r->time;
-    return r->end < sizeof texts / sizeof *texts ? texts[r->end] : texts[0];
+    (void)snprintf(text, size, "%s", event_steps_why(r));
+    return r->end != EVENT_TERMINATED;
 }
 
 const Exchange events = {make, begin, bind, wait_for_events, change, why, NULL, event_steps_step};

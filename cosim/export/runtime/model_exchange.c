@@ -32,17 +32,11 @@ static bool make(Component *m, const char *name, const char *token, const char *
 
 static uint32_t begin(Component *m) { return integrator_begin(m->integrator, m->begin); }
 
-static const char *why(const Component *m, uint32_t *number, double *time) {
-    static const char *const texts[] = {"the call of a function failed, number", "a function failed, number",
-        "a state is NaN or infinite, number", "a derivative is NaN or infinite, that of state number",
-        "an event indicator is NaN or infinite, number",
-        "the error exceeds the tolerance even with the smallest step, that of state number",
-        "too many steps of the integrator in one communication step", "event iteration did not converge",
-        "too many events in one communication step", NULL};
-    const IntegratorReport *const r = &((const Integrator *)m->integrator)->report;
-    *number = r->index + 1;
-    *time = r->time;
-    return r->end < sizeof texts / sizeof *texts ? texts[r->end] : texts[0];
+static bool why(const Component *m, double *time, char *text, size_t size) {
+    const Integrator *const s = m->integrator;
+    *time = s->report.time;
+    integrator_why(&s->setup, &s->report, NULL, text, size);
+    return s->report.end != INTEGRATOR_TERMINATED;
 }
 
 const Exchange exchange = {make, begin, NULL, NULL, NULL, why, integrator_step2, integrator_step3};

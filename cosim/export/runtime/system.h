@@ -33,6 +33,7 @@ typedef struct {
     const double *values;
     const char *text;
     const unsigned char *bytes;
+    const uint64_t *wide;            /* of KIND_INT64 and KIND_UINT64, bit by bit */
 } PlanStart;
 
 typedef struct {
