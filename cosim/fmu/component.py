@@ -477,7 +477,19 @@ class FmuComponent:
         )
         continuous, discrete = groups
         waiting = steps.bind([s.transfer for s in discrete])
-        return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
+
+        def late(bound: _Bound) -> Action:
+            to = bound.transfer
+
+            def move() -> None:
+                if not steps.stepping:
+                    bound.move()
+                elif to.element is not None:
+                    to.data[to.element] = u[to.place]
+
+            return move
+
+        return [*continuous, *(_Bound(late(s), t) for s, t in zip(discrete, waiting, strict=True))]
 
     def _with_guards(self, ports: Ports) -> Ports:
         """Put back the floating-point environment after calls into third-party FMUs."""
