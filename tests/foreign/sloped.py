@@ -17,15 +17,16 @@ _VARIABLES = (  # name, causality, variability; value references as in sloped.c
 )
 
 
-CLOCK = (
-    '<Clock name="clock" valueReference="7" causality="input" intervalVariability="constant" intervalDecimal="0.03"/>'
-)
+_KINDS = {
+    "clock": 'intervalVariability="constant" intervalDecimal="0.03"',
+    "ticked": 'intervalVariability="triggered"',
+}
 
 
 def description(version: int, *, offers: bool = True, events: str = "") -> str:
     """modelDescription.xml; `offers` directional derivatives. `events`: what it has event mode for, of FMI 3.0.
 
-    "clock": a clock; "discrete": the input q.
+    "clock" or "ticked": an input clock that ticks by itself, or that a connection ticks; "discrete": the input q.
     """
     three, variables = version == 3, []
     for reference, (name, causality, variability) in enumerate(_VARIABLES):
@@ -35,8 +36,8 @@ def description(version: int, *, offers: bool = True, events: str = "") -> str:
         variables.append(
             f"<Float64 {common} {start}/>" if three else f"<ScalarVariable {common}><Real {start}/></ScalarVariable>"
         )
-    if events == "clock":
-        variables.append(CLOCK)
+    if events in _KINDS:
+        variables.append(f'<Clock name="clock" valueReference="7" causality="input" {_KINDS[events]}/>')
     if three:
         variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
         structure = "".join(
