@@ -63,7 +63,7 @@ def test_values_of_clocks_form_no_algebraic_loop(fmu: Path) -> None:
 
 
 def test_loops_of_components_that_take_their_steps_together(fmu: Path, tmp_path: Path) -> None:
-    """Y = k sin(u) + t of two: solved between steps, and refused where a step would have to be repeated."""
+    """Two outputs k sin(u) + t: solved between steps, and refused where a step would have to be repeated."""
     ticked = sloped.build(3, tmp_path, events="ticked")
     with System(allow_unconnected=True) as system:
         system.add("source", fmu, step="10 ms", parameters={"period": 0.003})
