@@ -203,6 +203,12 @@ class Description:
         index = variable.name[len(variable.declared) :]
         return [variable.name, *(alias + index for alias in self._aliases.get(variable.declared, ()))]
 
+    def waits(self, variable: Variable) -> bool:
+        """Whether an input is set in event mode only once initialization is over: a discrete one, where it is used."""
+        return (
+            self.event_mode and self.interface == "cs" and bool(variable.clocks or variable.variability == "discrete")
+        )
+
     def feeds(self, input_: str, output: str) -> bool:
         """Whether an output depends on an input directly."""
         known = self.dependencies.get(output)

@@ -46,11 +46,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.core.component import Array, Ports
-from cosim.core.dependencies import by_perturbation
 from cosim.core.description import Variable
 from cosim.core.errors import LoopError, ToleranceExceeded, WiringError
 from cosim.core.time import TimeBase, seconds_text
 from cosim.engine.library import interface
+from cosim.engine.loops import between_steps
 from cosim.engine.saving import EngineStatePool
 from cosim.engine.values import Layout, PortLayout
 from cosim.fmu.saved_states import SavedStates
@@ -136,7 +136,7 @@ class AdaptiveSteps:
         self._outputs = [(m, v) for m in schedule.continuous for v in layout.ports[m].outputs]
         n = len(self._outputs)
         self._keep: list[Any] = []
-        self.in_steps, refreshed = _direct(schedule, layout, loops, repeated)
+        self.in_steps, refreshed = _direct(schedule, layout, ports, loops, repeated)
         calls = {m: c for m in schedule.continuous if (c := ports[m].fmi) is not None and c.states is not None}
         self._others = [m for m in schedule.continuous if m not in calls]
         self._pool = EngineStatePool(calls) if calls else None
@@ -252,7 +252,11 @@ class AdaptiveSteps:
 
 
 def _direct(
-    schedule: Schedule, layout: Layout, loops: Sequence[AlgebraicLoop], repeated: Container[SystemComponent]
+    schedule: Schedule,
+    layout: Layout,
+    ports: Mapping[SystemComponent, Ports],
+    loops: Sequence[AlgebraicLoop],
+    repeated: Container[SystemComponent],
 ) -> tuple[list[SystemComponent], list[SystemComponent | AlgebraicLoop]]:
     """Components with outputs that depend directly on connected inputs.
 
@@ -265,7 +269,8 @@ def _direct(
     held: list[SystemComponent] = []
     direct: set[tuple[SystemComponent, str]] = set()
     for m in schedule.continuous:
-        found = None if m in repeated else _dependencies(m, layout.ports[m])
+        late = {v.name: sources[m, v.name].source.discrete for v in layout.ports[m].inputs if m.description.waits(v)}
+        found = None if m in repeated else _dependencies(m, layout.ports[m], ports[m], late)
         if found is None:
             held.append(m)
             continue
@@ -291,16 +296,23 @@ def _direct(
     return held, order
 
 
-def _dependencies(component: SystemComponent, port: PortLayout) -> dict[str, list[str]] | None:
-    """Outputs with the connected inputs on which they depend directly; None if they may, but follow in steps only."""
-    about, every = component.description, [v.name for v in port.inputs]
+def _dependencies(
+    component: SystemComponent, port: PortLayout, ports: Ports, late: Mapping[str, bool]
+) -> dict[str, list[str]] | None:
+    """Outputs with the connected inputs on which they depend directly; None if they may, but follow in steps only.
+
+    `late`: inputs that wait for event mode, and whether they change at instants of a discrete component only.
+    """
+    about, every = component.description, [v.name for v in port.inputs if not late.get(v.name)]
     known = {v.name: declared(component, v.name) for v in port.outputs}
     possible = {v: every if on is None else [i for i in every if i in on] for v, on in known.items()}
     read = {i for inputs in possible.values() for i in inputs}
     if not read:
         return {}
+    if not read.isdisjoint(late):
+        return None
     inputs = [i for i in port.inputs if i.name in read]
-    measured = by_perturbation(component.implementation, inputs, port.outputs)
+    measured = between_steps(component, port, ports, inputs, port.outputs)
     own = about.kind is not None and about.fmi_version  # an FMU of this project
     if not any(measured.values()) and not own and about.interface != "me":
         exact: Any = component.implementation if about.directional_derivatives else None

@@ -30,9 +30,9 @@ static void put(Engine *e, const EngineLoop *l, const double *z) {
     for (int32_t k = 0; k < l->n; k++) e->values[l->published[k]] = e->values[l->computed[k]] = z[k];
 }
 
-/* The derivatives of component number `i` of the loop, or NULL. */
-static const EngineDerivative *offered(const EngineLoop *l, int32_t i) {
-    const EngineDerivative *d = l->derivatives ? &l->derivatives[i] : NULL;
+/* The derivatives of component `m`, number `i` of the loop, or NULL; one that repeats its steps has none. */
+static const EngineDerivative *offered(const EngineLoop *l, const EngineComponent *m, int32_t i) {
+    const EngineDerivative *d = l->derivatives && m->fmi ? &l->derivatives[i] : NULL;
     return d && (d->call2 || d->call3) ? d : NULL;
 }
 
@@ -74,7 +74,7 @@ static int evaluate(Engine *e, EngineLoop *l, const double *z, double change, do
     put(e, l, z);
     for (int32_t i = 0; i < l->n_components && finite; i++) {
         const EngineComponent *m = &e->components[l->components[i]];
-        const EngineDerivative *d = offered(l, i);
+        const EngineDerivative *d = offered(l, m, i);
         const bool along = d && change != 0.0;
         const int result = along ? extrapolate(e, l, m, d, change) : engine_exchange(e, m, NAN);
         evaluated |= !along;

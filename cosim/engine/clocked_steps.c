@@ -292,7 +292,7 @@ static uint32_t set_port(void *instance, const uint32_t *fmu, size_t n, void *u,
     (void)instance, (void)n;
     memcpy(f->values.u, u, n_u * sizeof(double));
     look_at_environment(f);
-    return f->stepping ? (uint32_t)OK : set_inputs(f, f->every, true, true);
+    return set_inputs(f, f->stepping ? NO_CLOCKS(f) : f->every, !f->stepping, true);
 }
 
 static uint32_t get_port(void *instance, const uint32_t *fmu, size_t n, void *y, size_t n_y) {
@@ -605,10 +605,7 @@ static uint32_t advance_all(ClockedNetwork *n, double t, double *to, double end,
 }
 
 static uint32_t take(ClockedNetwork *n, double t, double end, double near) {
-    for (int32_t i = 0; i < n->n_fmus; i++) {
-        n->fmus[i]->memory.now = t;
-        TRY(set_inputs(n->fmus[i], NO_CLOCKS(n->fmus[i]), false, true));
-    }
+    for (int32_t i = 0; i < n->n_fmus; i++) n->fmus[i]->memory.now = t;
     TRY(process_events(n, near, true));
     for (int32_t k = 0; k < ITERATIONS; k++) {
         double to = INFINITY;

@@ -15,7 +15,7 @@
  *
  * So a tick, and what belongs to it, takes no time on any number of connections. What a clock computes shows until it
  * ticks again. Events that an FMU reports only after a step (`eventHandlingNeeded`) are processed at its end. Other
- * values travel by the rule of exchange.
+ * values travel by the rule of exchange; continuous inputs are set at once, also between steps.
  *
  * Where an FMU asks for the end of the simulation after its step to t + h, the others take theirs, and events at t + h
  * are left. The step function then says so, as `fmi3DoStep` does: `terminateSimulation`, with `earlyReturn` unless all

@@ -86,7 +86,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     for m in fresh:
         exchange.ports[m].get_outputs()
     exchange.engine.publish()
-    exchange.repeated = repeated_steps(exchange.loops, exchange.ports)
+    exchange.repeated = repeated_steps(exchange.schedule, exchange.loops, exchange.layout.ports, exchange.ports)
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()

@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from cosim.core.component import EndRequested, Ports
 from cosim.core.dependencies import Dependencies, by_perturbation
+from cosim.core.description import Variable
 from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed, LoopError
+from cosim.engine.values import PortLayout
 from cosim.system.components import SystemComponent
 from cosim.system.loops import AlgebraicLoop, declared, find_loops, numeric, require_solvable
 from cosim.system.schedule import Schedule
@@ -117,35 +120,88 @@ class RepeatedStep:
 
 
 def repeated_steps(
-    loops: Sequence[AlgebraicLoop], ports: Mapping[SystemComponent, Ports]
+    schedule: Schedule,
+    loops: Sequence[AlgebraicLoop],
+    layouts: Mapping[SystemComponent, PortLayout],
+    ports: Mapping[SystemComponent, Ports],
 ) -> dict[SystemComponent, RepeatedStep]:
     """The components of loops, all of them initialized, whose outputs do not follow their inputs between steps.
 
     Raises:
-        LoopError: one of them cannot save its state.
+        LoopError: one of them cannot save its state, or takes its steps together with others.
     """
     found: dict[SystemComponent, RepeatedStep] = {}
     for loop in loops:
         for m in loop.components:
-            if _follows(loop, m):
+            if _follows(loop, m, layouts[m], ports[m]):
                 continue
-            if not m.description.can_save:
+            together = any(m in (c.source, c.target) for c in schedule.ticks)
+            if together or not m.description.can_save:
+                why = "takes its steps together with those whose clocks it is connected to"
                 raise LoopError(
-                    f"'{m.name}' is part of an algebraic loop, computes its outputs in steps only, and cannot save its"
-                    f" state, so the loop cannot be solved:\n{loop}\nGive one of these connections delay=True (one step"
-                    " of delay) to break the loop."
+                    f"'{m.name}' is part of an algebraic loop, computes its outputs in steps only, and"
+                    f" {why if together else 'cannot save its state'}, so the loop cannot be solved:\n{loop}\nGive one"
+                    " of these connections delay=True (one step of delay) to break the loop."
                 )
             found[m] = RepeatedStep(m, ports[m])
     return found
 
 
-def _follows(loop: AlgebraicLoop, component: SystemComponent) -> bool:
-    """Whether outputs change with inputs without a step."""
+def _follows(loop: AlgebraicLoop, component: SystemComponent, layout: PortLayout, ports: Ports) -> bool:
+    """Whether outputs change with inputs without a step: all inputs must be passed on between steps."""
     inputs = [c.input for c in loop.connections if c.target is component]
     outputs = list(dict.fromkeys(c.output for c in loop.connections if c.source is component))
+    if any(map(component.description.waits, inputs)):
+        return False
     try:
-        return any(by_perturbation(component.implementation, inputs, outputs).values())
+        return any(between_steps(component, layout, ports, inputs, outputs).values())
     except CosimError as error:
         if _lost(error):
             raise
         return False
+
+
+def between_steps(
+    component: SystemComponent,
+    layout: PortLayout,
+    ports: Ports,
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
+) -> Dependencies:
+    """Direct dependencies of outputs on inputs as the engine finds them between steps: through the ports."""
+    exchanged = _Exchanged(component.implementation, layout, ports)
+    kept = layout.u.copy(), layout.y.copy()
+    try:
+        exchanged.take([v for v in layout.inputs if not component.description.waits(v)])
+        return by_perturbation(exchanged, inputs, outputs)
+    finally:
+        layout.u[:], layout.y[:] = kept
+
+
+class _Exchanged:
+    """The values of a component as its ports move them; those of several slots as it moves them itself."""
+
+    def __init__(self, implementation: Any, layout: PortLayout, ports: Ports):
+        self._implementation, self._ports = implementation, ports
+        sides = (layout.inputs, layout.u), (layout.outputs, layout.y)
+        self._slots = {
+            v: array[k : k + 1] for vs, array in sides for v, k in layout.places(vs) if v not in layout.sizes
+        }
+
+    def take(self, inputs: Sequence[Variable]) -> None:
+        """The buffer of these inputs gets what the component has."""
+        single = [v for v in inputs if v in self._slots]
+        for v, value in zip(single, self._implementation.get(single), strict=True):
+            self._slots[v][0] = value
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        self._ports.get_outputs()
+        return [self._slots[v][0] if v in self._slots else self._implementation.get([v])[0] for v in variables]
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        for v, value in values.items():
+            if v in self._slots:
+                self._slots[v][0] = value
+            else:
+                self._implementation.set({v: value})
+        self._ports.set_inputs()

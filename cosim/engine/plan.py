@@ -205,7 +205,7 @@ def _derivative(setup: Setup, loop: AlgebraicLoop, m: SystemComponent) -> Deriva
     inputs = dict.fromkeys(c.input for c in loop.connections if c.target is m)
     outputs = dict.fromkeys(c.output for c in loop.connections if c.source is m)
     doubles = all(v.fmi_type in ("Real", "Float64") and v.size == 1 for v in (*inputs, *outputs))
-    if not m.description.directional_derivatives or m in setup.repeated or not doubles:
+    if not m.description.directional_derivatives or not doubles:
         return None
     return DerivativePlan(
         knowns=tuple(v.reference for v in inputs),

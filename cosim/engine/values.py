@@ -53,9 +53,14 @@ class PortLayout:
 
     def numbers(self, variables: Sequence[Variable], values: Array) -> Iterable[tuple[Variable, float]]:
         """Each of its inputs or outputs with its number in `values`, which is `u` or `y`."""
-        at, listed = 0, values.tolist()
+        listed = values.tolist()
+        return [(variable, listed[at]) for variable, at in self.places(variables)]
+
+    def places(self, variables: Sequence[Variable]) -> Iterable[tuple[Variable, int]]:
+        """Each of its inputs or outputs with its place in `u` or `y`."""
+        at = 0
         for variable in variables:
-            yield variable, listed[at]
+            yield variable, at
             at += slots(self.sizes.get(variable, 0))
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:

@@ -431,7 +431,7 @@ def _sets(m: SystemComponent, version: int, port: PortLayout, buffers: _Room) ->
     """Calls that set inputs; discrete ones wait for event mode."""
 
     def waits(v: Variable) -> bool:
-        return steps_with_events(m.description) and m.description.event_mode and v.variability == "discrete"
+        return steps_with_events(m.description) and m.description.waits(v)
 
     return [
         {**_transfer(m, version, how, buffers), "waits": late}

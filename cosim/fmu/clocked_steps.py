@@ -93,8 +93,10 @@ class ClockedValues:
     def _grouped(
         self, variables: Sequence[Variable], first: frozenset[str] | None
     ) -> tuple[list[Arrangement], list[ClockedGroup]]:
+        about = self.about
+
         def of(v: Variable) -> tuple[tuple[int, ...], int, bool]:
-            return self.index(v.clocks), self.waits.get(v, -1), not v.clocks and v.variability == "discrete"
+            return self.index(v.clocks), self.waits.get(v, -1), not v.clocks and about.waits(v)
 
         calls: list[Arrangement] = []
         groups = []

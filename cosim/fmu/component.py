@@ -468,16 +468,28 @@ class FmuComponent:
 
     def _setters(self, inputs: Sequence[Variable], u: Array) -> list[_Bound]:
         """Calls that set inputs; with event mode, discrete ones wait for it once initialization is over."""
-        major, steps = int(self.fmu.major), self._event_steps
+        major, steps, waits = int(self.fmu.major), self._event_steps, self.description.waits
         if steps is None or not self.description.event_mode:
             return [self._transfer("Set", how, u) for how in arrangements(major, inputs, sizes=self._sizes)]
         groups = (
             [self._transfer("Set", how, u) for how in arrangements(major, inputs, chosen, self._sizes)]
-            for chosen in (lambda v: v.variability != "discrete", lambda v: v.variability == "discrete")
+            for chosen in (lambda v: not waits(v), waits)
         )
         continuous, discrete = groups
         waiting = steps.bind([s.transfer for s in discrete])
-        return [*continuous, *(replace(s, transfer=t) for s, t in zip(discrete, waiting, strict=True))]
+
+        def late(bound: _Bound) -> Action:
+            to = bound.transfer
+
+            def move() -> None:
+                if not steps.stepping:
+                    bound.move()
+                elif to.element is not None:
+                    to.data[to.element] = u[to.place]
+
+            return move
+
+        return [*continuous, *(_Bound(late(s), t) for s, t in zip(discrete, waiting, strict=True))]
 
     def _with_guards(self, ports: Ports) -> Ports:
         """Put back the floating-point environment after calls into third-party FMUs."""

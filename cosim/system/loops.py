@@ -2,6 +2,7 @@
 
 The edges of a loop are connections, and direct dependencies of outputs on inputs within a component. A connection with
 a delay breaks a loop, and so does a discrete component: it reads its inputs at its own instants, by the exchange rule.
+So does an input that belongs to a clock: it is read when the clock ticks.
 
 Values that depend on each other are the strong components of this graph, and each of them is one loop, which the engine
 solves (`algebraic_loop.c`). Where a component does not declare its dependencies, a loop is only possible.
@@ -89,7 +90,7 @@ def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Alge
     No two of them share an output.
     """
     undelayed = sorted(
-        (c for c in numeric(connections) if not (c.delay or c.source.discrete or c.target.discrete)),
+        (c for c in numeric(connections) if not (c.delay or c.source.discrete or c.target.discrete or c.input.clocks)),
         key=lambda c: (c.source_name, c.target_name),
     )
     numbers: dict[_Output, int] = {}

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from exported import run_exported
-from foreign import clocked, pulses
+from foreign import clocked, pulses, sloped
 
-from cosim import ComponentError, Recording, System, UnconnectedInputsWarning, WiringError
+from cosim import ComponentError, LoopError, Recording, System, UnconnectedInputsWarning, WiringError
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,37 @@ def test_ticks_and_their_values_reach_all_at_once(fmu: Path, relay: int, order: 
         )
         assert rounded(found[f"{name}.last"]) == [-1.0, 0.009, 0.018, 0.027, 0.039]
         assert found[f"{name}.got"].tolist() == [0.0, 3.0 + more, 6.0 + more, 9.0 + more, 13.0 + more]
+
+
+def test_values_of_clocks_form_no_algebraic_loop(fmu: Path) -> None:
+    """They are passed on at ticks: what a has got is what b has computed at the same one."""
+    with chain(fmu, "a", "b") as system:
+        system.connect("b.y", "a.x")
+        system.connect("b.out", "a.in")
+        found = system.run(0.04, record=["*"])
+    assert not found.loops
+    assert found["b.got"].tolist() == [0, 3, 6, 9, 13]
+    assert found["a.got"].tolist() == [0, 4, 7, 10, 14]
+
+
+def test_loops_of_components_that_take_their_steps_together(fmu: Path, tmp_path: Path) -> None:
+    """Two outputs k sin(u) + t: solved between steps, and refused where a step would have to be repeated."""
+    ticked = sloped.build(3, tmp_path, events="ticked")
+    with System(allow_unconnected=True) as system:
+        system.add("source", fmu, step="10 ms", parameters={"period": 0.003})
+        for name in ("m", "n"):
+            system.add(name, ticked, step="10 ms", parameters={"k": 0.5})
+            system.connect("source.out", f"{name}.clock")
+        system.connect("m.a", "n.p")
+        system.connect("n.a", "m.p")
+        found = system.run(0.1, record=["m.a", "n.a"])
+        for a, b in (("m.a", "n.a"), ("n.a", "m.a")):
+            assert np.abs(found[a] - found.time - 0.5 * np.sin(found[b])).max() < 1e-8
+        system["m"].set({"trouble": 6.0})
+        with pytest.raises(
+            LoopError, match=r"(?s)'m' .* takes its steps together with those whose clocks .* m\.a -> n"
+        ):
+            system.run(0.1)
 
 
 def test_one_clock_ticks_several(fmu: Path) -> None:

@@ -644,6 +644,31 @@ def test_exported_systems_repeat_steps_and_continue_from_states(tmp_path):
                 assert_same(simulation.recording, run)
 
 
+@pytest.mark.parametrize("offers", [True, False])
+@pytest.mark.parametrize("events", ["clock", "discrete"])
+def test_loops_through_clocked_fmus_and_discrete_inputs_are_solved(events, offers, tmp_path):
+    """Continuous inputs are set between steps; for a discrete one the step is repeated."""
+    plain, path = (sloped.build(3, tmp_path, offers=offers, events=kind) for kind in ("", events))
+    with of_two_slopes(plain) as system:
+        right, adaptive = system.run(0.5, record=SLOPED), system.run(0.5, record=SLOPED, tolerance=1e-4)
+    names = [f"whole.{n}" for n in SLOPED]
+    for second in (path, plain):
+        with of_two_slopes(path, second=second) as system:
+            run = system.run(0.5, record=SLOPED)
+            assert is_solved(run)
+            np.testing.assert_allclose(run.data, right.data, atol=1e-8)
+            isolated = system.run(0.5, record=SLOPED, execution=Execution(isolate=("*",)))
+            np.testing.assert_array_equal(isolated.data, run.data)
+            tolerant = system.run(0.5, record=SLOPED, tolerance=1e-4)
+            assert tolerant.steps.accepted < 2 * adaptive.steps.accepted
+            np.testing.assert_allclose(tolerant.data, right.data, atol=1e-4)
+            whole = [system.export_fmu(tmp_path / f"Loop{fmi}.fmu", fmi=fmi) for fmi in (2, 3)]
+        for file in whole:
+            with System() as system:
+                system.add("whole", file, step="10 ms")
+                np.testing.assert_array_equal(system.run(0.5, record=names).data, run.data)
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_exported_system_names_the_component_whose_derivative_is_fatal(fmi, tmp_path):
     with of_two_slopes(sloped.build(fmi, tmp_path)) as system:

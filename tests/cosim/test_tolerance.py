@@ -8,7 +8,7 @@ from typing import Any
 import awkward
 import numpy as np
 import pytest
-from foreign import exchanged
+from foreign import exchanged, sloped
 from masses import COUPLING, NAMES, K, Mass, exact
 from probes import DiscreteProbe, Integrator
 from same import assert_same, outcome
@@ -467,6 +467,20 @@ def test_model_exchange_fmus_go_back_too(tmp_path, version):
     np.testing.assert_allclose(run["a.x"], np.exp(-t) * (np.cos(t) + np.sin(t)), atol=2e-4)
     np.testing.assert_allclose(run["b.x"], np.exp(-t) * (np.cos(t) - np.sin(t)), atol=2e-4)
     assert run.steps.rejected > 0
+
+
+@pytest.mark.parametrize("events", ["", "clock", "discrete"])
+def test_outputs_of_clocked_fmus_and_of_discrete_inputs_follow(events, tmp_path):
+    """dx/dt = -b, b = x, of an FMU with event mode, whose input is discrete or not."""
+    with System(allow_unconnected=True) as system:
+        system.add("x", Integrator(), step="0.1 s", parameters={"x0": 1.0})
+        system.add("f", sloped.build(3, tmp_path, events=events), step="0.1 s", start={"p": 8.0}, parameters={"k": 0.0})
+        system.connect("f.b", "x.u", linear=(-1.0, 0.0))
+        system.connect("x.y", "f.q")
+        run = system.run(5, record=["x.y", "f.b"], tolerance=1e-4)
+    for name in ("x.y", "f.b"):
+        assert np.abs(run[name] - np.exp(-run.time)).max() < 1e-4
+    assert run.steps.accepted < 1000
 
 
 def test_states_are_saved_in_the_same_memory(built_fmus):

@@ -4,7 +4,8 @@
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
  * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
- * values for p < -1 returns Discard. `calls` counts derivatives. */
+ * values for p < -1 returns Discard. `calls` counts derivatives. With DISCRETE q is a discrete input: setting it in step
+ * mode is an Error. */
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -13,6 +14,7 @@ enum { P, Q, A, B, K, TROUBLE, CALLS };
 
 typedef struct {
     double value[7], time, sum;
+    bool stepping;
 } Model;
 
 static bool is_lazy(const Model *m) { return m->value[TROUBLE] == 6.0; }
@@ -66,7 +68,18 @@ Status F(ExitInitializationMode)(Instance c) { return F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
 ACCESS(REAL, double, if (M->value[TROUBLE] == 7.0 && M->value[P] < -1.0) return F(Discard); EACH(value[i] = get(M, vr[i])),
+    if (DISCRETE && M->stepping) for (size_t i = 0; i < n; i++) if (vr[i] == Q) return F(Error);
     EACH(M->value[vr[i]] = value[i]))
+#if FMI == 3
+Status fmi3EnterEventMode(Instance c) { return M->stepping = false, fmi3OK; }
+Status fmi3EnterStepMode(Instance c) { return M->stepping = true, fmi3OK; }
+Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate, Flag *nominals, Flag *values, Flag *has_next,
+    double *next) {
+    *again = *terminate = *nominals = *values = *has_next = false;
+    return fmi3OK;
+}
+Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock value[]) { return fmi3OK; }
+#endif
 #ifndef LACKING
 Status F(GetDirectionalDerivative)(Instance c, const Reference of[], size_t n, const Reference by[], size_t k,
     const double seed[], FMI2_OR_3(, size_t n_seed COMMA) double slope[] FMI2_OR_3(, COMMA size_t n_slope)) {

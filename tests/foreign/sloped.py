@@ -17,15 +17,27 @@ _VARIABLES = (  # name, causality, variability; value references as in sloped.c
 )
 
 
-def description(version: int, *, offers: bool = True) -> str:
-    """modelDescription.xml; `offers` directional derivatives."""
+_KINDS = {
+    "clock": 'intervalVariability="constant" intervalDecimal="0.03"',
+    "ticked": 'intervalVariability="triggered"',
+}
+
+
+def description(version: int, *, offers: bool = True, events: str = "") -> str:
+    """modelDescription.xml; `offers` directional derivatives. `events`: what it has event mode for, of FMI 3.0.
+
+    "clock" or "ticked": an input clock that ticks by itself, or that a connection ticks; "discrete": the input q.
+    """
     three, variables = version == 3, []
     for reference, (name, causality, variability) in enumerate(_VARIABLES):
         start = "" if causality in ("output", "local") else f'start="{float(name == "k")}"'
-        common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"'
+        how = "discrete" if (name, events) == ("q", "discrete") else variability
+        common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{how}"'
         variables.append(
             f"<Float64 {common} {start}/>" if three else f"<ScalarVariable {common}><Real {start}/></ScalarVariable>"
         )
+    if events in _KINDS:
+        variables.append(f'<Clock name="clock" valueReference="7" causality="input" {_KINDS[events]}/>')
     if three:
         variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
         structure = "".join(
@@ -35,6 +47,7 @@ def description(version: int, *, offers: bool = True) -> str:
         )
         head, can = 'fmiVersion="3.0" instantiationToken="sloped"', 'canGetAndSetFMUState="true"'
         offered = 'providesDirectionalDerivatives="true"'
+        can += ' hasEventMode="true"' * bool(events)
     else:
         unknowns = "".join(f'<Unknown index="{i}" dependencies="1 2"/>' for i in (3, 4))
         structure = f"<Outputs>{unknowns}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns>"
@@ -48,12 +61,13 @@ def description(version: int, *, offers: bool = True) -> str:
     )
 
 
-def build(version: int, folder: Path, *, offers: bool = True, lacking: bool = False) -> Path:
+def build(version: int, folder: Path, *, offers: bool = True, lacking: bool = False, events: str = "") -> Path:
     """The FMU for this machine, in a folder; `lacking`: the function for derivatives is not in its library."""
-    name = f"sloped{version}" + "lacking" * lacking
+    name = f"sloped{version}{events}" + "lacking" * lacking
     function = f"fmi{version}GetDirectionalDerivative"
     sources = [making.HERE / "sloped.c", making.others(folder, name, version, without=[function])]
-    library = making.compile_library(folder, name, version, sources, *["-DLACKING"] * lacking)
-    text = description(version, offers=offers)
+    flags = [*["-DLACKING"] * lacking, f"-DDISCRETE={int(events == 'discrete')}"]
+    library = making.compile_library(folder, name, version, sources, *flags)
+    text = description(version, offers=offers, events=events)
     path = folder / f"{name.capitalize()}{'' if offers else 'Silent'}.fmu"
     return making.pack(path, making.contents(version, "sloped", text, library))
