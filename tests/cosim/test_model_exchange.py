@@ -23,6 +23,7 @@ SOLVERS = ("auto", "explicit", "implicit")
 LAG, BALL, TIMED, STIFF, RAMP, NAN, ENDLESS, CHATTER, ENDS, ERROR, NEVER_LATER, DIVERGES, DISCARDS, OSCILLATOR = range(
     14
 )
+UPWARD = 14
 
 
 @pytest.fixture(scope="session")
@@ -264,6 +265,38 @@ def test_an_ssp_keeps_the_interface(built_fmus, tmp_path):
         assert system["car"].description.interface == "me"
         results.append(system.run("0.1").data)
     np.testing.assert_array_equal(*results)
+
+
+def rounds_to_nearest() -> bool:
+    """Whether arithmetic of this process still does."""
+    values = np.array([1.0, 2.0**-60])
+    return bool(values[0] + values[1] == 1.0)
+
+
+@pytest.mark.parametrize("solver", ["explicit", "implicit"])
+def test_the_rounding_mode_that_an_fmu_leaves_does_not_reach_the_integrator(fmu, solver):
+    with one(fmu, LAG, solver=solver) as system:
+        right = system.run(1, record=["m.x"])
+    told = pytest.warns(UserWarning, match=r"'m' .* changes the rounding mode")
+    with one(fmu, UPWARD, solver=solver) as system, told:
+        found = system.run(1, record=["m.x"])
+    np.testing.assert_array_equal(found["m.x"], right["m.x"])
+    assert rounds_to_nearest()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_exported_system_puts_back_the_rounding_mode_and_names_who_changed_it(exchanges, tmp_path, fmi, caplog):
+    runs = []
+    for kind in (LAG, UPWARD):
+        with one(exchanges[3], kind) as system:
+            path = system.export_fmu(tmp_path / f"Kind{kind}.fmu", fmi=fmi)
+        assert "rounding mode" not in caplog.text
+        with System(allow_unconnected=True) as system:
+            system.add("s", path, step="10 ms")
+            runs.append(system.run(1, record=["s.m.x"])["s.m.x"])
+        assert rounds_to_nearest()
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert caplog.text.count("m: it changes the rounding mode of floating-point arithmetic") == 1
 
 
 def test_copies_in_a_batch_are_integrated_one_by_one(built_fmus):

@@ -184,6 +184,7 @@ static int run_to(FmuInstance *self, int64_t end) {
         EngineComponent stepped = self->bound[i];
         stepped.fmi = P->components[i].version;
         result = whole ? engine_get(e, &stepped) : ENGINE_AT_END;
+        engine_put_back_environment(e, &self->bound[i]);
         if (result) return result;
         const int64_t its_end = e->tick + (whole ? e->clocks[stepped.clock].period : 0);
         char text[1024];
@@ -224,6 +225,7 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
     e->environment = environment_bits();
     engine_look_up(e, s->tick); /* arrived already */
     FmuStatus status = outcome(self, run_to(self, end));
+    container_say_changes(self);
     if (s->ended) return end_of_all(self, s->ends_by);
     if (status == FMU_OK) {
         e->tick = s->tick = earlier(end, s->ending);
