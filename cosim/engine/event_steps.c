@@ -67,6 +67,7 @@ uint32_t event_steps_leave(EventSteps *s, double t) {
             s->instance, &again, &terminate, &nominals, &states, &has_next, &next));
         if (terminate) return failed(s, EVENT_TERMINATED, EVENT_UPDATE, t, ERROR);
     }
+    if (has_next && isnan(next)) return failed(s, EVENT_BAD_EVENT, EVENT_UPDATE, t, ERROR);
     s->memory.next_event = has_next ? next : INFINITY;
     return plain(s, EVENT_LEAVE, t);
 }
@@ -92,11 +93,16 @@ static double target(const EventSteps *s, double now, double end, double near) {
     return to < end - near ? to : end;
 }
 
-/* Event mode at time t within a step; `ends`: where the FMU asks for the end of the simulation there. */
+/* Event mode at time t within a step, again where the FMU announces the next event for then; `ends`: where it asks for
+ * the end of the simulation there. */
 static uint32_t process_event(EventSteps *s, double t, bool *ends) {
-    uint32_t status = event_steps_enter(s, t);
-    if (status <= WARNING) status = set_inputs(s, t);
-    if (status <= WARNING) status = event_steps_leave(s, t);
+    uint32_t status = OK;
+    for (int k = 0; status <= WARNING && (!k || s->memory.next_event <= t); k++) {
+        if (k == EVENTS) return failed(s, EVENT_TOO_MANY, EVENT_UPDATE, t, ERROR);
+        status = event_steps_enter(s, t);
+        if (status <= WARNING) status = set_inputs(s, t);
+        if (status <= WARNING) status = event_steps_leave(s, t);
+    }
     *ends = status > WARNING && s->report.end == EVENT_TERMINATED;
     return *ends ? (uint32_t)OK : status;
 }

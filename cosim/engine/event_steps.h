@@ -20,6 +20,7 @@ typedef enum {
     EVENT_NOT_CONVERGED,   /* every update of discrete states requires another one */
     EVENT_TOO_MANY,        /* events and early returns in one communication step */
     EVENT_BAD_TIME,        /* it returned early at `time`, outside of the step */
+    EVENT_BAD_EVENT,       /* the next event that it announces is at NaN */
     EVENT_TERMINATED       /* it asks for the end of the simulation in event mode */
 } EventEnd;
 

@@ -137,8 +137,9 @@ static uint32_t update(Integrator *s, bool nominals) {
         if (flag[1]) return failed(s, INTEGRATOR_TERMINATED, 0, t, DISCARD);
         called(s);
         nominals |= flag[2];
-        s->next_event = flag[4] && next - next == 0.0 ? next : DBL_MAX;
         if (flag[0]) continue;
+        if (flag[4] && next != next) return failed(s, INTEGRATOR_BAD_EVENT, 0, t, ERROR);
+        s->next_event = flag[4] ? smaller(next, DBL_MAX) : DBL_MAX;
         if (nominals) {
             PASS(array(s, INTEGRATOR_GET_NOMINALS, s->nominal, s->setup.n));
             called(s);

@@ -31,6 +31,7 @@ typedef enum {
     INTEGRATOR_TOO_MANY_STEPS,
     INTEGRATOR_NOT_CONVERGED,    /* every update of discrete states requires another one */
     INTEGRATOR_TOO_MANY_EVENTS,
+    INTEGRATOR_BAD_EVENT,        /* the next time event is at NaN */
     INTEGRATOR_TERMINATED        /* the FMU asks for the end of the simulation */
 } IntegratorEnd;
 

@@ -327,6 +327,7 @@ class Integration:
             " (interface=ModelExchange(tolerance=...))",
             "TOO_MANY_STEPS": "more than 1000000 steps of the integrator in one communication step; a larger tolerance"
             ' or the implicit solver may help (interface=ModelExchange(tolerance=..., solver="implicit"))',
+            "BAD_EVENT": f"its next time event is at NaN (nextEventTime of fmi{self._setup.version}{self._names[7]})",
             "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
             f" (fmi{self._setup.version}{self._names[7]}); correct the model's event equations",
             "TOO_MANY_EVENTS": "more than 10000 events in one communication step: the model switches back and forth"

@@ -23,7 +23,7 @@ SOLVERS = ("auto", "explicit", "implicit")
 LAG, BALL, TIMED, STIFF, RAMP, NAN, ENDLESS, CHATTER, ENDS, ERROR, NEVER_LATER, DIVERGES, DISCARDS, OSCILLATOR = range(
     14
 )
-UPWARD = 14
+UPWARD, NOWHERE = 14, 15
 
 
 @pytest.fixture(scope="session")
@@ -217,7 +217,7 @@ def test_an_isolated_fmu_gives_the_same_bits(fmu, kind):
     assert done["steps"] == results[1]["m.steps"][-1]
 
 
-@pytest.mark.parametrize("kind", [NAN, ENDLESS, CHATTER, ERROR, NEVER_LATER, DIVERGES])
+@pytest.mark.parametrize("kind", [NAN, ENDLESS, CHATTER, ERROR, NEVER_LATER, DIVERGES, NOWHERE])
 def test_failures_are_explained(exchanges, kind, raises):
     x = 0.105 if kind == CHATTER else 0.0
     with one(exchanges[2], kind, solver="explicit", x=x) as system, raises(ComponentError) as caught:

@@ -8,8 +8,9 @@
 
 #include "../fmi_names.h"
 
-/* Kinds; PAUSED: early without an event. */
-enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS };
+/* Kinds; PAUSED: early without an event. NOWHERE announces NaN after the first event, PASSED always the first event;
+ * TWICE announces each event once more when it has come. */
+enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS, NOWHERE, PASSED, TWICE };
 enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 
 typedef struct {
@@ -42,11 +43,11 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
     if (m->v.now > m->v.next - 1e-9) {
         m->v.count++;
         m->v.last = m->v.now;
-        m->v.next += m->v.period;
+        if (m->v.kind != PASSED && (m->v.kind != TWICE || m->v.count % 2 == 0)) m->v.next += m->v.period;
         *terminate = m->v.kind == ENDING && m->v.count == 2;
     }
     *has_next = m->v.kind == ANNOUNCED || m->v.kind >= ENDLESS;
-    *next = m->v.next;
+    *next = m->v.kind == NOWHERE && m->v.count ? NAN : m->v.next;
     return fmi3OK;
 }
 ACCESS(REAL, double, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
@@ -64,7 +65,7 @@ Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event
     Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     const bool due = m->v.next < t + h + 1e-9, inside = m->v.next < t + h - 1e-9;
-    const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END;
+    const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END || m->v.kind >= NOWHERE;
     *event = due && m->v.kind != PAUSED;
     *terminate = false;
     *early = inside && m->v.early && !told;

@@ -16,6 +16,7 @@
  *  12  discard: derivatives exist only for x < 1; x' = 1 - x
  *  13  a harmonic oscillator, x'' = -w^2 x, with a state event where x changes its sign: `count` counts
  *  14  x' = -x, exact in every rounding mode; getting derivatives leaves the mode "upward" behind
+ *  15  the next time event is at NaN from t = 0.5 on
  *
  * `last` is the time of the last event, `steps` counts completed steps of the integrator. */
 #include <fenv.h>
@@ -72,7 +73,9 @@ static Status update(Model *m, Flag *again, Flag *end, Flag *states, Flag *defin
     }
     if (m->value[COUNT] != count) m->value[LAST] = m->time;
     if (kind(m) == 6.0 || kind(m) == 8.0 || kind(m) == 10.0) m->next = 0.5;
-    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0) && m->time < 0.5) || kind(m) == 10.0;
+    if (kind(m) == 15.0) m->next = m->time < 0.5 ? 0.5 : NAN;
+    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0) && m->time < 0.5) ||
+               kind(m) == 10.0 || kind(m) == 15.0;
     *next = m->next;
     return F(OK);
 }

@@ -76,7 +76,8 @@ static uint32_t change(Component *m, bool begins, bool done) {
 static const char *why(const Component *m, uint32_t *number, double *time) {
     static const char *const texts[] = {"a function failed, number", "a function failed, number",
         "event iteration did not converge, in function", "too many events in one communication step, in function",
-        "it returned early at a time outside of its step, from function", NULL};
+        "it returned early at a time outside of its step, from function",
+        "the next event that it announces is at NaN, by function", NULL};
     const EventReport *const r = &steps_of(m)->report;
     *number = r->index + 1;
     *time = r->time;

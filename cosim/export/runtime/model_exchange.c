@@ -38,7 +38,7 @@ static const char *why(const Component *m, uint32_t *number, double *time) {
         "an event indicator is NaN or infinite, number",
         "the error exceeds the tolerance even with the smallest step, that of state number",
         "too many steps of the integrator in one communication step", "event iteration did not converge",
-        "too many events in one communication step", NULL};
+        "too many events in one communication step", "the next time event is at NaN", NULL};
     const IntegratorReport *const r = &((const Integrator *)m->integrator)->report;
     *number = r->index + 1;
     *time = r->time;
