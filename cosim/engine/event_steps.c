@@ -1,6 +1,8 @@
 /* Steps of FMUs that report events or return early: see event_steps.h. */
 #include "event_steps.h"
 
+#include "environment.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -102,14 +104,14 @@ static uint32_t process_event(EventSteps *s, double t, bool *ends) {
         status = event_steps_enter(s, t);
         if (status <= WARNING) status = set_inputs(s, t);
         if (status <= WARNING) status = event_steps_leave(s, t);
+        environment_after_call(s->environment);
     }
     *ends = status > WARNING && s->report.end == EVENT_TERMINATED;
     return *ends ? (uint32_t)OK : status;
 }
 
-uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
-    double *last) {
-    EventSteps *const s = steps;
+static uint32_t step(
+    EventSteps *s, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     const double end = t + h, near = resolution(t, h);
     double now = t;
     *event = *terminate = *early = false;
@@ -124,6 +126,7 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
         *last = now;
         TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
             s->stepped, now, to - now, no_set_prior, &needed, terminate, early, last));
+        environment_after_call(s->environment);
         const bool returned = *early;
         if (returned && !s->variable_step) return OK; /* which it was not allowed to */
         if (returned && !(*last >= now - near && *last <= to + near))
@@ -138,4 +141,13 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
     }
     if (*terminate) return OK;
     return failed(s, EVENT_TOO_MANY, EVENT_DO_STEP, now, ERROR);
+}
+
+uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
+    double *last) {
+    EventSteps *const s = steps;
+    environment_begin(s->environment);
+    const uint32_t status = step(s, t, h, no_set_prior, event, terminate, early, last);
+    environment_end(s->environment);
+    return status;
 }

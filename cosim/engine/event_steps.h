@@ -58,6 +58,7 @@ struct EventSteps {
     double internal;             /* length of the FMU's internal steps [s], 0: not known */
     EventMemory memory;
     EventReport report;
+    uint32_t environment[2];     /* floating-point environment: environment_begin */
 };
 
 /* The setter of discrete inputs; `inputs` is the address of an `EventInputs`. */

@@ -154,8 +154,8 @@ class EventSteps:
             "NOT_CONVERGED": "event iteration did not converge: every update of discrete states requires another one"
             " (fmi3UpdateDiscreteStates); correct the model's event equations",
             "TOO_MANY": "more than 10000 events in one communication step: the model switches back and forth"
-            " (chattering), returns early without progress, or announces a next event that is never later; add hysteresis"
-            " to its conditions",
+            " (chattering), returns early without progress, or announces a next event that is never later; add"
+            " hysteresis to its conditions",
             "BAD_EVENT": "the next event that it announces is at NaN (nextEventTime of fmi3UpdateDiscreteStates)",
             "BAD_TIME": f"fmi3DoStep returned early at {at:.9g} s, which is outside of the {where}",
         }[why]

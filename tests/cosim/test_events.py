@@ -67,6 +67,16 @@ def test_an_event_that_is_announced_for_now_is_processed_now(fmu: Path) -> None:
     assert rounded(found["c.last"]) == [-1, -1, 0.03, 0.06, 0.06, 0.09]
 
 
+def test_times_of_events_are_computed_in_the_rounding_mode_of_the_caller(folder: Path) -> None:
+    """Those of the FMU's internal steps, which are counted from the end of its last step on."""
+    fmu = eventful.build(folder, internal="0.0011")
+    with pytest.warns(UserWarning, match="changes the rounding mode"):
+        found = run(fmu, "upward", 2.0, step="0.1 s")
+    right = run(fmu, "announced", 2.0, step="0.1 s")
+    for name in ("c.z", "c.last", "c.count"):
+        np.testing.assert_array_equal(found[name], right[name])
+
+
 def test_an_event_is_processed_at_the_end_of_a_step_that_cannot_be_divided(folder: Path) -> None:
     """Neither early return nor steps of other lengths: 0.04, 0.06 and 0.1 s."""
     found = run(eventful.build(folder, variable_step=False), "announced")

@@ -3,14 +3,16 @@
  * dz/dt = u * level, where `level` is the discrete input k at the last event; `count` counts events and `last` is the
  * time of the last one. It is strict: whatever the standard does not allow in a state is an Error, k in step mode
  * included. The parameter `kind` says what happens every `period`. */
+#include <fenv.h>
 #include <math.h>
 #include <string.h>
 
 #include "../fmi_names.h"
 
 /* Kinds; PAUSED: early without an event. NOWHERE announces NaN after the first event, PASSED always the first event;
- * TWICE announces each event once more when it has come. */
-enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS, NOWHERE, PASSED, TWICE };
+ * TWICE announces each event once more when it has come. UPWARD is ANNOUNCED, and
+ * leaves that rounding mode behind after steps, which it computes in the usual one. */
+enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS, NOWHERE, PASSED, TWICE, UPWARD };
 enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 
 typedef struct {
@@ -64,6 +66,7 @@ ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
 Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
     Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
+    if (m->v.kind == UPWARD) fesetround(FE_TONEAREST);
     const bool due = m->v.next < t + h + 1e-9, inside = m->v.next < t + h - 1e-9;
     const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END || m->v.kind >= NOWHERE;
     *event = due && m->v.kind != PAUSED;
@@ -77,5 +80,6 @@ Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event
     m->v.z += h * m->v.u * m->v.level;
     m->v.now = *last = t + h;
     if (m->v.kind == PAUSED && due) m->v.next += m->v.period;
+    if (m->v.kind == UPWARD) fesetround(FE_UPWARD);
     return fmi3OK;
 }

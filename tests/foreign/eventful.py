@@ -8,7 +8,7 @@ from foreign import making
 
 KINDS = (
     *("announced", "early", "paused", "at_end", "endless", "ending", "backward", "stuck", "discards"),
-    *("nowhere", "passed", "twice"),
+    *("nowhere", "passed", "twice", "upward"),
 )
 
 
