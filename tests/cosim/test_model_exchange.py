@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import platform
 import warnings
 
 import fmpy
@@ -286,17 +287,28 @@ def test_the_rounding_mode_that_an_fmu_leaves_does_not_reach_the_integrator(fmu,
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_exported_system_puts_back_the_rounding_mode_and_names_who_changed_it(exchanges, tmp_path, fmi, caplog):
-    runs = []
-    for kind in (LAG, UPWARD):
-        with one(exchanges[3], kind) as system:
-            path = system.export_fmu(tmp_path / f"Kind{kind}.fmu", fmi=fmi)
-        assert "rounding mode" not in caplog.text
-        with System(allow_unconnected=True) as system:
-            system.add("s", path, step="10 ms")
-            runs.append(system.run(1, record=["s.m.x"])["s.m.x"])
-        assert rounds_to_nearest()
+    runs = [run_exported(exchanges[3], tmp_path, kind, fmi) for kind in (LAG, UPWARD)]
     np.testing.assert_array_equal(runs[0], runs[1])
+    assert rounds_to_nearest()
     assert caplog.text.count("m: it changes the rounding mode of floating-point arithmetic") == 1
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the FMU knows the traps of this processor only")
+def test_an_exported_system_puts_back_traps(exchanges, tmp_path, caplog):
+    for _ in range(2):  # the second one would find them enabled
+        caplog.clear()
+        run_exported(exchanges[3], tmp_path, UPWARD, 3, u=1.0)
+        assert caplog.text.count("m: it changes the traps of floating-point arithmetic") == 1
+
+
+def run_exported(fmu, folder, kind, fmi, **start):
+    """State x of the FMU in an exported system."""
+    with one(fmu, kind) as system:
+        system["m"].set(start)
+        path = system.export_fmu(folder / f"Kind{kind}.fmu", fmi=fmi)
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step="10 ms")
+        return system.run(1, record=["s.m.x"])["s.m.x"]
 
 
 def test_copies_in_a_batch_are_integrated_one_by_one(built_fmus):

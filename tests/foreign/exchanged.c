@@ -16,6 +16,7 @@
  *  12  discard: derivatives exist only for x < 1; x' = 1 - x
  *  13  a harmonic oscillator, x'' = -w^2 x, with a state event where x changes its sign: `count` counts
  *  14  x' = -x, exact in every rounding mode; getting derivatives leaves the mode "upward" behind
+ *      (with u != 0: enables the trap of divisions by zero instead, where the processor is x86-64)
  *  15  the next time event is at NaN from t = 0.5 on
  *
  * `last` is the time of the last event, `steps` counts completed steps of the integrator. */
@@ -139,7 +140,10 @@ Status F(GetEventIndicators)(Instance c, double z[], size_t n) {
 }
 static Status derivatives(Model *m, double *dx, size_t n) {
     rates(m);
-    if (kind(m) == 14.0) fesetround(FE_UPWARD);
+    if (kind(m) == 14.0 && m->value[U] == 0.0) fesetround(FE_UPWARD);
+#if defined(__x86_64__)
+    if (kind(m) == 14.0 && m->value[U] != 0.0) __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() & ~0x200u);
+#endif
     if (n != 2 || (kind(m) == 9.0 && m->time >= 0.5)) return F(Error);
     if (kind(m) == 12.0 && m->value[X] >= 1.0 + 1e-12) return F(Discard);
     return dx[0] = m->value[DX], dx[1] = m->value[DV], F(OK);
