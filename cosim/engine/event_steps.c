@@ -1,6 +1,8 @@
 /* Steps of FMUs that report events or return early: see event_steps.h. */
 #include "event_steps.h"
 
+#include "environment.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -67,6 +69,7 @@ uint32_t event_steps_leave(EventSteps *s, double t) {
             s->instance, &again, &terminate, &nominals, &states, &has_next, &next));
         if (terminate) return failed(s, EVENT_TERMINATED, EVENT_UPDATE, t, ERROR);
     }
+    if (has_next && isnan(next)) return failed(s, EVENT_BAD_EVENT, EVENT_UPDATE, t, ERROR);
     s->memory.next_event = has_next ? next : INFINITY;
     return plain(s, EVENT_LEAVE, t);
 }
@@ -86,9 +89,10 @@ const char *event_steps_why(const EventReport *report) {
     static const char *const said[] = {"", "",
         "event iteration did not converge: every update of discrete states requires another one "
         "(fmi3UpdateDiscreteStates); correct the model's event equations",
-        "more than 10000 events in one communication step: the model switches back and forth (chattering), or returns "
-        "early without progress; add hysteresis to its conditions",
-        "fmi3DoStep returned early at a time outside of its step", "it asks for the end of the simulation"};
+        "more than 10000 events in one communication step: the model switches back and forth (chattering), returns "
+        "early without progress, or announces a next event that is never later; add hysteresis to its conditions",
+        "fmi3DoStep returned early at a time outside of its step",
+        "the next event that it announces is at NaN (nextEventTime of fmi3UpdateDiscreteStates)", "it asks for the end of the simulation"};
     return report->end == EVENT_CALL_FAILED ? functions[report->index] : said[report->end];
 }
 
@@ -104,18 +108,23 @@ static double target(const EventSteps *s, double now, double end, double near) {
     return to < end - near ? to : end;
 }
 
-/* Event mode at time t within a step; `ends`: where the FMU asks for the end of the simulation there. */
+/* Event mode at time t within a step, again where the FMU announces the next event for then; `ends`: where it asks for
+ * the end of the simulation there. */
 static uint32_t process_event(EventSteps *s, double t, bool *ends) {
-    uint32_t status = event_steps_enter(s, t);
-    if (status <= WARNING) status = set_inputs(s, t);
-    if (status <= WARNING) status = event_steps_leave(s, t);
+    uint32_t status = OK;
+    for (int k = 0; status <= WARNING && (!k || s->memory.next_event <= t); k++) {
+        if (k == EVENTS) return failed(s, EVENT_TOO_MANY, EVENT_UPDATE, t, ERROR);
+        status = event_steps_enter(s, t);
+        if (status <= WARNING) status = set_inputs(s, t);
+        if (status <= WARNING) status = event_steps_leave(s, t);
+        environment_after_call(s->environment);
+    }
     *ends = status > WARNING && s->report.end == EVENT_TERMINATED;
     return *ends ? (uint32_t)OK : status;
 }
 
-uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
-    double *last) {
-    EventSteps *const s = steps;
+static uint32_t step(
+    EventSteps *s, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     const double end = t + h, near = resolution(t, h);
     double now = t;
     *event = *terminate = *early = false;
@@ -130,6 +139,7 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
         *last = now;
         TRY(EVENT_DO_STEP, ((EngineStep3)s->call[EVENT_DO_STEP])(
             s->stepped, now, to - now, no_set_prior, &needed, terminate, early, last));
+        environment_after_call(s->environment);
         const bool returned = *early || (*terminate && !ENGINE_IS_WHOLE(*last, now, to - now));
         if (returned && !s->variable_step) return OK; /* which it was not allowed to */
         if (returned && !(*last >= now - near && *last <= to + near))
@@ -144,4 +154,13 @@ uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bo
     }
     if (*terminate) return OK;
     return failed(s, EVENT_TOO_MANY, EVENT_DO_STEP, now, ERROR);
+}
+
+uint32_t event_steps_step(void *steps, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
+    double *last) {
+    EventSteps *const s = steps;
+    environment_begin(s->environment);
+    const uint32_t status = step(s, t, h, no_set_prior, event, terminate, early, last);
+    environment_end(s->environment);
+    return status;
 }

@@ -20,6 +20,7 @@ typedef enum {
     EVENT_NOT_CONVERGED,   /* every update of discrete states requires another one */
     EVENT_TOO_MANY,        /* events and early returns in one communication step */
     EVENT_BAD_TIME,        /* it returned early at `time`, outside of the step */
+    EVENT_BAD_EVENT,       /* the next event that it announces is at NaN */
     EVENT_TERMINATED       /* it asks for the end of the simulation in event mode */
 } EventEnd;
 
@@ -57,6 +58,7 @@ struct EventSteps {
     double internal;             /* length of the FMU's internal steps [s], 0: not known */
     EventMemory memory;
     EventReport report;
+    uint32_t environment[2];     /* floating-point environment: environment_begin */
 };
 
 /* The setter of discrete inputs; `inputs` is the address of an `EventInputs`. */

@@ -1,6 +1,8 @@
 /* Integrates a Model Exchange FMU: see integrator.h. */
 #include "integrator.h"
 
+#include "environment.h"
+
 #include <float.h>
 #include <stdio.h>
 #include <string.h>
@@ -55,6 +57,11 @@ static uint32_t failed(Integrator *s, IntegratorEnd end, uint32_t index, double 
         if (passed_ > WARNING) return passed_; \
     } while (0)
 
+/* Before arithmetic that follows calls. */
+static void called(Integrator *s) {
+    if (s->setup.foreign) environment_after_call(s->environment);
+}
+
 static uint32_t array(Integrator *s, IntegratorFunction number, double *values, uint32_t n) {
     if (n) TRY(number, CALL(number, (void *, double *, size_t), values, n));
     return OK;
@@ -65,7 +72,7 @@ static uint32_t plain(Integrator *s, IntegratorFunction number) {
     return OK;
 }
 
-/* Time and states. */
+/* Time and states. A call follows, or `called`. */
 static uint32_t place(Integrator *s, double t, double *x) {
     TRY(INTEGRATOR_SET_TIME, CALL(INTEGRATOR_SET_TIME, (void *, double), t));
     return array(s, INTEGRATOR_SET_STATES, x, s->setup.n);
@@ -75,6 +82,7 @@ static uint32_t place(Integrator *s, double t, double *x) {
 static uint32_t derivatives(Integrator *s, double t, double *x, double *f) {
     PASS(place(s, t, x));
     PASS(array(s, INTEGRATOR_GET_DERIVATIVES, f, s->setup.n));
+    called(s);
     s->report.evaluations++;
     for (uint32_t i = 0; i < s->setup.n; i++)
         if (!finite_number(f[i])) return failed(s, INTEGRATOR_BAD_DERIVATIVE, i, t, DISCARD);
@@ -83,6 +91,7 @@ static uint32_t derivatives(Integrator *s, double t, double *x, double *f) {
 
 static uint32_t indicators(Integrator *s, double t, double *z) {
     PASS(array(s, INTEGRATOR_GET_INDICATORS, z, s->setup.n_indicators));
+    called(s); /* also where there is none, after `place` */
     for (uint32_t i = 0; i < s->setup.n_indicators; i++)
         if (!finite_number(z[i])) return failed(s, INTEGRATOR_BAD_INDICATOR, i, t, ERROR);
     return OK;
@@ -102,6 +111,7 @@ static uint32_t completed(Integrator *s, bool *event) {
     }
     if (terminate) return failed(s, INTEGRATOR_TERMINATED, 0, s->memory.time, DISCARD);
     *event |= enter;
+    called(s);
     return OK;
 }
 
@@ -110,10 +120,9 @@ typedef struct {
     double next_event;
 } EventInfo2;
 
-/* Event iteration: discrete states are updated until they stay. */
-static uint32_t update(Integrator *s) {
+/* Event iteration: discrete states are updated until they stay. `nominals`: those of the states are to be read. */
+static uint32_t update(Integrator *s, bool nominals) {
     const double t = s->memory.time;
-    bool nominals = false;
     for (int i = 0; i < UPDATES; i++) {
         bool flag[5] = {false, false, false, false, false};
         double next = 0.0;
@@ -127,11 +136,14 @@ static uint32_t update(Integrator *s) {
                 &flag[0], &flag[1], &flag[2], &flag[3], &flag[4], &next));
         }
         if (flag[1]) return failed(s, INTEGRATOR_TERMINATED, 0, t, DISCARD);
+        called(s);
         nominals |= flag[2];
-        s->next_event = flag[4] && next - next == 0.0 ? next : DBL_MAX;
         if (flag[0]) continue;
+        if (flag[4] && next != next) return failed(s, INTEGRATOR_BAD_EVENT, 0, t, ERROR);
+        s->next_event = flag[4] ? smaller(next, DBL_MAX) : DBL_MAX;
         if (nominals) {
             PASS(array(s, INTEGRATOR_GET_NOMINALS, s->nominal, s->setup.n));
+            called(s);
             for (uint32_t k = 0; k < s->setup.n; k++) {
                 s->nominal[k] = size_of(s->nominal[k]);
                 if (!finite_number(s->nominal[k]) || s->nominal[k] == 0.0) s->nominal[k] = 1.0;
@@ -306,6 +318,7 @@ static uint32_t linearize(Integrator *s, double t, double *jacobian) {
                 return linearize(s, t, jacobian);
             }
             TRY(INTEGRATOR_DIRECTIONAL, status);
+            called(s);
             for (uint32_t i = 0; i < n; i++) jacobian[i * n + j] = s->k[0][i];
             continue;
         }
@@ -428,7 +441,9 @@ static uint32_t locate(Integrator *s, bool implicit, double t, double h, double 
     }
     *part = b;
     if (b < 1.0) interpolate(s, implicit, b, s->x1);
-    return place(s, b < 1.0 ? t + b * h : t + h, s->x1);
+    const uint32_t status = place(s, b < 1.0 ? t + b * h : t + h, s->x1);
+    called(s);
+    return status;
 }
 
 /* ------------------------------------------------------------------ steps */
@@ -531,7 +546,7 @@ static uint32_t integrate(Integrator *s, double stop, uint64_t *steps, bool *eve
 static uint32_t advance(Integrator *s, double end, double h) {
     IntegratorMemory *const m = &s->memory;
     uint64_t steps = 0;
-    PASS(update(s));
+    PASS(update(s, false));
     for (int events = 0; events < EVENTS; events++) {
         bool event = s->next_event <= m->time;
         if (!event && m->time < end) {
@@ -539,11 +554,12 @@ static uint32_t advance(Integrator *s, double end, double h) {
             PASS(leave_events(s));
             PASS(integrate(s, timed ? s->next_event : end, &steps, &event));
             PASS(plain(s, INTEGRATOR_ENTER_EVENTS));
+            called(s);
             event |= timed && m->time >= s->next_event;
         }
         if (!event && m->time >= end) return OK;
         s->report.events += event;
-        PASS(update(s));
+        PASS(update(s, false));
         if (m->time >= end && !(s->next_event <= m->time)) return OK;
     }
     return failed(s, INTEGRATOR_TOO_MANY_EVENTS, 0, m->time, ERROR);
@@ -591,6 +607,9 @@ void integrator_why(const IntegratorSetup *setup, const IntegratorReport *report
         case INTEGRATOR_TOO_MANY_EVENTS:
             SAY("more than 10000 events in one communication step: the model switches back and forth (chattering), or "
                 "its next time event is never later; add hysteresis to its conditions");
+        case INTEGRATOR_BAD_EVENT:
+            SAY("its next time event is at NaN (nextEventTime of fmi%u%s)", version,
+                integrator_function(version, INTEGRATOR_UPDATE));
         case INTEGRATOR_TERMINATED: SAY("it asks for the end of the simulation");
         default: break;
     }
@@ -653,13 +672,10 @@ uint32_t integrator_begin(void *integrator, double t) {
     Integrator *const s = integrator;
     s->memory = (IntegratorMemory){.time = t, .implicit = s->setup.method == INTEGRATOR_IMPLICIT};
     s->report = (IntegratorReport){.end = INTEGRATOR_FINE};
-    PASS(update(s));
-    PASS(array(s, INTEGRATOR_GET_NOMINALS, s->nominal, s->setup.n));
-    for (uint32_t k = 0; k < s->setup.n; k++) {
-        s->nominal[k] = size_of(s->nominal[k]);
-        if (!finite_number(s->nominal[k]) || s->nominal[k] == 0.0) s->nominal[k] = 1.0;
-    }
-    return OK;
+    if (s->setup.foreign) environment_begin(s->environment);
+    const uint32_t status = update(s, true);
+    environment_end(s->environment);
+    return status;
 }
 
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior) {
@@ -667,7 +683,10 @@ uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior
     s->no_set_prior = no_set_prior != 0;
     if (!(size_of(t - s->memory.time) <= 2.0 * resolution(t, h))) s->memory.time = t; /* not where a time event was */
     if (!solves(&s->setup)) s->memory.implicit = 0; /* whatever a saved state says */
-    return advance(s, t + h, h);
+    if (s->setup.foreign) environment_begin(s->environment);
+    const uint32_t status = advance(s, t + h, h);
+    environment_end(s->environment);
+    return status;
 }
 
 uint32_t integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event, bool *terminate,

@@ -32,6 +32,7 @@ typedef enum {
     INTEGRATOR_TOO_MANY_STEPS,
     INTEGRATOR_NOT_CONVERGED,    /* every update of discrete states requires another one */
     INTEGRATOR_TOO_MANY_EVENTS,
+    INTEGRATOR_BAD_EVENT,        /* the next time event is at NaN */
     INTEGRATOR_TERMINATED        /* the FMU asks for the end of the simulation */
 } IntegratorEnd;
 
@@ -48,7 +49,7 @@ typedef struct {
     uint32_t n, n_indicators, n_references; /* states, event indicators, value references of the states */
     uint32_t completed;          /* fmiXCompletedIntegratorStep is needed */
     uint32_t directional;        /* directional derivatives are offered */
-    uint32_t reserved;
+    uint32_t foreign;            /* its calls may change the floating-point environment */
     double tolerance;            /* relative; times a state's nominal value it is the absolute one */
 } IntegratorSetup;
 
@@ -67,6 +68,7 @@ typedef struct {
     IntegratorMemory memory;
     IntegratorReport report;
     double next_event;
+    uint32_t environment[2];     /* floating-point environment: environment_begin */
     bool no_set_prior, linearized; /* the matrix is that of the present step */
     double *x, *x1, *trial, *f, *f1, *error, *nominal, *z, *z1, *k[6], *dense[5], *slope, *seed, *matrix;
     uint32_t *pivot;

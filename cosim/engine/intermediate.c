@@ -1,15 +1,21 @@
 /* Inputs that follow a straight line inside a step: see intermediate.h. */
 #include "intermediate.h"
 
+#include "environment.h"
+
 #include <math.h>
 
 enum { WARNING = 1, ERROR = 3 }; /* statuses of FMI */
 
+/* In the floating-point environment of the caller of the step, not that in which the FMU calls back. */
 static void set_inputs(IntermediateUpdate *u, double t) {
+    u->environment[1] = u->environment[0];
+    environment_after_call(u->environment);
     const double *const start = u->line + 2, *const slope = start + u->n, since = t - u->line[0];
     double *const values = u->line + 2 + 2 * (size_t)u->n;
     u->report.time = t;
     for (uint32_t i = 0; i < u->n; i++) values[i] = start[i] + slope[i] * since;
+    environment_end(u->environment);
     u->report.status = u->n ? u->set(u->instance, u->references, u->n_references, values, u->n) : 0;
     if (u->report.status > WARNING) u->report.end = INTERMEDIATE_SET_FAILED;
 }
@@ -17,6 +23,7 @@ static void set_inputs(IntermediateUpdate *u, double t) {
 void intermediate_begin(IntermediateUpdate *u) {
     u->report.end = INTERMEDIATE_FINE;
     u->stepping = true;
+    environment_begin(u->environment);
     if (u->begins && u->set) set_inputs(u, u->line[0]);
 }
 

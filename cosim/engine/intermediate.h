@@ -31,6 +31,7 @@ typedef struct {
     bool stepping, begins;     /* begins: they are set at the begin of the step too */
     double *line;              /* begin and end of the step [s]; of n: values at its begin, slopes, values set last */
     IntermediateReport report;
+    uint32_t environment[2];   /* floating-point environment: environment_begin */
 } IntermediateUpdate;
 
 typedef struct {

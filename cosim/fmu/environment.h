@@ -36,10 +36,12 @@ static inline int environment_looks_changed(void) {
     sum += (Four){0x1.8p-24f, 0x1p-25f, 0x1p-149f, 0.0f};
     const FourBits expected = {0x3f800001, 0x3f800000, 2, 0};
     return __builtin_ia32_movmskps((Four)((FourBits)sum == expected)) != 15;
-#else
+#elif defined(__aarch64__) && defined(__GNUC__)
     static const volatile double one = 1.0, little = 0x1p-60, subnormal = 0x1p-1074;
     const double above = one + little, below = one - little, twice = subnormal + subnormal;
     return (above != 1.0) | (below != 1.0) | (twice == 0.0);
+#else
+    return 0;
 #endif
 }
 
@@ -63,6 +65,20 @@ static inline uint32_t environment_restore(uint32_t before) {
 #else
     return 0;
 #endif
+}
+
+/* Around a step that consists of many calls: arithmetic between them is in the environment of the caller, to whom is
+ * left what the FMU left behind, so that the caller puts it back and says so. `kept`: both. */
+static inline void environment_begin(uint32_t kept[2]) { kept[0] = kept[1] = environment_bits(); }
+static inline void environment_after_call(uint32_t kept[2]) {
+    if (!environment_looks_changed()) return;
+    const uint32_t now = environment_bits();
+    if (now == kept[0]) return;
+    kept[1] = now;
+    (void)environment_restore(kept[0]);
+}
+static inline void environment_end(const uint32_t kept[2]) {
+    if (kept[1] != kept[0]) (void)environment_restore(kept[1]);
 }
 
 #endif

@@ -86,7 +86,7 @@ def integrator_setup(about: Description, options: ModelExchange) -> tuple[list[f
     states, derivatives = (list(dict.fromkeys(v.reference for v in s)) for s in (about.states, about.derivatives))
     tolerance = options.tolerance or min(about.tolerance or math.inf, LARGEST_TOLERANCE)
     counts = [n, about.event_indicators, len(states)]
-    flags = [int(about.completed_steps), int(about.directional_derivatives), 0]
+    flags = [int(about.completed_steps), int(about.directional_derivatives), int(about.kind is None)]
     return [int(about.fmi_version[0]), SOLVERS[options.solver], *counts, *flags, tolerance], [*states, *derivatives]
 
 

@@ -40,6 +40,7 @@ SOLVER_STEP = "solver.step"
 ROUNDING = 1e-12
 """Differences between runs below this share of the largest value are rounding."""
 _ORDERS = 0.4, 4.5  # what the differences of an exchange can show: first order, or second where it is extrapolated
+_GROWTH = 10.0  # beyond it values grow
 
 Run = Callable[[], Recording]
 
@@ -50,7 +51,8 @@ class SignalError:
 
     `size`: its largest magnitude; `order`: with which power of the step the error of the exchange falls, None where it
     is rounding or does not fall; `solver`: error of the FMUs' own solvers, as far as they can be told to use smaller
-    steps; `contributions`: what each coupling adds, `source -> target`, the largest first.
+    steps; `contributions`: what each coupling adds, `source -> target`, the largest first;
+    `unstable`: its values grow from step to step, and how far depends on the step.
     """
 
     name: str
@@ -60,6 +62,7 @@ class SignalError:
     order: float | None
     solver: float
     contributions: Mapping[str, float]
+    unstable: bool = False
 
     @property
     def relative(self) -> float:
@@ -108,6 +111,11 @@ class ExchangeError:
             text += f", most of it by {most}"
         if worst.relative <= tolerance:
             return f"{text}; it is within {tolerance:g}."
+        if unstable := next((s.name for s in self.signals if s.unstable), ""):
+            return (
+                f"The exchange is unstable at these communication steps: the values of {unstable} grow from step to"
+                " step, differently with each step size, so the error cannot be told; use much smaller ones."
+            )
         if worst.order is None:
             return f"{text}; it does not fall with the step, as where events or sampling decide."
         factor = (tolerance / worst.relative) ** (1.0 / worst.order)
@@ -240,7 +248,15 @@ def _signal(name: str, given: Recording, runs: Sequence[Recording], held: Mappin
         order,
         _size(given[name] - whole),
         dict(sorted(parts.items(), key=lambda item: (-item[1], item[0]))),
+        _diverges(runs, name),
     )
+
+
+def _diverges(runs: Sequence[Recording], name: str) -> bool:
+    """Whether values grow within the run in which they are largest, and far less in another."""
+    values = sorted((r[name] for r in runs), key=_size)
+    half = len(values[-1]) // 2
+    return _size(values[-1]) > _GROWTH * max(_size(values[0]), _size(values[-1][:half]))
 
 
 def _size(values: Array) -> float:

@@ -62,6 +62,22 @@ def test_events_within_a_step_are_processed_where_they_are(fmu: Path, kind: str)
     assert found["c.steps"].tolist() == [0, 1, 3, 4, 5, 7]
 
 
+def test_an_event_that_is_announced_for_now_is_processed_now(fmu: Path) -> None:
+    found = run(fmu, "twice")
+    assert found["c.count"].tolist() == [0, 0, 2, 4, 4, 6]
+    assert rounded(found["c.last"]) == [-1, -1, 0.03, 0.06, 0.06, 0.09]
+
+
+def test_times_of_events_are_computed_in_the_rounding_mode_of_the_caller(folder: Path) -> None:
+    """Those of the FMU's internal steps, which are counted from the end of its last step on."""
+    fmu = eventful.build(folder, internal="0.0011")
+    with pytest.warns(UserWarning, match="changes the rounding mode"):
+        found = run(fmu, "upward", 2.0, step="0.1 s")
+    right = run(fmu, "announced", 2.0, step="0.1 s")
+    for name in ("c.z", "c.last", "c.count"):
+        np.testing.assert_array_equal(found[name], right[name])
+
+
 def test_an_event_is_processed_at_the_end_of_a_step_that_cannot_be_divided(folder: Path) -> None:
     """Neither early return nor steps of other lengths: 0.04, 0.06 and 0.1 s."""
     found = run(eventful.build(folder, variable_step=False), "announced")
@@ -140,7 +156,7 @@ def test_saved_states_hold_announced_events_and_discrete_inputs(fmu: Path, isola
 
 
 def test_events_without_end_and_bad_times_are_refused_by_name(fmu: Path, refused) -> None:
-    kinds = ("endless", "backward", "stuck")
+    kinds = ("endless", "backward", "stuck", "nowhere", "passed")
     refused(ComponentError, *(lambda kind=kind: run(fmu, kind) for kind in kinds))
 
 
@@ -243,7 +259,8 @@ def test_exported_systems_name_the_component_whose_events_fail(fmu: Path, tmp_pa
         with alone(path) as system:
             system.run(0.2, record=[])
 
-    refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in ("endless", "backward", "stuck")))
+    kinds = ("endless", "backward", "stuck", "nowhere", "passed")
+    refused(ComponentError, *(lambda kind=kind: run_exported(kind) for kind in kinds))
 
 
 def test_exported_systems_say_why_they_do_not_begin_or_step(fmu: Path, folder: Path, tmp_path: Path, refused) -> None:

@@ -10,7 +10,7 @@ import pytest
 from foreign import following, making
 from masses import COUPLING, Mass, exact
 
-from cosim import CosimError, Record, System
+from cosim import CosimError, PythonComponent, Record, System
 from cosim.linear.exchange_error import ExchangeError
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -114,6 +114,29 @@ def test_runs_that_end_at_different_times_are_refused(monkeypatch):
     monkeypatch.setattr(System, "run", lambda self, _, **given: run(self, next(ends), **given))
     with pytest.raises(CosimError, match=r"end at 0\.08 to 0\.1 s"):
         system.exchange_error(0.1, contributions=False)
+
+
+class Spring(PythonComponent):
+    """A spring of c N/m."""
+
+    inputs, outputs = ("x",), ("force",)
+    parameters = {"c": 1.0}  # noqa: RUF012
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        y[0] = -self.c * u[0]
+
+
+@pytest.mark.parametrize("c", [1e4, 1e6])
+def test_an_unstable_exchange_is_called_so(c):
+    """Each step adds energy to the mass."""
+    system = System()
+    system.add("a", Mass, step="2 ms")
+    system.add("b", Spring, step="2 ms", parameters={"c": c})
+    system.connect("a.x", "b.x")
+    system.connect("b.force", "a.force")
+    found = system.exchange_error(1.0, contributions=False)
+    assert "is unstable at these communication steps" in found.advice()
+    assert "does not fall" not in found.advice()
 
 
 def test_an_order_that_cannot_be_told_gives_the_difference_and_says_so():

@@ -67,6 +67,14 @@ def value(system: System, name: str) -> float:
     return component.get([component.description.variables[name]])[0]
 
 
+@pytest.mark.parametrize("isolated", [False, True])
+def test_inputs_are_computed_in_the_rounding_mode_of_the_caller(fmu: Path, isolated: bool) -> None:
+    """Whatever the FMU has at its callback, where it finds its own again."""
+    found, right = (run(fmu, kind, isolated=isolated) for kind in ("upward", "follows"))
+    for name in ("c.x", "c.y", "c.energy", "c.asked"):
+        np.testing.assert_array_equal(found[name], right[name])
+
+
 def test_an_input_follows_a_ramp_inside_the_step(fmu: Path) -> None:
     """The integral of 3 t, from the second step on: the first one does not know the slope."""
     found = run(fmu)

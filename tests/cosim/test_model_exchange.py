@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import platform
 import warnings
 
 import fmpy
@@ -23,6 +24,7 @@ SOLVERS = ("auto", "explicit", "implicit")
 LAG, BALL, TIMED, STIFF, RAMP, NAN, ENDLESS, CHATTER, ENDS, ERROR, NEVER_LATER, DIVERGES, DISCARDS, OSCILLATOR = range(
     14
 )
+UPWARD, NOWHERE = 14, 15
 
 
 @pytest.fixture(scope="session")
@@ -216,7 +218,7 @@ def test_an_isolated_fmu_gives_the_same_bits(fmu, kind):
     assert done["steps"] == results[1]["m.steps"][-1]
 
 
-@pytest.mark.parametrize("kind", [NAN, ENDLESS, CHATTER, ERROR, NEVER_LATER, DIVERGES])
+@pytest.mark.parametrize("kind", [NAN, ENDLESS, CHATTER, ERROR, NEVER_LATER, DIVERGES, NOWHERE])
 def test_failures_are_explained(exchanges, kind, raises):
     x = 0.105 if kind == CHATTER else 0.0
     with one(exchanges[2], kind, solver="explicit", x=x) as system, raises(ComponentError) as caught:
@@ -264,6 +266,49 @@ def test_an_ssp_keeps_the_interface(built_fmus, tmp_path):
         assert system["car"].description.interface == "me"
         results.append(system.run("0.1").data)
     np.testing.assert_array_equal(*results)
+
+
+def rounds_to_nearest() -> bool:
+    """Whether arithmetic of this process still does."""
+    values = np.array([1.0, 2.0**-60])
+    return bool(values[0] + values[1] == 1.0)
+
+
+@pytest.mark.parametrize("solver", ["explicit", "implicit"])
+def test_the_rounding_mode_that_an_fmu_leaves_does_not_reach_the_integrator(fmu, solver):
+    with one(fmu, LAG, solver=solver) as system:
+        right = system.run(1, record=["m.x"])
+    told = pytest.warns(UserWarning, match=r"'m' .* changes the rounding mode")
+    with one(fmu, UPWARD, solver=solver) as system, told:
+        found = system.run(1, record=["m.x"])
+    np.testing.assert_array_equal(found["m.x"], right["m.x"])
+    assert rounds_to_nearest()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_exported_system_puts_back_the_rounding_mode_and_names_who_changed_it(exchanges, tmp_path, fmi, caplog):
+    runs = [run_exported(exchanges[3], tmp_path, kind, fmi) for kind in (LAG, UPWARD)]
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert rounds_to_nearest()
+    assert caplog.text.count("m: it changes the rounding mode of floating-point arithmetic") == 1
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the FMU knows the traps of this processor only")
+def test_an_exported_system_puts_back_traps(exchanges, tmp_path, caplog):
+    for _ in range(2):  # the second one would find them enabled
+        caplog.clear()
+        run_exported(exchanges[3], tmp_path, UPWARD, 3, u=1.0)
+        assert caplog.text.count("m: it changes the traps of floating-point arithmetic") == 1
+
+
+def run_exported(fmu, folder, kind, fmi, **start):
+    """State x of the FMU in an exported system."""
+    with one(fmu, kind) as system:
+        system["m"].set(start)
+        path = system.export_fmu(folder / f"Kind{kind}.fmu", fmi=fmi)
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step="10 ms")
+        return system.run(1, record=["s.m.x"])["s.m.x"]
 
 
 def test_copies_in_a_batch_are_integrated_one_by_one(built_fmus):

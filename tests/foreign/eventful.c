@@ -3,13 +3,16 @@
  * dz/dt = u * level, where `level` is the discrete input k at the last event; `count` counts events and `last` is the
  * time of the last one. It is strict: whatever the standard does not allow in a state is an Error, k in step mode
  * included. The parameter `kind` says what happens every `period`. */
+#include <fenv.h>
 #include <math.h>
 #include <string.h>
 
 #include "../fmi_names.h"
 
-/* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. */
-enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS };
+/* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. NOWHERE announces
+ * NaN after the first event, PASSED always the first event; TWICE announces each event once more when it has come.
+ * UPWARD is ANNOUNCED, and leaves that rounding mode behind after steps, which it computes in the usual one. */
+enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS, NOWHERE, PASSED, TWICE, UPWARD };
 enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 
 typedef struct {
@@ -42,11 +45,11 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
     if (m->v.now > m->v.next - 1e-9) {
         m->v.count++;
         m->v.last = m->v.now;
-        m->v.next += m->v.period;
+        if (m->v.kind != PASSED && (m->v.kind != TWICE || m->v.count % 2 == 0)) m->v.next += m->v.period;
         *terminate = m->v.kind == ENDING && (m->v.count == 2 || m->v.period == 0.0);
     }
     *has_next = m->v.kind == ANNOUNCED || m->v.kind >= ENDLESS;
-    *next = m->v.next;
+    *next = m->v.kind == NOWHERE && m->v.count ? NAN : m->v.next;
     return fmi3OK;
 }
 ACCESS(REAL, double, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
@@ -63,8 +66,9 @@ ACCESS(INTEGER, Whole, IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
 Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event,
     Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
+    if (m->v.kind == UPWARD) fesetround(FE_TONEAREST);
     const bool due = m->v.next < t + h + 1e-9, inside = m->v.next < t + h - 1e-9;
-    const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END;
+    const bool told = m->v.kind == ANNOUNCED || m->v.kind == AT_END || m->v.kind >= NOWHERE;
     *event = due && m->v.kind != PAUSED;
     *terminate = false;
     *early = inside && m->v.early && !told;
@@ -76,5 +80,6 @@ Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event
     m->v.z += h * m->v.u * m->v.level;
     m->v.now = *last = t + h;
     if (m->v.kind == PAUSED && due) m->v.next += m->v.period;
+    if (m->v.kind == UPWARD) fesetround(FE_UPWARD);
     return fmi3OK;
 }

@@ -6,7 +6,10 @@ from pathlib import Path
 
 from foreign import making
 
-KINDS = ("announced", "early", "paused", "at_end", "endless", "ending", "backward", "stuck", "discards")
+KINDS = (
+    *("announced", "early", "paused", "at_end", "endless", "ending", "backward", "stuck", "discards"),
+    *("nowhere", "passed", "twice", "upward"),
+)
 
 
 def description(*, event_mode: bool, variable_step: bool, internal: str, token: str) -> str:

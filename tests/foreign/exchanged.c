@@ -15,8 +15,12 @@
  *  11  x' = 1/(1 - t)^2 diverges at t = 1
  *  12  discard: derivatives exist only for x < 1; x' = 1 - x
  *  13  a harmonic oscillator, x'' = -w^2 x, with a state event where x changes its sign: `count` counts
+ *  14  x' = -x, exact in every rounding mode; getting derivatives leaves the mode "upward" behind
+ *      (with u != 0: enables the trap of divisions by zero instead, where the processor is x86-64)
+ *  15  the next time event is at NaN from t = 0.5 on
  *
  * `last` is the time of the last event, `steps` counts completed steps of the integrator. */
+#include <fenv.h>
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -43,6 +47,7 @@ static void rates(Model *m) {
         case 7: y[DX] = -m->sign; break;
         case 11: y[DX] = t < 1.0 ? 1.0 / ((1.0 - t) * (1.0 - t)) : INFINITY; break;
         case 12: y[DX] = 1.0 - x; break;
+        case 14: y[DX] = -x; break;
         case 13: y[DX] = v, y[DV] = -k * k * x; break;
         default: break;
     }
@@ -69,7 +74,9 @@ static Status update(Model *m, Flag *again, Flag *end, Flag *states, Flag *defin
     }
     if (m->value[COUNT] != count) m->value[LAST] = m->time;
     if (kind(m) == 6.0 || kind(m) == 8.0 || kind(m) == 10.0) m->next = 0.5;
-    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0) && m->time < 0.5) || kind(m) == 10.0;
+    if (kind(m) == 15.0) m->next = m->time < 0.5 ? 0.5 : NAN;
+    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0) && m->time < 0.5) ||
+               kind(m) == 10.0 || kind(m) == 15.0;
     *next = m->next;
     return F(OK);
 }
@@ -133,6 +140,10 @@ Status F(GetEventIndicators)(Instance c, double z[], size_t n) {
 }
 static Status derivatives(Model *m, double *dx, size_t n) {
     rates(m);
+    if (kind(m) == 14.0 && m->value[U] == 0.0) fesetround(FE_UPWARD);
+#if defined(__x86_64__)
+    if (kind(m) == 14.0 && m->value[U] != 0.0) __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() & ~0x200u);
+#endif
     if (n != 2 || (kind(m) == 9.0 && m->time >= 0.5)) return F(Error);
     if (kind(m) == 12.0 && m->value[X] >= 1.0 + 1e-12) return F(Discard);
     return dx[0] = m->value[DX], dx[1] = m->value[DV], F(OK);

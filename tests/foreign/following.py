@@ -6,7 +6,10 @@ from pathlib import Path
 
 from foreign import making
 
-KINDS = ("follows", "silent", "reads", "not_a_time", "late", "outside", "unsettable", "no_pointers", "crashes")
+KINDS = (
+    *("follows", "silent", "reads", "not_a_time", "late", "outside", "unsettable", "no_pointers", "crashes"),
+    "upward",
+)
 
 
 def build(folder: Path, *, early_return: bool = False) -> Path:

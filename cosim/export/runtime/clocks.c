@@ -106,7 +106,10 @@ static uint32_t step(
     return clocked_calls.step(fmu, t, h, no_set_prior, event, terminate, early, last);
 }
 
-const Exchange clocks = {make, begin, bind, NULL, change, NULL, NULL, step, leave, values, attach, later, culprit};
+static uint32_t changed(const Component *m) { return fmu_of(m)->changed; }
+
+const Exchange clocks = {
+    make, begin, bind, NULL, change, NULL, NULL, step, leave, values, attach, later, culprit, changed};
 
 static size_t room(const PlanNetwork *p) {
     return sizeof(ClockedNetwork) + 4 * (size_t)p->n_components * sizeof(ClockedFmu *);

@@ -1,5 +1,6 @@
 /* Calls into the components of a system: see component.h. */
 #include "component.h"
+#include "environment.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -29,12 +30,28 @@ static void message3(fmi3InstanceEnvironment environment, fmi3Status status, fmi
 
 /* ------------------------------------------------------------------ life */
 
+void component_watch(Component *m) { m->environment = m->library ? environment_bits() : 0; }
+
+void component_changed(Component *m, uint32_t bits) {
+    static const char *const names[] = {"the rounding mode", "the treatment of subnormal numbers", "the traps"};
+    for (int i = 0; i < 3; i++) {
+        if (!(bits & ~m->changed & 1u << i)) continue;
+        char text[128];
+        (void)snprintf(
+            text, sizeof text, "it changes %s of floating-point arithmetic; that is restored after each call", names[i]);
+        m->say(m, fmi3Warning, "", text);
+    }
+    m->changed |= bits;
+}
+
 static uint32_t seen(Component *m, uint32_t status) {
+    if (m->library) component_changed(m, environment_restore(m->environment));
     if (status == fmi3Fatal) m->dead = true; /* as fmi2Fatal */
     return status;
 }
 
-#define CALL(two, three) seen(m, (uint32_t)(m->version == 2 ? m->f2->two : m->f3->three))
+#define SEEN(expression) (component_watch(m), seen(m, (uint32_t)(expression)))
+#define CALL(two, three) SEEN(m->version == 2 ? m->f2->two : m->f3->three)
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources) {
     const bool integrated = m->exchange != NULL; /* or with events */
@@ -49,11 +66,13 @@ bool component_instantiate(Component *m, const char *name, const char *token, co
         m->instance = m->f3->InstantiateCoSimulation(
             name, token, resources, false, false, false, false, REQUIRED(m), m, message3, m->update);
     }
-    if (integrated) return m->exchange->make(m, name, token, resources);
-    return m->instance != NULL;
+    const bool made = integrated ? m->exchange->make(m, name, token, resources) : m->instance != NULL;
+    (void)seen(m, fmi3OK); /* since it was loaded */
+    return made;
 }
 
 void component_free(Component *m) {
+    component_watch(m);
     if (m->instance && !m->dead) {
         if (m->version == 2) m->f2->FreeInstance(m->instance);
         else m->f3->FreeInstance(m->instance);
@@ -63,25 +82,25 @@ void component_free(Component *m) {
     free(m->updates);
     m->integrator = m->updates = NULL;
     if (m->library && !m->dead) m->close(m->library);
+    (void)seen(m, fmi3OK);
     m->library = NULL;
 }
 
 uint32_t component_enter(Component *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     m->begin = start;
     if (m->version == 3)
-        return seen(
-            m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+        return SEEN(m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
     const uint32_t status =
-        seen(m, (uint32_t)m->f2->SetupExperiment(m->instance, has_tolerance, tolerance, start, has_stop, stop));
-    return status > fmi2Warning ? status : seen(m, (uint32_t)m->f2->EnterInitializationMode(m->instance));
+        SEEN(m->f2->SetupExperiment(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+    return status > fmi2Warning ? status : SEEN(m->f2->EnterInitializationMode(m->instance));
 }
 
 uint32_t component_exit(Component *m) {
-    const uint32_t left = m->exchange && m->exchange->leave ? seen(m, m->exchange->leave(m)) : (uint32_t)fmi3OK;
+    const uint32_t left = m->exchange && m->exchange->leave ? SEEN(m->exchange->leave(m)) : (uint32_t)fmi3OK;
     if (left > fmi3Warning) return left;
     return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance));
 }
-uint32_t component_begin(Component *m) { return m->exchange ? seen(m, m->exchange->begin(m)) : (uint32_t)fmi3OK; }
+uint32_t component_begin(Component *m) { return m->exchange ? SEEN(m->exchange->begin(m)) : (uint32_t)fmi3OK; }
 uint32_t component_reset(Component *m) {
     if (m->exchange && m->exchange->bind) m->exchange->bind(m, false);
     if (m->exchange && m->exchange->values) memset(m->memory[1].at, 0, m->memory[1].n); /* no input waits */
@@ -234,6 +253,7 @@ static uint32_t move_values(Component *m, Kind kind, uint32_t reference, double 
         .gets = &t,
         .n_sets = 1,
         .n_gets = 1};
+    component_watch(m);
     const int failed = set ? engine_set(&none, &e) : engine_get(&none, &e);
     return seen(m, failed ? none.status : fmi3OK);
 }
@@ -242,10 +262,10 @@ uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double
     double *const from = (double *)(uintptr_t)values;
     if (n == 1 && component_later(m, reference, from, true)) return fmi3OK;
     if (!m->exchange || !m->exchange->change) return move_values(m, kind, reference, from, n, true);
-    uint32_t status = seen(m, m->exchange->change(m, true, false));
+    uint32_t status = SEEN(m->exchange->change(m, true, false));
     if (status > fmi3Warning) return status;
     status = move_values(m, kind, reference, from, n, true);
-    const uint32_t left = m->dead ? status : seen(m, m->exchange->change(m, false, status <= fmi3Warning));
+    const uint32_t left = m->dead ? status : SEEN(m->exchange->change(m, false, status <= fmi3Warning));
     return status > fmi3Warning ? status : left;
 }
 
@@ -266,13 +286,13 @@ uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned ch
     const ExchangeCall found = m->find ? m->find(m->library, m->version, "SetBinary") : NULL;
     fmi3SetBinaryTYPE *call;
     memcpy(&call, &found, sizeof call);
-    return call ? seen(m, (uint32_t)call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
+    return call ? SEEN(call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
 uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n) {
     EngineTransfer t;
     component_values(m, kind, true, &t);
-    return seen(m, t.call3(m->instance, &reference, 1, (void *)(uintptr_t)values, n));
+    return SEEN(t.call3(m->instance, &reference, 1, (void *)(uintptr_t)values, n));
 }
 
 bool component_asked_to_end(Component *m, double *reached) {

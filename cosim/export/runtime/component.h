@@ -92,6 +92,7 @@ typedef struct {
     void (*attach)(Component *m, EngineComponent *e, uint32_t n_inputs); /* after its calls are bound */
     bool (*later)(Component *m, uint32_t reference, double *value, bool set); /* component_later */
     Component *(*culprit)(const Component *m, int32_t *call, char *text, size_t size); /* of a failed step */
+    uint32_t (*changed)(const Component *m);       /* bits for component_changed, beside those that the engine sees */
 } Exchange;
 extern const Exchange exchange, events, clocks;
 enum { EXCHANGE_CALLS = 12 }; /* those of the integrator, and InstantiateModelExchange */
@@ -158,12 +159,18 @@ struct Component {
     fmi3LogMessageCallback say;
     const UpdateSetup *follows; /* NULL: no input follows inside its steps */
     fmi3IntermediateUpdateCallback update;
+    uint32_t environment, changed; /* before a call of an FMU of others, and what calls have changed (environment.h) */
     void *updates;              /* what `step` gets then */
     EngineStep3 step;
 };
 
 /* Arguments `requiredIntermediateVariables` and their number. */
 #define REQUIRED(m) ((m)->follows ? (m)->follows->required : NULL), ((m)->follows ? (m)->follows->n_required : 0)
+
+/* It is about to be called, or loaded; and a call has changed these bits of the floating-point environment, which is
+ * said once (environment.h). */
+void component_watch(Component *m);
+void component_changed(Component *m, uint32_t bits);
 
 bool component_instantiate(Component *m, const char *name, const char *token, const char *resources);
 void component_free(Component *m);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "container.h"
+#include "environment.h"
 
 static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 
@@ -196,6 +197,7 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
         if (p->folder) {
             void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
             m->close = P->close;
+            m->environment = environment_bits();
             m->library = P->open(path, p->folder, p->identifier, p->version, functions, p->integrated, reason,
                 sizeof reason);
             if (!m->library) return fmu_fail(self, FMU_ERROR, "component '%s': %s", p->name, reason);

@@ -85,6 +85,7 @@ FmuStatus container_failed(FmuInstance *self, int32_t i, const char *what, uint3
 FmuStatus container_call_failed(FmuInstance *self, int32_t i);
 FmuStatus container_step_failed(FmuInstance *self, int32_t i, uint32_t status);
 FmuStatus container_not_solved(FmuInstance *self);
+void container_say_changes(FmuInstance *self); /* of the floating-point environment, by calls of the engine */
 int32_t container_culprit(const FmuInstance *self, int32_t i, int32_t *call, char *text, size_t size);
 
 #endif

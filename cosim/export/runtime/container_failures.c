@@ -9,6 +9,14 @@ void container_log(void *context, int status, const char *message) {
                    P->components[source->component].name, message);
 }
 
+void container_say_changes(FmuInstance *self) {
+    for (int32_t i = 0; i < P->n_components; i++) {
+        Component *m = &self->components[i];
+        const uint32_t own = m->exchange && m->exchange->changed ? m->exchange->changed(m) : 0u;
+        if (self->bound[i].changed | own) component_changed(m, self->bound[i].changed | own);
+    }
+}
+
 /* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
  * system continues, unless the component is lost. */
 FmuStatus container_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {

@@ -1,5 +1,6 @@
 /* Initialization of a system: see container.h. */
 #include "container.h"
+#include "environment.h"
 #include "fmu_math.h"
 
 /* Set parameters to those that other components calculate, until none changes: one may follow from another. */
@@ -41,12 +42,21 @@ FmuStatus container_settle(FmuInstance *self) {
     const FmuStatus passed = pass_parameters(self);
     if (passed != FMU_OK) return passed;
     const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
+    container_say_changes(self);
     if (result == ENGINE_CALL_FAILED) return container_call_failed(self, self->engine.component);
     if (result == ENGINE_NO_SOLUTION) return container_not_solved(self);
     s->settled = 1;
     if (result == ENGINE_UNSETTLED)
         (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
     return FMU_OK;
+}
+
+/* Outputs of component i by the calls of `e`. */
+static int get_outputs(FmuInstance *self, int32_t i, const EngineComponent *e) {
+    self->engine.environment = environment_bits();
+    const int result = engine_get(&self->engine, e);
+    engine_put_back_environment(&self->engine, &self->bound[i]);
+    return result;
 }
 
 FmuStatus fmu_enter_initialization(FmuInstance *self) {
@@ -82,7 +92,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
                 EngineComponent e = self->bound[i];
                 e.gets = &t;
                 e.n_gets = 1;
-                if (engine_get(&self->engine, &e)) return container_call_failed(self, i);
+                if (get_outputs(self, i, &e)) return container_call_failed(self, i);
             }
     for (int32_t i = 0; i < P->n_variables; i++) { /* inputs and parameters that are shown as values too */
         const PlanVariable *v = &P->variables[i];
@@ -119,7 +129,8 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
         if (status > fmi3Warning) result = container_step_failed(self, P->connected[i].components[0], status);
     }
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++)
-        if (engine_get(&self->engine, &self->bound[i])) result = container_call_failed(self, i);
+        if (get_outputs(self, i, &self->bound[i])) result = container_call_failed(self, i);
+    container_say_changes(self);
     engine_publish(&self->engine);
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
