@@ -92,7 +92,8 @@ const char *event_steps_why(const EventReport *report) {
         "more than 10000 events in one communication step: the model switches back and forth (chattering), returns "
         "early without progress, or announces a next event that is never later; add hysteresis to its conditions",
         "fmi3DoStep returned early at a time outside of its step",
-        "the next event that it announces is at NaN (nextEventTime of fmi3UpdateDiscreteStates)", "it asks for the end of the simulation"};
+        "the next event that it announces is at NaN (nextEventTime of fmi3UpdateDiscreteStates)",
+        "it asks for the end of the simulation"};
     return report->end == EVENT_CALL_FAILED ? functions[report->index] : said[report->end];
 }
 

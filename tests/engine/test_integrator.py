@@ -12,6 +12,7 @@ import pytest
 from sanitized import FLAGS, gcc
 
 from cosim.engine.library import INTEGRATOR
+from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 DRIVER = Path(__file__).with_name("integrator_driver.c")
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -21,7 +22,7 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 @pytest.mark.parametrize("version", [2, 3])
 def test_nothing_is_written_outside_its_memory(version, tmp_path):
     program = tmp_path / "driver"
-    include = (f"-I{HEADERS}", f"-I{INTEGRATOR.parent}")
+    include = (f"-I{HEADERS}", f"-I{INTEGRATOR.parent}", f"-I{ENVIRONMENT.parent}")
     gcc(
         *FLAGS,
         "-O1",

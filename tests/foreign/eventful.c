@@ -9,9 +9,9 @@
 
 #include "../fmi_names.h"
 
-/* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. NOWHERE announces
- * NaN after the first event, PASSED always the first event; TWICE announces each event once more when it has come.
- * UPWARD is ANNOUNCED, and leaves that rounding mode behind after steps, which it computes in the usual one. */
+/* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. NOWHERE
+ * announces NaN after the first event, PASSED always the first event; TWICE announces each event once more when it has
+ * come. UPWARD is ANNOUNCED, and leaves that rounding mode behind after steps, which it computes in the usual one. */
 enum { ANNOUNCED, EARLY, PAUSED, AT_END, ENDLESS, ENDING, BACKWARD, STUCK, DISCARDS, NOWHERE, PASSED, TWICE, UPWARD };
 enum { U, K, Z, LEVEL, COUNT, LAST, STEPS, PERIOD, WHAT, TIME = 100 }; /* value references */
 

@@ -37,8 +37,8 @@ void component_changed(Component *m, uint32_t bits) {
     for (int i = 0; i < 3; i++) {
         if (!(bits & ~m->changed & 1u << i)) continue;
         char text[128];
-        (void)snprintf(
-            text, sizeof text, "it changes %s of floating-point arithmetic; that is restored after each call", names[i]);
+        (void)snprintf(text, sizeof text,
+            "it changes %s of floating-point arithmetic; that is restored after each call", names[i]);
         m->say(m, fmi3Warning, "", text);
     }
     m->changed |= bits;
