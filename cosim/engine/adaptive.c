@@ -246,6 +246,7 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
         const double error = result ? INFINITY : largest_error(e, a);
         if (error <= 1.0 || s->tried == 1) {
             s->jumps = error <= 1.0 ? 0 : s->jumps + 1;
+            s->n_beyond += error > 1.0;
             if (s->jumps > MOST_JUMPS || error == INFINITY) return fail(e, a, ENGINE_NO_STEP);
             control(a);
             break;

@@ -25,6 +25,7 @@ typedef struct {
     int64_t jumps;           /* smallest steps in a row that exceeded the tolerance */
     int64_t changed;         /* inputs or parameters were set from outside */
     int64_t n_accepted, n_rejected;
+    int64_t n_beyond;        /* accepted smallest steps that exceeded the tolerance */
     int64_t total, smallest, largest; /* of the accepted steps */
 } EngineSteps;
 

@@ -248,7 +248,7 @@ class AdaptiveSteps:
         """How many steps there were, and how long they were."""
         s, second = self.struct.steps, float(self._base.tick)
         lengths = [second * ticks for ticks in (s.smallest, s.total / max(1, s.n_accepted), s.largest)]
-        return StepEffort(self._tolerance, s.n_accepted, s.n_rejected, *lengths)
+        return StepEffort(self._tolerance, s.n_accepted, s.n_rejected, s.n_beyond, *lengths)
 
 
 def _direct(

@@ -60,21 +60,31 @@ class LoopEffort:
 
 @dataclass(frozen=True)
 class StepEffort:
-    """Steps of a run with a tolerance: how many were accepted and rejected, and lengths of the accepted ones [s]."""
+    """Steps of a run with a tolerance: how many were accepted and rejected, and lengths of the accepted ones [s].
+
+    `beyond`: how many of the accepted ones have the smallest length and an error beyond the tolerance, as at jumps.
+    """
 
     tolerance: float
     accepted: int
     rejected: int
+    beyond: int
     smallest: float
     mean: float
     largest: float
 
     def __str__(self) -> str:
-        return (
+        text = (
             f"tolerance {self.tolerance:g}: {self.accepted} communication steps of {self.smallest:.3g} to"
             f" {self.largest:.3g} s, {self.mean:.3g} s on average, and {self.rejected} rejected ones; values between"
             " them are interpolated"
         )
+        if self.beyond:
+            text += (
+                f"; {self.beyond} of the smallest length exceed the tolerance, as where a value jumps: what follows"
+                " them may have an error beyond it"
+            )
+        return text
 
 
 @dataclass

@@ -295,6 +295,10 @@ def test_a_value_that_jumps_and_is_steep_after_that_is_followed():
     system.connect("r.y", "i.u")
     run = system.run(0.06, record=["i.y"], tolerance=1e-4)
     assert run["i.y"][-1] == pytest.approx(0.01 + 0.5e4 * 0.01**2, rel=1e-4)
+    assert run.steps.beyond == 4  # to locate the jump, and after it
+    assert "; 4 of the smallest length exceed the tolerance" in str(run.steps)
+    smooth = system.run(0.04, record=["i.y"], tolerance=1e-4).steps
+    assert (smooth.beyond, "exceed" in str(smooth)) == (0, False)
 
 
 @pytest.mark.parametrize("isolated", [False, True])
