@@ -1,6 +1,7 @@
 """Cost of the derivatives of a run, as a multiple of the run.
 
-Two runs: the full car under GPC with preview, and the HMMWV with hydraulic actuators under preview MPC.
+The full car under GPC with preview; the HMMWV with hydraulic actuators under preview MPC; and the sedan with four
+forces from a table, by the mass of its body and by the samples of the forces (docs/examples/open_loop_forces.py).
 
 All components have derivatives of their own; those that are followed by differences cost two more instances for each
 parameter.
@@ -8,8 +9,13 @@ parameter.
 
 from __future__ import annotations
 
+import runpy
+from pathlib import Path
+
+import numpy as np
+
 from benchmarks import spent
-from cosim import Record, System
+from cosim import Record, System, Table
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import Case as GpcCase
 from cosim.experiments.hmmwv import EXPERIMENT as HMMWV
@@ -17,7 +23,7 @@ from cosim.experiments.hmmwv.runs import Case as HmmwvCase
 from cosim.gradient import QuadraticCost
 from cosim.study import FmuSet, Runner
 
-ROUNDS = 3
+ROUNDS, RUNS = 3, 20  # the first runs of a process take up to four times as long
 STOP = 8.0  # s
 
 
@@ -36,7 +42,7 @@ def measure() -> dict[str, float]:
         for v in m.description.variables.values()
         if v.causality == "parameter" and v.type == "real" and v.name != "solver.step" and m.start(v.name)
     ]
-    return found | _costs("preview MPC", system, names, (16, 50))
+    return found | _costs("preview MPC", system, names, (16, 50)) | _series()
 
 
 def _costs(what: str, system: System, names: list[str], counts: tuple[int, ...]) -> dict[str, float]:
@@ -46,7 +52,7 @@ def _costs(what: str, system: System, names: list[str], counts: tuple[int, ...])
     def gradient(count: int, stop: float, mode: str) -> None:
         system.gradient(metric, names[:count], stop_time=stop, interval="10 ms", threads=1, mode=mode)
 
-    run = min(spent(lambda: system.run(STOP, record=kept)) for _ in range(ROUNDS))
+    run = min(spent(lambda: system.run(STOP, record=kept)) for _ in range(RUNS))
     found: dict[str, float] = {}
     for mode in ("forward", "adjoint"):
         for count in counts[:2] if mode == "forward" else counts:
@@ -57,4 +63,26 @@ def _costs(what: str, system: System, names: list[str], counts: tuple[int, ...])
                 f"{what}, {mode}, {count} parameters / run": took / run,
                 f"{what}, {mode}, beginning of {count} / run": begin / run,
             }
+    return found
+
+
+def _series() -> dict[str, float]:
+    example = runpy.run_path(str(Path(__file__).parents[1] / "docs" / "examples" / "open_loop_forces.py"))
+    metric, found = {"index": example["METRICS"]["index"]}, {}
+    for rows in (101, 1001, 8001):
+        system, columns = example["make_ride"](), {n.removeprefix("forces."): np.zeros(rows) for n in example["FORCES"]}
+        system.add("forces", Table({"time": np.linspace(0.0, STOP, rows), **columns}, after="hold"))
+        system.connect_matching("forces", "car", "force.*")
+        kept = Record(metric["index"].names, "1 ms")
+
+        def gradient(by: list[str], stop: float, system: System = system) -> None:
+            system.gradient(metric, by, stop_time=stop, interval="1 ms", threads=1, mode="adjoint")
+
+        gradient(["car.body.mass"], 0.01)
+        run = min(spent(system.run, STOP, record=kept) for _ in range(RUNS))
+        for what, by in (("one parameter", ["car.body.mass"]), (f"{4 * rows} samples", example["FORCES"])):
+            took = min(spent(gradient, by, STOP) for _ in range(ROUNDS)) - min(
+                spent(gradient, by, 0.01) for _ in range(ROUNDS)
+            )
+            found[f"sedan, table of {rows} rows, adjoint, {what} / run"] = took / run
     return found
