@@ -235,8 +235,8 @@ class Integration:
             return True
         change, parts = (ends[0] - ends[1]) / 2, jacobian * steps
         allowed = 0.01 * np.abs(parts).sum(axis=1) + 1e-9 * np.maximum(1.0, np.abs(here))
-        beyond = np.abs(change - parts.sum(axis=1)) > allowed
-        return not (np.isfinite(change).all() and beyond.any())
+        within = np.abs(change - parts.sum(axis=1)) <= allowed  # NaN does not agree
+        return bool(within.all() or not np.isfinite(change).all())
 
     @contextmanager
     def _moved(

@@ -355,8 +355,11 @@ def calibrate(
         finite("the response", found, sampled=True, error=CalibrationError)
         return ((found - data) / scale).ravel()
 
+    def within(logs: Array) -> Array:
+        return np.clip(np.exp(logs), low, high)  # rounding leads beyond bounds, which may be those of variables
+
     def at(logs: Array) -> dict[str, float]:
-        return dict(zip(names, np.exp(logs).tolist(), strict=True))
+        return dict(zip(names, within(logs).tolist(), strict=True))
 
     def residuals(logs: Array) -> Array:
         return of_response(response(at(logs)))
@@ -401,7 +404,7 @@ def calibrate(
         final = (final.reshape(*data.shape, -1) * (scale / sigma)[:, None]).reshape(data.size, -1)
     return Calibration(
         names,
-        np.exp(best.x),
+        within(best.x),
         list(zip(low.tolist(), high.tolist(), strict=True)),
         left,
         final,

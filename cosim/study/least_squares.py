@@ -69,7 +69,8 @@ def minimize_squares(
                 elif outlying is not None:
                     along = step * np.square(jacobian).sum(axis=0)
                     jacobian = jacobian + np.outer(trial[0] - r - jacobian @ step, along) / (step @ along)
-                share, exact, raised = (total - at_trial) / gain, step_is_small, RAISED
+                share = (total - at_trial) / gain if gain > 0.0 else 1.0  # 0 where all are held at bounds
+                exact, raised = step_is_small, RAISED
                 damping = max(damping / RAISED, LEAST) if share > 0.75 else damping if share > 0.25 else 4.0 * damping
                 x, r, total, weights = x + step, trial[0], at_trial, weights_there
             elif exact:
@@ -77,6 +78,8 @@ def minimize_squares(
             else:
                 r, jacobian = with_jacobian(x)
                 exact = True
+    if not exact:
+        r, jacobian = with_jacobian(x)
     return Minimum(x, r, jacobian, step_is_small)
 
 

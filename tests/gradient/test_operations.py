@@ -36,6 +36,7 @@ OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
     "copysign": ("copysign(a, b) + copysign(b, a)", (0.7, -1.3)),
     "fmax": ("fmax(a, b) * fmax(a, 2.0)", (0.7, -1.3)),
     "fmin": ("fmin(a, b) * fmin(a, 2.0)", (0.7, -1.3)),
+    "limit": ("a; const Number c = fmin(a, 2.0); z = if_else(c == a, a * a, b)", (0.7, -1.3)),
     "floor": ("floor(a) * b", (1.7, -1.3)),
     "ceil": ("ceil(a) * b", (1.7, -1.3)),
     "sqrt": ("sqrt(a)", (0.7, 0.0)),
@@ -158,3 +159,8 @@ def test_an_operation_has_the_slopes_of_its_values(compute: Compute, name: str) 
         once = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(slopes)]
         exact = (16.0 * once[1] - once[0]) / 15.0
         assert found[1 + k] == pytest.approx(exact, rel=1e-9, abs=1e-10)
+
+
+def test_a_limit_that_does_not_act_is_the_number_itself(compute: Compute) -> None:
+    """Both move alike, so that they are not equal by chance."""
+    assert compute("limit", np.array([0.7, -1.3]))[0] == 0.7 * 0.7

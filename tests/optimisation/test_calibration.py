@@ -237,3 +237,16 @@ def test_too_few_data_and_a_response_that_is_not_finite(raises) -> None:
         calibrate(lambda v: np.zeros(2), np.zeros(2), RANGES)
     with pytest.raises(CalibrationError, match=r"the response.* is inf at sample 3"):
         calibrate(lambda v: np.where(np.arange(301) == 3, np.inf, decay(v)), decay(TRUE), RANGES)
+
+
+def test_no_value_is_beyond_a_bound_by_rounding() -> None:
+    """exp(log(10)) is 10.000000000000002."""
+    time, tried = np.linspace(0.0, 1.0, 50), []
+
+    def response(values):
+        tried.append(values["k"])
+        return values["k"] * time
+
+    found = calibrate(response, 12.0 * time, {"k": (9.0, 1.0, 10.0)}, noise=[0.01])
+    assert max(tried) <= 10.0
+    assert found.values[0] <= 10.0

@@ -118,6 +118,12 @@ def test_bounds_hold_and_the_rest_is_at_its_minimum_along_them() -> None:
     np.testing.assert_allclose(found.x, [expected, 0.1], atol=1e-4)
 
 
+def test_all_may_end_at_bounds() -> None:
+    of = Counted(lambda x: np.array([x[0] - 3.0, 2.0 * (x[0] - 3.0), 1.0]), lambda _: np.array([[1.0], [2.0], [0.0]]))
+    found = of.fit([0.0], np.array([-1.0]), np.array([1.0]))
+    assert (found.x[0], found.converged) == (1.0, True)
+
+
 def test_a_bound_of_the_other_side_is_left_again() -> None:
     """The first step ends at it, the minimum lies inside."""
     found = rosenbrock().fit([1.9, 0.5], low=np.array([0.5, 0.2]), high=np.array([2.0, 4.0]))

@@ -30,7 +30,12 @@ struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies 
     Adjoint() = default;
     MEMBER Adjoint(double x) : v(x), index(0) {}
     MEMBER Adjoint(double x, uint64_t of) : v(x), index(of) {}
-    template <class E> MEMBER Adjoint(const Expression<E> &e) : v(e.self().v) {
+    template <class E> MEMBER Adjoint(const Expression<E> &e) : v(e.self().v) { enter(e); }
+    /* Such as a limit: the number itself where it moves as that does, also for comparisons with it. */
+    MEMBER Adjoint(const OfOne<Adjoint> &e) : v(e.v), index(e.x.index) {
+        if (e.slope != 1.0) enter(e);
+    }
+    template <class E> MEMBER void enter(const Expression<E> &e) {
         static_assert(E::OPERANDS <= TAPE_SPARE, "a statement has more operands than the tape has space for");
         /* Without branches: the compiler then keeps both counts in registers from one statement to the next. */
         Tape *const t = tape;
