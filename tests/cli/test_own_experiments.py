@@ -45,6 +45,7 @@ def _hmmwv(fmus: FmuSet) -> Iterator[System]:
     case = hmmwv.runs.Case
     cases = [case("bump", "passive"), case("off-road", "skyhook", actuators="ideal")]
     cases += [case("track", "mpc-preview", states="estimated", preview="sensed"), case("track", "lqr")]
+    cases += [case("track", "mpc", tunable=True)]
     with Runner(hmmwv.EXPERIMENT, fmus) as runner:
         for one in cases:
             yield runner.system(one)

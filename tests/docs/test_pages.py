@@ -292,7 +292,7 @@ def test_weights_of_the_mpc_on_the_page_do_what_it_says(workplace: Path) -> None
     example = runpy.run_path(str(ROOT / "docs" / "examples" / "mpc_hmmwv_weights.py"))
     page = (ROOT / "docs" / "how-to" / "optimisation.md").read_text(encoding="utf-8")
     bounds, names = example["BOUNDS"], list(example["SPACE"])
-    lines = [re.search(rf"^{name} .*$", page, re.MULTILINE)[0] for name in bounds]  # type: ignore[index]
+    lines = [re.search(rf"^{name} +\d.*$", page, re.MULTILINE)[0] for name in bounds]  # type: ignore[index]
     rows = [[float(x) for x in line.removeprefix(name).split()] for name, line in zip(bounds, lines, strict=True)]
     with example["course"](example["SEEN"], 10.0) as seen:
         found = [seen(dict(zip(names, row[:3], strict=True))) for row in (rows[0], rows[2])]
