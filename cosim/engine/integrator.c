@@ -91,7 +91,7 @@ static uint32_t derivatives(Integrator *s, double t, double *x, double *f) {
 
 static uint32_t indicators(Integrator *s, double t, double *z) {
     PASS(array(s, INTEGRATOR_GET_INDICATORS, z, s->setup.n_indicators));
-    called(s); /* also where there is none, after `place` */
+    called(s); /* also after the calls of `place`, where the FMU has no indicators */
     for (uint32_t i = 0; i < s->setup.n_indicators; i++)
         if (!finite_number(z[i])) return failed(s, INTEGRATOR_BAD_INDICATOR, i, t, ERROR);
     return OK;
