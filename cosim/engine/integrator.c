@@ -596,11 +596,10 @@ void integrator_why(const IntegratorSetup *setup, const IntegratorReport *report
             SAY("event indicator %u is NaN or infinite; check its inputs and parameters", number);
         case INTEGRATOR_TOO_SMALL:
             SAY("the error of state %s exceeds the tolerance %.3g even with the smallest step: the state diverges, or "
-                "the model jumps without an event; a larger tolerance may help "
-                "(interface=ModelExchange(tolerance=...))", state, setup->tolerance);
+                "the model jumps without an event; a larger tolerance may help", state, setup->tolerance);
         case INTEGRATOR_TOO_MANY_STEPS:
             SAY("more than 1000000 steps of the integrator in one communication step; a larger tolerance or the "
-                "implicit solver may help (interface=ModelExchange(tolerance=..., solver=\"implicit\"))");
+                "implicit solver may help");
         case INTEGRATOR_NOT_CONVERGED:
             SAY("event iteration did not converge: every update of discrete states requires another one (fmi%u%s); "
                 "correct the model's event equations", version, integrator_function(version, INTEGRATOR_UPDATE));

@@ -15,6 +15,7 @@ from typing import Any, Literal, NoReturn, Protocol
 
 import numpy as np
 
+from build_fmus.base import surface
 from build_fmus.base.checks import number, unknown
 from cosim.core.component import Array, is_whole
 from cosim.core.description import Description, Variable
@@ -88,6 +89,13 @@ def integrator_setup(about: Description, options: ModelExchange) -> tuple[list[f
     counts = [n, about.event_indicators, len(states)]
     flags = [int(about.completed_steps), int(about.directional_derivatives), int(about.kind is None)]
     return [int(about.fmi_version[0]), SOLVERS[options.solver], *counts, *flags, tolerance], [*states, *derivatives]
+
+
+_OPTIONS = {
+    "TOO_SMALL": " (interface=ModelExchange(tolerance=...))",
+    "TOO_MANY_STEPS": ' (interface=ModelExchange(tolerance=..., solver="implicit"))',
+}
+"""What helps against a failure of the integrator, for those who call Python."""
 
 
 class Instance(Protocol):
@@ -314,5 +322,5 @@ class Integration:
         states, text = self._about.states, self._ffi.new("char[]", 1024)
         state = f"'{states[report.index].name if report.index < len(states) else '?'}'"
         self._library.cosim_integrator_why(self._setup, report, state.encode(), text, len(text))
-        said = self._ffi.string(text).decode(errors="replace")
+        said = self._ffi.string(text).decode(errors="replace") + surface.hint(_OPTIONS.get(why, ""))
         raise IntegrationFailed(component.name, said, at, component._recent_log())
