@@ -318,7 +318,8 @@ def lane_table(component: Model, code: bytes, *, arrays: bool, token: str) -> by
             "bounds": _of_each(states, _bound) if continuous else [],
             "variables": [(v.role, v.slot, 1 if arrays else v.size) for v in component.variables],
             "hidden": [(v.name, v.slot, v.size) for v in states if not v.exposed],
-            **({"kept": functions.kept} if functions.kept else {}),
+            "kept": functions.kept,
+            "solves": functions.solves,
         },
         separators=(",", ":"),
     ).encode()

@@ -66,6 +66,7 @@ class Functions:
         names: of the C functions there are, which are those of the runtime's fields.
         n_work: numbers that they work in.
         kept: first slot and count of states that a sample leaves as they are, which it does not write in lanes.
+        solves: whether they solve linear equations.
     """
 
     def __init__(self, component: Model) -> None:
@@ -78,6 +79,7 @@ class Functions:
         self.sections: list[str] = []
         self.known: dict[int, str] = {}
         self.kept: list[tuple[int, int]] = []
+        self.solves = False
         parts = self._parts()
         read: dict[str, list[Result] | None] = {}
         for name in dict.fromkeys(("values", "out", "rhs", *(p.function for p in parts))):
@@ -297,6 +299,7 @@ class Functions:
         body = statements.write(wanted)
         self.n_work = max(self.n_work, statements.work)
         self.kept += statements.kept
+        self.solves |= statements.solves
         return self._function(part, body, statements.pointers)
 
     def _is_skipped(self, part: _Part, r: Result) -> bool:

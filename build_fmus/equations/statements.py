@@ -182,6 +182,7 @@ class Statements:
         self._storage: dict[int, str] = {}  # work arrays that operations own
         self.work = 0  # numbers of work arrays
         self.kept: list[tuple[int, int]] = []  # first slot and count of states that a sample leaves as they are
+        self.solves = False  # linear equations
 
     def write(self, results: Sequence[tuple[Target, int, int]]) -> list[str]:
         """Lines for results, each a target, the first element there, and its node; in this order."""
@@ -535,6 +536,7 @@ class Statements:
 
     def _solved(self, n: int, node: Node) -> Value:
         """The solution of linear equations; behind it in its work array they are eliminated."""
+        self.solves = True
         b, a = node.arguments
         (rows, columns), _ = node.data
         right, left = self._pointer(b), self._pointer(a)

@@ -48,6 +48,7 @@ class LaneSource:
         hidden: (name, slot, size) of the states that are no variables.
         files: C files and headers by path below `sources/`.
         kept: (slot, size) of states that samples leave as they are.
+        solves: whether its equations hold linear ones that are solved.
     """
 
     token: str
@@ -61,14 +62,15 @@ class LaneSource:
     places: tuple[tuple[str, int], ...] = field(repr=False)
     hidden: list[tuple[str, int, int]] = field(repr=False)
     files: dict[str, bytes] = field(repr=False)
-    kept: list[tuple[int, int]] = field(default_factory=list, repr=False)
+    kept: list[tuple[int, int]] = field(repr=False)
+    solves: bool
 
     @property
     def one_at_a_time(self) -> str:
         """Why copies cannot lie side by side; empty where they can."""
         if self.sizes["qp_solution"]:
             return "it solves quadratic programs"
-        if b" solve_linear(" in self.files["model.c"]:
+        if self.solves:
             return "it solves linear equations, each copy with its own pivots"
         return "its solver (ros2) chooses pivots, each copy its own" if self.solver == "ros2" else ""
 
