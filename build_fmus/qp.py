@@ -342,8 +342,10 @@ def checked_matrices(
         if np.max(np.abs(h - h.T)) > 1e-9 * np.max(np.abs(h)):
             raise ProgramError(f"{where}: {what} {k} is not symmetric")
         H[k] = 0.5 * (h + h.T)
+        if what != "Hessian":
+            continue
         try:
-            np.linalg.cholesky(H[k] if what == "Hessian" else np.eye(n))
+            np.linalg.cholesky(H[k])
         except np.linalg.LinAlgError:
             smallest = np.linalg.eigvalsh(H[k])[0]
             raise ProgramError(

@@ -49,7 +49,7 @@ CONTROLLERS = {
     "mpc": "MpcHmmwv",
     "mpc-preview": "MpcHmmwv",
 }
-PREDICTIVE = ("mpc", "mpc-preview")
+PREDICTIVE = tuple(c for c, fmu in CONTROLLERS.items() if fmu == "MpcHmmwv")
 TUNABLE = "MpcHmmwvTunable"  # the MPC whose weights are parameters
 ACTUATORS = ("hydraulic", "ideal")
 STATES = ("true", "estimated")
