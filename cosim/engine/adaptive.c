@@ -85,10 +85,19 @@ static void extrapolate(const Engine *e, const EngineAdaptive *a, bool halves, b
     }
 }
 
+static int64_t smallest(const EngineAdaptive *a) { return a->internal ? a->internal : 1; }
+
+/* The longest step up to n, at least the smallest one, whose halves are multiples of internal steps. */
+static int64_t fitting(const EngineAdaptive *a, int64_t n) {
+    if (n <= smallest(a)) return smallest(a);
+    if (!a->internal) return n;
+    return n < 2 * a->internal ? a->internal : n - n % (2 * a->internal);
+}
+
 /* All components from the begin of the step on, in two halves, the smallest step in one; their outputs at its end are
  * published. */
 static int try_step(Engine *e, EngineAdaptive *a, double t) {
-    const bool halves = a->steps->tried > 1;
+    const bool halves = a->steps->tried > smallest(a) && fitting(a, a->steps->tried) == a->steps->tried;
     const double whole = duration(e, a->steps->tried), h = halves ? 0.5 * whole : whole;
     const int32_t n = e->n_components - e->n_discrete, done = e->n_stepped - e->n_due_discrete;
     const int32_t first = done > 0 ? done : 0;
@@ -235,16 +244,17 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
         result = begin_step(e, a);
         if (result) return result;
         const int64_t left = ticks_left(e, a);
-        s->tried = s->next >= left ? left : 2 * s->next > left ? (left + 1) / 2 : s->next;
+        s->tried = fitting(a, s->next >= left ? left : 2 * s->next > left ? (left + 1) / 2 : s->next);
+        if (s->tried > left) s->tried = left; /* to an instant between internal steps */
     }
     for (;;) {
         result = try_step(e, a, t);
         if (resumed && !result) break;
         const bool repeatable = result == ENGINE_NOT_FINITE || result == ENGINE_NO_SOLUTION
             || (result == ENGINE_CALL_FAILED && e->status <= DISCARD);
-        if (result && (resumed || !repeatable || s->tried == 1)) return fail(e, a, result);
+        if (result && (resumed || !repeatable || s->tried <= smallest(a))) return fail(e, a, result);
         const double error = result ? INFINITY : largest_error(e, a);
-        if (error <= 1.0 || s->tried == 1) {
+        if (error <= 1.0 || s->tried <= smallest(a)) {
             s->jumps = error <= 1.0 ? 0 : s->jumps + 1;
             s->n_beyond += error > 1.0;
             if (s->jumps > MOST_JUMPS || error == INFINITY) return fail(e, a, ENGINE_NO_STEP);
@@ -256,9 +266,7 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
         if (error < INFINITY) learn(e, a, s->tried, false);
         if ((result = restore(e, a))) return fail(e, a, result);
         e->n_stepped = 0;
-        s->tried = (int64_t)(factor * (double)s->tried);
-        if (s->tried < 1) s->tried = 1;
-        s->next = s->tried;
+        s->next = s->tried = fitting(a, (int64_t)(factor * (double)s->tried));
     }
     accept(e, a);
     return ENGINE_AT_END;

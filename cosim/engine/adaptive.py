@@ -21,6 +21,10 @@ discrete component, so these run at their exact instants.
    as it grows with the product of the distances to the values of the parabola. A value that is not finite has an
    infinite error, and tells no parabola.
 
+FMUs with fixed internal steps (fixedInternalStepSize) take whole numbers of them: the smallest step is then the least
+common multiple of these, and each half of the others is a multiple of it. Only where an instant of a discrete
+component, the stop time or an input that is set lies between, a step ends there nevertheless.
+
 Errors of steps add up over a run, and the coupling amplifies them: hence the share. A mathematical bound needs what the
 master cannot know of the components: docs/reference/masters.md has measurements.
 
@@ -36,6 +40,8 @@ them.
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -47,7 +53,7 @@ import numpy.typing as npt
 
 from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
-from cosim.core.errors import LoopError, ToleranceExceeded, WiringError
+from cosim.core.errors import FmuWarning, LoopError, ToleranceExceeded, WiringError
 from cosim.core.time import TimeBase, seconds_text
 from cosim.engine.library import interface
 from cosim.engine.loops import between_steps
@@ -77,7 +83,15 @@ State = tuple[Array, npt.NDArray[np.int64], States | None]
 def smallest_step(components: Sequence[SystemComponent]) -> Fraction | None:
     """The smallest adaptive step of a system [s]; None if it has no continuous component."""
     steps = [m.step for m in components if not m.discrete]
-    return min(steps) / PARTS if steps else None
+    return _internal_steps(components) or min(steps) / PARTS if steps else None
+
+
+def _internal_steps(components: Sequence[SystemComponent]) -> Fraction | None:
+    """The least common multiple of fixed internal steps of FMUs [s]."""
+    fixed = [m.description.internal_step for m in components if not m.discrete]
+    found = [step for step in fixed if step is not None]
+    whole = math.lcm(*(step.denominator for step in found))
+    return Fraction(math.lcm(*(int(step * whole) for step in found)), whole) if found else None
 
 
 def for_tolerance(schedule: Schedule) -> Schedule:
@@ -93,8 +107,6 @@ def for_tolerance(schedule: Schedule) -> Schedule:
             why = "cannot save its state (canGetAndSetFMUState)"
         elif about.fmi_version and not about.variable_step:
             why = "cannot take steps of any length (canHandleVariableCommunicationStepSize)"
-        elif about.internal_step is not None:
-            why = f"has a fixed internal step of {seconds_text(about.internal_step)} (fixedInternalStepSize)"
         elif m.offset:
             why = f"has an offset of {seconds_text(m.offset)}"
         if why:
@@ -105,12 +117,34 @@ def for_tolerance(schedule: Schedule) -> Schedule:
             f"{delayed.source_name} -> {delayed.target_name} has a delay of one step, which has no length of its own in"
             " a run with a tolerance: leave the delay out, or run the system without a tolerance"
         )
+    _check_instants(schedule)
     schedule = only_numbers(schedule, "a run with a tolerance", "run the system without a tolerance")
     return replace(
         schedule,
         groups=tuple(Group("", (m,)) for m in schedule.continuous),
         connections=tuple(replace(c, extrapolate=False) for c in schedule.connections),
     )
+
+
+def _check_instants(schedule: Schedule) -> None:
+    """Issue a FmuWarning for instants that lie between internal steps of FMUs, and refuse steps that never meet."""
+    internal = _internal_steps(schedule.components)
+    if internal is None:
+        return
+    fixed = ", ".join(f"'{m.name}'" for m in schedule.continuous if m.description.internal_step is not None)
+    if internal > LARGEST * min(m.step for m in schedule.continuous):
+        raise WiringError(
+            f"the fixed internal steps (fixedInternalStepSize) of {fixed} have no common multiple below"
+            f" {seconds_text(internal)}, which is too long for a step: run the system without a tolerance"
+        )
+    for m in schedule.discrete:
+        if any((time / internal).denominator != 1 for time in (m.step, m.offset)):
+            warnings.warn(
+                f"'{m.name}' runs every {seconds_text(m.step)}, which is not a multiple of {seconds_text(internal)}, the"
+                f" fixed internal step (fixedInternalStepSize) of {fixed}: steps that end at its instants may be refused",
+                FmuWarning,
+                stacklevel=3,
+            )
 
 
 class AdaptiveSteps:
@@ -144,11 +178,10 @@ class AdaptiveSteps:
         self._memory: Array = np.zeros((5, n))  # begin, size, slope, curve, back
         self._memory[1] = [FLOOR * v.nominal for _, v in self._outputs]
         self._steps: npt.NDArray[np.int64] = np.zeros(self._ffi.sizeof("EngineSteps") // 8, dtype=np.int64)
-        smallest = smallest_step(schedule.components)
-        assert smallest is not None
-        tick = base.count(smallest)
+        declared, internal = min(m.step for m in schedule.continuous), _internal_steps(schedule.components)
         self.struct = a = self._ffi.new("EngineAdaptive*")
-        a.n, a.tolerance, a.stop, a.largest = n, SHARE * tolerance, stop, LARGEST * PARTS * tick
+        a.n, a.tolerance, a.stop, a.largest = n, SHARE * tolerance, stop, LARGEST * base.count(declared)
+        a.internal = 0 if internal is None else base.count(internal)
         first = self._outputs[0] if self._outputs else None
         a.published, a.computed = (layout.visible[first], layout.latest[first]) if first else (0, 0)
         a.use = self._pointer("uint8_t*", np.array([self._use(m, v) for m, v in self._outputs], dtype=np.uint8))
@@ -162,7 +195,7 @@ class AdaptiveSteps:
             a.numbers = self._pointer("int32_t*", np.array([numbers[m] for m in calls], dtype=np.int32))
         a.begin, a.size, a.slope, a.curve, a.back = (self._pointer("double*", row) for row in self._memory)
         a.steps = self._pointer("EngineSteps*", self._steps)
-        a.steps.next, a.steps.changed = PARTS * tick, True
+        a.steps.next, a.steps.changed = base.count(declared), True
 
     def _use(self, component: SystemComponent, variable: Variable) -> int:
         readers = [

@@ -19,6 +19,7 @@ from cosim import (
     ComponentError,
     CosimError,
     Execution,
+    FmuWarning,
     PythonComponent,
     Record,
     Recording,
@@ -337,6 +338,48 @@ def test_what_is_refused(change, said):
     change(system)
     with pytest.raises(WiringError, match=said):
         system.run(0.1, tolerance=1e-3)
+
+
+class Counting(Mass):
+    """It keeps the steps that it took."""
+
+    def begin(self) -> None:
+        super().begin()
+        self.taken: set[Fraction] = set()
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:
+        self.taken.add(Fraction(h).limit_denominator(10**7))
+        super().step(t, h, u, y)
+
+
+def with_internal_steps(*, second: Fraction = Fraction(1, 10000), sampled: str = "7 ms") -> System:
+    """The pair of masses with internal steps of 0.15 and 0.1 ms, and a discrete component."""
+    system = System(allow_unconnected=True)
+    for name, internal in {"a": Fraction(3, 20000), "b": second}.items():
+        system.add(name, Counting, step="2 ms", parameters={"x0": float(name == "a")})
+        system[name].description.internal_step = internal
+    system.add("d", DiscreteProbe(), step=sampled)
+    system.connect("a.x", "b.force", linear=(COUPLING, 0.0))
+    system.connect("b.x", "a.force", linear=(COUPLING, 0.0))
+    return system
+
+
+def test_steps_are_multiples_of_fixed_internal_steps():
+    with with_internal_steps(sampled="6 ms") as system:
+        run = system.run(0.3, record=NAMES, tolerance=1e-2)
+        taken = system["a"].implementation.taken
+    assert max(relative_errors(run).values()) < 1e-2
+    assert all((step / Fraction(3, 10000)).denominator == 1 for step in taken)
+    assert len(taken) > 2
+    assert run.steps.smallest >= 3e-4
+
+
+def test_instants_between_internal_steps_are_warned_of_and_steps_that_do_not_meet_are_refused(refused):
+    with with_internal_steps() as system, pytest.warns(FmuWarning, match=r"'d' runs every 0.007 s, .* 0.0003 s"):
+        system.run(0.1, record=["a.x", "b.x"], tolerance=1e-2)
+        assert min(system["a"].implementation.taken) < Fraction(3, 10000)
+    with with_internal_steps(second=Fraction(1, 9999)) as system:
+        refused(WiringError, lambda: system.run(0.1, tolerance=1e-2))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from same import assert_same
 
 from cosim import Execution, PythonComponent, Record, System
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.FmuWarning")
 END = Fraction(9, 100)
 
 
@@ -139,10 +139,10 @@ def with_loop(system: System, loop: str, slopes: Path) -> None:
     system.connect("x.y", "q.q" if loop == "fmu" else "q.w")
 
 
-def made(pieces: list[Any], follower: dict[int, Path], loop: str = "", slopes: Path | None = None) -> System:
+def made(pieces: list[Any], follower: dict[int, Path], loop: str, slopes: Path, internal: Fraction | None) -> System:
     """A chain of components, each of which reads one ahead of it, or, if nothing of it depends directly, any.
 
-    With a `loop` of this kind behind the first one.
+    With a `loop` of this kind behind the first one. The first component has `internal` steps.
     """
     system = System()
     for i, (kind, step, rate, a, _) in enumerate(pieces):
@@ -155,8 +155,9 @@ def made(pieces: list[Any], follower: dict[int, Path], loop: str = "", slopes: P
         if kind not in ("mass", "kick") and k >= i:
             continue
         system.connect(f"m{k}.y", f"m{i}.u", linear=(1.0, 0.1 * (i % 2)))
-    if slopes is not None and loop:
+    if loop:
         with_loop(system, loop, slopes)
+    system["m0"].description.internal_step = internal
     return system
 
 
@@ -174,11 +175,12 @@ def test_the_engine_follows_the_rule(pieces, tolerance, interval, cuts, loop, fo
     names = [*(f"m{i}.y" for i in range(len(pieces))), *(["p.y", "x.y"] if loop else [])]
     if all(kind == "sampled" for kind, *_ in pieces) and not loop:
         return
-    with made(pieces, follower, loop, slopes) as system:
+    internal = Fraction(1, 20000) if len(cuts) == 1 else None
+    with made(pieces, follower, loop, slopes, internal) as system:
         expected, accepted, rejected = by_the_adaptive_rule(system, END, names, tolerance, interval)
     record, execution = Record(names, interval), Execution(tolerance=tolerance)
     with (
-        made(pieces, follower, loop, slopes) as system,
+        made(pieces, follower, loop, slopes, internal) as system,
         system.initialize(record=record, stop_time=END, execution=execution) as simulation,
     ):
         state = None

@@ -27,6 +27,9 @@ class AdaptiveRule(Rule):
         super().__init__(system, stop, record, interval, Execution(tolerance=tolerance))
         self.tick, self.tolerance = self.exchange.base.tick, SHARE * tolerance
         declared = min(m.step for m in self.schedule.continuous)
+        internal = [m.description.internal_step for m in self.schedule.continuous if m.description.internal_step]
+        self.internal = int(least_common_multiple(internal) / self.tick) if internal else 0
+        self.smallest = self.internal or 1
         self.next, self.largest = int(declared / self.tick), int(64 * declared / self.tick)
         self.outputs: list[Key] = [
             (m, v) for m in self.schedule.continuous for v in self.exchange.layout.ports[m].outputs
@@ -133,10 +136,11 @@ class AdaptiveRule(Rule):
         for key, y in self.at.items():
             self.size[key] = max(self.size[key], abs(y))
         n = most if self.next >= most else (most + 1) // 2 if 2 * self.next > most else self.next
+        n = min(self.fitting(n), most)
         states = {m: m.implementation.save() for m in self.schedule.continuous}
         while True:
             h = float(n * self.tick)
-            parts = [-1, 1] if n > 1 else [0]
+            parts = [-1, 1] if n > self.smallest and n == self.fitting(n) else [0]
             for i, side in enumerate(parts):
                 for key in self.outputs:
                     self.published[key] = self.constant(key, h, side)
@@ -150,7 +154,7 @@ class AdaptiveRule(Rule):
             except ArithmeticError:
                 solved = False
             error, worst = self.error(h) if solved else (math.inf, None)
-            if error <= 1.0 or n == 1:
+            if error <= 1.0 or n <= self.smallest:
                 break
             self.rejected += 1
             factor = self.factor(n, error, worst, 0.9, follows=False)
@@ -158,7 +162,7 @@ class AdaptiveRule(Rule):
                 self.learn(n, accepted=False)
             for m, state in states.items():
                 m.implementation.restore(state)
-            n = self.next = max(1, int(factor * n))
+            n = self.next = self.fitting(int(factor * n))
         self.jumps = 0 if error <= 1.0 else self.jumps + 1
         self.accepted += 1
         factor = self.factor(n, error, worst, 2.0, follows=True)
@@ -166,6 +170,12 @@ class AdaptiveRule(Rule):
         self.next = min(max(self.next, 1), self.largest)
         self.begin, self.end = t, t + n * self.tick
         self.published |= self.at
+
+    def fitting(self, n: int) -> int:
+        """The longest step up to n whose halves are multiples of the internal steps, or the smallest step."""
+        if self.internal and n >= 2 * self.internal:
+            return n // (2 * self.internal) * 2 * self.internal
+        return self.smallest if self.internal else max(n, 1)
 
     def constant(self, key: Key, h: float, side: int) -> float:
         """What is read in a half of the step, the first (-1) or the second (1), or in all of it (0)."""
@@ -241,6 +251,11 @@ class AdaptiveRule(Rule):
         port.u[:] = [self.input(m, v, now) for v in port.inputs]
         self.exchange.ports[m].run(now, h)
         self.computed |= {(m, v): y for v, y in zip(port.outputs, port.y.tolist(), strict=True)}
+
+
+def least_common_multiple(of: Sequence[Fraction]) -> Fraction:
+    whole = math.lcm(*(x.denominator for x in of))
+    return Fraction(math.lcm(*(int(x * whole) for x in of)), whole)
 
 
 def growth(f: float, distances: Sequence[float]) -> float:
