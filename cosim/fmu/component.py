@@ -699,7 +699,8 @@ class FmuComponent:
         if last is not None and not whole:
             detail += f"; it reached {last:.9g} s"
         if terminated:
-            self._end_requested(detail, whole)
+            told = last is not None
+            self._end_requested(detail if told else f"{detail}; it does not tell fmi2LastSuccessfulTime", whole)
         if self._v3 and status <= fmi.WARNING and self._early[0]:
             detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if status == fmi.PENDING and not self._v3:
