@@ -4,7 +4,7 @@
 
 #include "fmi_names.h"
 
-enum { NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY };
+enum { NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY, END_UNTOLD };
 
 typedef struct {
     double u, y, at, value; /* value: what y becomes with NOT_FINITE, the status with STATUS and GET_STATUS */
@@ -18,7 +18,7 @@ static Status advance(Model *m, double t, double h, bool no_rollback) {
     m->flags += !no_rollback;
     if (m->trouble == FREEZE && !no_rollback) return F(OK);
     if (m->trouble == STATUS && now(m, t)) return (Status)m->value;
-    m->ended = (m->trouble == END || m->trouble == END_EARLY) && now(m, t);
+    m->ended = m->trouble >= END && now(m, t);
     const bool early = m->ended && m->trouble == END_EARLY;
     m->y = t + (early ? h / 2 : h);
     return early ? F(Discard) : F(OK);
@@ -70,6 +70,8 @@ COPIED_STATES(Model, )
 DO_STEP(step(c, t, h, no_rollback, &end, &last))
 #endif
 #if FMI == 2
-Status fmi2GetRealStatus(Instance c, const fmi2StatusKind kind, double *x) { return *x = M->y, fmi2OK; }
+Status fmi2GetRealStatus(Instance c, const fmi2StatusKind kind, double *x) {
+    return *x = M->y, M->trouble == END_UNTOLD ? fmi2Discard : fmi2OK;
+}
 Status fmi2GetBooleanStatus(Instance c, const fmi2StatusKind kind, Flag *x) { return *x = M->ended, fmi2OK; }
 #endif

@@ -11,7 +11,7 @@ from foreign import making
 
 from cosim.fmu.calls import platform_folder
 
-NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY = range(7)
+NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY, END_UNTOLD = range(8)
 
 _VARIABLES = (  # name, type, value reference, causality, variability, start
     ("u", "Real", 0, "input", "continuous", "0"),

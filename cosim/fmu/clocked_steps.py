@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,6 +21,7 @@ from cosim.fmu.transfers import Arrangement, arrangements, slots
 
 _KINDS = {"triggered": 1, "constant": 2, "fixed": 2, "tunable": 3, "changing": 4, "countdown": 5}  # `ClockKind`
 _EXACT = 2**53
+_LENGTH = 8  # bytes of the length of a state
 
 
 def refusal(about: Description) -> str:
@@ -280,25 +282,49 @@ class ClockedSteps:
 
     # What a saved state has beside that of the FMU.
 
-    def saved(self) -> Any:
-        """State of the clocks, inputs that wait for a tick, and outputs of clocks that show until the next one."""
-        f, values, size = self.fmu, self.values, self._ffi.sizeof("ClockDue") * len(self.values.clocks)
-        memory = bytes(self._ffi.buffer(self._ffi.addressof(f, "memory"))), bytes(self._ffi.buffer(f.due, size))
-        waiting = {v: self._part(self._u, v).copy() for v, w in values.waits.items() if self._u[w]}
-        return memory, waiting, {v: self._part(self._y, v).copy() for v in values.place if v.causality == "output"}
+    def saved(self) -> bytes:
+        """State of the clocks, inputs that wait for a tick, and outputs of clocks that show until the next one.
 
-    def restore(self, state: Any) -> None:
-        """Restore a state that `saved` returned."""
-        (memory, due), waiting, shown = state
+        The length is at the end, behind it. Values have names: which of them are bound may differ from run to run.
+        """
+        f, values, size = self.fmu, self.values, self._ffi.sizeof("ClockDue") * len(self.values.clocks)
+        waiting = [v for v, w in values.waits.items() if self._u[w]]
+        kept: dict[str, Any] = {
+            "memory": bytes(self._ffi.buffer(self._ffi.addressof(f, "memory"))).hex(),
+            "due": bytes(self._ffi.buffer(f.due, size)).hex(),
+            "waiting": {v.name: self._part(self._u, v).tobytes().hex() for v in waiting},
+            "shown": {v.name: self._part(self._y, v).tobytes().hex() for v in values.place if v.causality == "output"},
+        }
+        data = json.dumps(kept).encode()
+        return data + len(data).to_bytes(_LENGTH, "little")
+
+    def saved_size(self, data: bytes) -> int:
+        """Bytes of `saved` at the end of a state."""
+        return _LENGTH + int.from_bytes(data[-_LENGTH:], "little")
+
+    def restore(self, saved: bytes) -> None:
+        """Restore a state that `saved` returned. Raises CosimError for anything else."""
         f, values = self.fmu, self.values
-        self._ffi.buffer(self._ffi.addressof(f, "memory"))[:] = memory
-        self._ffi.buffer(f.due, len(due))[:] = due
+        memory, due = self._ffi.buffer(self._ffi.addressof(f, "memory")), self._ffi.sizeof("ClockDue")
+        try:
+            kept = json.loads(saved[:-_LENGTH])
+            memory_was, due_was = bytes.fromhex(kept["memory"]), bytes.fromhex(kept["due"])
+            waiting, shown = (
+                {name: np.frombuffer(bytes.fromhex(x)) for name, x in kept[of].items()} for of in ("waiting", "shown")
+            )
+            if len(memory_was) != len(memory) or len(due_was) != due * len(values.clocks):
+                raise ValueError
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise CosimError(f"the state of '{self.component.name}' does not hold its clocks") from None
+        memory[:] = memory_was
+        self._ffi.buffer(f.due, len(due_was))[:] = due_was
         f.arrived = False
         for v, w in values.waits.items():
-            self._u[w] = v in waiting
-        for array, kept in ((self._u, waiting), (self._y, shown)):
-            for v, x in kept.items():
-                if v in values.place and len(x) == values.width(v):
+            self._u[w] = v.name in waiting
+        for array, held in ((self._u, waiting), (self._y, shown)):
+            for v in values.place:
+                x = held.get(v.name)
+                if x is not None and len(x) == values.width(v):
                     self._part(array, v)[:] = x
 
     def _part(self, array: Array, variable: Variable) -> Array:

@@ -699,7 +699,8 @@ class FmuComponent:
         if last is not None and not whole:
             detail += f"; it reached {last:.9g} s"
         if terminated:
-            self._end_requested(detail, whole)
+            told = last is not None
+            self._end_requested(detail if told else f"{detail}; it does not tell fmi2LastSuccessfulTime", whole)
         if self._v3 and status <= fmi.WARNING and self._early[0]:
             detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if status == fmi.PENDING and not self._v3:
@@ -777,6 +778,8 @@ class FmuComponent:
         """The present state as bytes. Raises CosimError when the FMU does not offer it."""
         if not self.description.can_serialize:
             raise CosimError("its FMU cannot serialize its state")
+        if self.clocked is not None:
+            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         state = self.save()
         try:
             return self.pack_pointer(state.pointer)
@@ -787,8 +790,6 @@ class FmuComponent:
         """A state as the FMU serializes it. Raises CosimError where it does not."""
         if not self.description.can_serialize:
             raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
-        if self.clocked is not None:
-            raise CosimError("it has clocks, whose next ticks are not part of the state that the FMU serializes")
         size = self._ffi.new("size_t*")
         self._must("SerializedFMUStateSize", pointer, size)
         if size[0] > LARGEST:
@@ -818,8 +819,9 @@ class FmuComponent:
         self._unpack(data)
 
     def _unpack(self, data: bytes) -> None:
-        if (own := self.integration or self._event_steps) is not None:  # its memory is at the end
-            size = max(0, len(data) - own.saved_size)
+        if (own := self._remembers) is not None:  # its memory is at the end
+            kept = own.saved_size(data) if isinstance(own, ClockedSteps) else own.saved_size
+            size = max(0, len(data) - kept)
             own.restore(data[size:])
             data = data[:size]
         self.deserialize(data)

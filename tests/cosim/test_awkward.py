@@ -89,6 +89,14 @@ def test_an_fmu_that_asks_to_end_ends_the_run_with_its_recording(awkward_fmus, v
         assert system.run(0.2).stopped_by is None  # the system can be used again
 
 
+def test_an_fmu_that_does_not_tell_how_far_it_came_ends_where_its_step_began(awkward_fmus):
+    with System() as system:
+        plant(system, awkward_fmus[2], awkward.END_UNTOLD)
+        result = system.run(1, record=Record(interval="50 ms"))
+    assert result.time[-1] == 0.3
+    assert "it does not tell fmi2LastSuccessfulTime" in result.stopped_by
+
+
 @VERSIONS
 def test_the_end_comes_also_when_the_run_is_advanced_in_pieces(awkward_fmus, version, raises):
     with System() as system:

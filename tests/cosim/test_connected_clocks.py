@@ -12,7 +12,7 @@ import pytest
 from exported import run_exported
 from foreign import clocked, pulses, sloped
 
-from cosim import ComponentError, LoopError, Recording, System, UnconnectedInputsWarning, WiringError
+from cosim import ComponentError, LoopError, Recording, System, SystemState, UnconnectedInputsWarning, WiringError
 
 
 @pytest.fixture(scope="module")
@@ -220,6 +220,10 @@ def test_saved_states_continue(fmu: Path) -> None:
         simulation.advance(0.07)
         assert all(np.array_equal(once[n], simulation.recording[n]) for n in once)
         assert once["c.count"][-1] > 20
+        data = state.to_bytes()
+    with chain(fmu, "a", "b", "c") as system:
+        found = system.run(0.07, state=SystemState.from_bytes(data), record=["*"])
+        assert all(np.array_equal(once[n][2:], found[n]) for n in once)
 
 
 @pytest.mark.parametrize(("early", "relay"), [(False, 1), (False, 2), (True, 3)])

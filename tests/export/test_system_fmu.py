@@ -391,7 +391,7 @@ def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, awkward_fmus: dic
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("trouble", [awkward.END, awkward.END_EARLY])
+@pytest.mark.parametrize("trouble", [awkward.END, awkward.END_EARLY, awkward.END_UNTOLD])
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
     awkward_fmus, tmp_path, fmi, version, trouble, kind

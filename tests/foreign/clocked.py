@@ -29,7 +29,7 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Clocked" instantiationToken="clocked">
   <CoSimulation modelIdentifier="clocked" canHandleVariableCommunicationStepSize="{str(variable_step).lower()}"
-    canGetAndSetFMUState="true" hasEventMode="{str(event_mode).lower()}"/>
+    canGetAndSetFMUState="true" canSerializeFMUState="true" hasEventMode="{str(event_mode).lower()}"/>
   <ModelVariables>
     <Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>
     <Float64 name="u" valueReference="0" causality="input" variability="discrete" start="0" clocks="8"/>

@@ -9,7 +9,7 @@ from foreign import making
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Pulses" instantiationToken="pulses">
   <CoSimulation modelIdentifier="pulses" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUState="true"
-    hasEventMode="true"/>
+    canSerializeFMUState="true" hasEventMode="true"/>
   <ModelVariables>
     <Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>
     <Float64 name="x" valueReference="0" causality="input" variability="discrete" start="0" clocks="7"/>

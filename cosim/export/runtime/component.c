@@ -299,8 +299,10 @@ bool component_asked_to_end(Component *m, double *reached) {
     char text[1];
     if (m->exchange) return !m->exchange->why(m, reached, text, sizeof text);
     fmi2Boolean ended = fmi2False;
-    if (m->version == 2 && m->f2->GetRealStatus)
-        (void)m->f2->GetRealStatus(m->instance, fmi2LastSuccessfulTime, reached);
+    double told = 0.0;
+    if (m->version == 2 && m->f2->GetRealStatus &&
+        m->f2->GetRealStatus(m->instance, fmi2LastSuccessfulTime, &told) <= fmi2Warning)
+        *reached = told;
     return m->version == 2 && m->f2->GetBooleanStatus &&
            m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning && ended;
 }
