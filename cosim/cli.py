@@ -26,7 +26,6 @@ from cosim.study.error_command import error_command
 from cosim.study.experiment import Experiment, resolved
 from cosim.study.export_command import export_command, wiring_command
 from cosim.study.loading import load
-from cosim.study.optimise_command import optimise_command
 from cosim.study.sweep_command import sweep_command
 
 NAMES = sorted(EXPERIMENTS)
@@ -208,6 +207,13 @@ def build(context: click.Context) -> None:
     from fmu_sources import cli
 
     cli.main(context.command_path, context.args)
+
+
+def optimise_command(experiment: Experiment) -> Command:
+    """The command that searches for parameters of an experiment; its module is imported when it is called."""
+    from cosim.study import optimise_command as module
+
+    return module.optimise_command(experiment)
 
 
 SEARCH = "Search for parameters of an experiment that minimize or maximize metrics."

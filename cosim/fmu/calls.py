@@ -142,21 +142,22 @@ Status fmi3CompletedIntegratorStep(Component, bool, bool*, bool*);
 """
 )
 
-ffi2 = cffi.FFI()
-ffi2.cdef(_FMI2 + _EXCHANGE2)
-ffi3 = cffi.FFI()
-ffi3.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3)
+_parsed: dict[str, cffi.FFI] = {}
 
 
 def ffi_of(version: str) -> cffi.FFI:
-    """Types and functions of an FMI version, "2" or "3"."""
-    return ffi3 if version == "3" else ffi2
+    """Types and functions of an FMI version, "2" or "3"; parsed when the first FMU of this version is opened."""
+    if version not in _parsed:
+        ffi = cffi.FFI()
+        ffi.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3 if version == "3" else _FMI2 + _EXCHANGE2)
+        _parsed.setdefault(version, ffi)  # all threads use the same types
+    return _parsed[version]
 
 
 @cache
 def c_library() -> Any:
     """The C library with calloc and free."""
-    return ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None)
+    return ffi_of("2").dlopen("ucrtbase.dll" if sys.platform == "win32" else None)
 
 
 def close(ffi: cffi.FFI, library: Any) -> None:
@@ -280,6 +281,7 @@ def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str
     ):
         return message
     next_word, next_real = iter(words), iter(reals)
+    ffi = ffi_of("2")
 
     def replace(match: re.Match[str]) -> str:
         layout, length, kind = match.groups()
@@ -290,12 +292,12 @@ def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str
             return f"%{layout}{kind}" % real
         word = next(next_word)
         if kind == "s":
-            return f"%{layout}s" % text(ffi2, ffi2.cast("const char*", word))
+            return f"%{layout}s" % text(ffi, ffi.cast("const char*", word))
         if kind == "c":
             return chr(word & 0xFF)
         wide = length in ("ll", "z", "j", "t") or (length == "l" and sys.platform != "win32")
         signed = ("int64_t" if wide else "int") if kind in "di" else ("uint64_t" if wide else "unsigned int")
-        return f"%{layout}{kind if kind in 'xX' else 'd'}" % int(ffi2.cast(signed, word))
+        return f"%{layout}{kind if kind in 'xX' else 'd'}" % int(ffi.cast(signed, word))
 
     return _CONVERSION.sub(replace, message)
 
@@ -323,7 +325,7 @@ def instantiate2(
     `texts` = instance name, GUID, resource URI; objects that must outlive the instance are put into `keep`.
     """
     name, token, resources = texts
-    ffi = ffi2
+    ffi = ffi_of("2")
 
     arguments = ", ".join(["intptr_t"] * WORDS + ["double"] * REALS)
 
@@ -356,7 +358,7 @@ def instantiate3(
     `texts` = name, token, resource path; `intermediate`: for intermediate updates.
     """
     name, token, resources = texts
-    ffi = ffi3
+    ffi = ffi_of("3")
 
     @ffi.callback("void(void*, int, const char*, const char*)", onerror=_quiet)
     def logger(_: Any, status: int, category: Any, message: Any) -> None:
