@@ -11,9 +11,7 @@ import numpy as np
 from cosim import Recording, System
 from cosim.core.signals import rms
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
 
 CONTROLLERS = {  # name -> FMU, parameters

@@ -19,9 +19,7 @@ from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT, RESPONSE_TICK, SAMPLE_TIME, gain_parameters
 from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import (

@@ -37,10 +37,8 @@ from cosim.experiments.handling.metrics import (
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
 from cosim.experiments.ride import runs as ride
-from cosim.study.case import Case as BaseCase
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import Case as BaseCase
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from cosim.tables import Table
 from fmu_sources.controllers.driver import POINTS
 from fmu_sources.models.corners import CORNERS

@@ -20,7 +20,7 @@ EXPERIMENT = Experiment(
         runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
     ),
     measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, remarks=runs.remarks),
-    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
+    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms", begin=runs.begin),
     baseline=Baseline(runs.passive, own=runs.own_baseline, called=runs.called, about=runs.about),
     study=Study(
         published.plan,

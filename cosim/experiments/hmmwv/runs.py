@@ -31,9 +31,7 @@ from cosim.experiments.hmmwv.wiring import (
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
 from fmu_sources.models.corners import CORNERS
@@ -392,12 +390,19 @@ def stop_time(system: System, case: Case) -> float:
     return round((last - start(system, case)) / case.speed + 1.5, 1)
 
 
+def begin(system: System, case: Case) -> float:
+    """When metrics begin [s]: off road where all wheels are beyond the ramp, elsewhere at once."""
+    if case.road != "off-road":
+        return 0.0
+    return (FLAT + RAMP - published(system["car"], "wheel.rl.x") - OFF_ROAD_START) / case.speed
+
+
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
-    begin, late = start(system, case), case.preview_error_ms / 1000 * case.speed
-    system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": begin})
+    at, late = start(system, case), case.preview_error_ms / 1000 * case.speed
+    system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": at})
     if "map_speed" in system.components:
-        system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
+        system["map_speed"].set({"start.speed": case.speed, "start.x": at - late})
     for name in {"road", "map"} & set(system.components):
         if case.road == "off-road":
             profile = {"class": CLASSES.index(case.terrain), "offset": case.variant * STRETCH}

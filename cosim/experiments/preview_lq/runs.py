@@ -12,9 +12,8 @@ import numpy as np
 from cosim import Recording, System
 from cosim.core.signals import rms
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet, designed_with
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
+from cosim.study.fmus import designed_with
 from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_parameters
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 from fmu_sources.models.corners import CORNERS

@@ -19,10 +19,8 @@ from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
 from cosim.experiments.semi_active import runs as semi_active
 from cosim.experiments.three_axle import runs as three_axle
-from cosim.study.case import Case as BaseCase
-from cosim.study.case import CaseError, check_choice, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import Case as BaseCase
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, check_choice, option
 from fmu_sources.catalog import PUBLISHED, wheel_radius
 from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series, weighted_acceleration
 from fmu_sources.roads import RoadLayout

@@ -15,9 +15,7 @@ from cosim import System
 from cosim.core.signals import rms
 from cosim.experiments.hmmwv.wiring import BUMPS, FIRST_BUMP, add_car, bump_parameters, published
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.lq.hmmwv import lqr_gain, weighted_outputs
 from fmu_sources.controllers.semi_active import HOOKS, PERIOD, WEIGHTS
 from fmu_sources.models.comfort import weighted_acceleration

@@ -12,9 +12,7 @@ import numpy as np
 from cosim import Recording, System
 from cosim.core.signals import peak, rms
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 

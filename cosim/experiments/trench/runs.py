@@ -14,9 +14,7 @@ from cosim.core.signals import peak
 from cosim.experiments.metrics.crossing import LABELS, LIMITS, PSD_RATE, Crossing, cost, crossing, failures, psd
 from cosim.experiments.steps import Stepped, exchange_step
 from cosim.recording.peaks import keep_peaks
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 
