@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.experiments.gpc import EXPERIMENT
-from cosim.experiments.gpc.judge import CLAIMS, CONVERGED, Judge
+from cosim.experiments.gpc.claims import CLAIMS, CONVERGED, Judge
 from cosim.experiments.gpc.matching import Match, match_weight
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, MATCHED
 from cosim.experiments.gpc.report import report as make_report

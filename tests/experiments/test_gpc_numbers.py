@@ -23,7 +23,7 @@ from gpc_studies import passive_response
 
 from cosim.experiments.gpc import EXPERIMENT, runs
 from cosim.experiments.gpc import identify as identify_command
-from cosim.experiments.gpc.judge import CLAIMS, Judge
+from cosim.experiments.gpc.claims import CLAIMS, Judge
 from cosim.experiments.gpc.matching import match_weight
 from cosim.experiments.gpc.published import (
     ACTIVE_CONTROLLERS,
@@ -124,7 +124,7 @@ def test_a_run_that_did_not_arrive_or_ended_with_an_error() -> None:
     assert measure(early)["diverged"]
     assert runs.remarks(early) == ["the run ended before its way was traveled"]
     assert runs.remarks(recording(Case())) == []
-    assert runs.diverged(Case(), ValueError("x is not finite")) == {"diverged": True, "reason": "x is not finite"}
+    assert runs.failed(Case(), ValueError("x is not finite")) == {"diverged": True, "reason": "x is not finite"}
 
 
 def test_signals_of_a_run() -> None:

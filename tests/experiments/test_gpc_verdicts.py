@@ -9,7 +9,7 @@ import gpc_studies
 import pytest
 from gpc_studies import change, passive_response
 
-from cosim.experiments.gpc.judge import CLAIMS, Judge, compare
+from cosim.experiments.gpc.claims import CLAIMS, Judge, compare
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SEEDS, SPEEDS_KMH
 from cosim.experiments.gpc.results import Study
 from cosim.report import Band, Claim, Claims

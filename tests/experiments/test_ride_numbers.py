@@ -20,7 +20,7 @@ from cosim.experiments.ride.claims import CLAIMS
 from cosim.experiments.ride.published import HEIGHTS, POWERS, plan, systems
 from cosim.experiments.ride.report import report
 from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, runs, speeds
-from cosim.experiments.ride.runs import CARS, METRICS, Case, diverged, measure, passive, recorded, remarks
+from cosim.experiments.ride.runs import CARS, METRICS, Case, failed, measure, passive, recorded, remarks
 from cosim.experiments.ride.search import EXPONENT, LONGEST, STEEP, TOLERANCE, WITHIN, SpeedLimit, crossing, rise
 from cosim.experiments.ride.web import live
 from cosim.study import FmuSet, Results
@@ -124,7 +124,7 @@ def test_a_car_that_does_not_arrive_has_no_metrics() -> None:
     assert remarks(recording(case)) == []
     (told,) = remarks(recording(case, **{"car.suspension.fl.deflection": np.where(ON, 0.61, 0.0)}))
     assert "by up to 610 mm" in told
-    assert diverged(case, ValueError("broke")) == {"arrived": False, "reason": "broke"}
+    assert failed(case, ValueError("broke")) == {"arrived": False, "reason": "broke"}
 
 
 def test_how_metrics_are_shown() -> None:

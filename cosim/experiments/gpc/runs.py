@@ -351,7 +351,7 @@ def compared(row: Row, baseline: Row) -> Row:
     return {"improvement": metrics.improvement(row["response"], baseline["response"])}
 
 
-def diverged(_: Case, error: Exception) -> Row:
+def failed(_: Case, error: Exception) -> Row:
     """Metrics of a run that a component ended: a closed loop that diverges is an outcome, and has no numbers."""
     return {"diverged": True, "reason": str(error)}
 

@@ -37,6 +37,7 @@ from cosim.experiments.handling.metrics import (
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
 from cosim.experiments.ride import runs as ride
+from cosim.experiments.semi_active import runs as semi_active
 from cosim.study import Case as BaseCase
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from cosim.tables import Table
@@ -473,6 +474,9 @@ def measure(run: Run) -> Row:
         power = sum(r[f"car.actuator.{k}.power"] for k in CORNERS)
         row |= {"force_peak": peak(force), "force_rms": rms(force), "power_peak": peak(power), "power_rms": rms(power)}
     return {**row, **_OF.get(run.case.manoeuvre, lambda *_: {})(run, s)}
+
+
+remarks = semi_active.remarks
 
 
 def failed(_: Case, error: Exception) -> Row:

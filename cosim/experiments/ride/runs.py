@@ -453,7 +453,7 @@ def measure(run: Run) -> Row:
     return row
 
 
-def diverged(_: Case, error: Exception) -> Row:
+def failed(_: Case, error: Exception) -> Row:
     """Metrics of a run that a component ended: a closed loop that diverges is an outcome."""
     return {"arrived": False, "reason": str(error)}
 
