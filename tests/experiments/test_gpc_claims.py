@@ -56,7 +56,7 @@ def test_nothing_is_matched_where_explicit_does_not_help(study: Study) -> None:
     assert explicit is not None
     assert results.improvement(explicit) < 0
     assert all(results.matched("sine", 80.0, law, 0) is None for law in MATCHED)
-    assert results.ratios("sine", 80.0, "power", "implicit", "explicit") is None
+    assert results.at_equal_response("sine", 80.0, ("implicit", "explicit"), lambda *_: 1.0) is None
 
 
 def test_no_run_diverges(study: Study) -> None:

@@ -622,18 +622,23 @@ def test_figures_of_a_run(results: Results) -> None:
 def test_distributions_over_seeds(results: Results) -> None:
     gains = results.improvements("perryman3", 70.0, "implicit")
     assert gains.values == pytest.approx([33.0 + 2 * s for s in range(8)])
-    forces = results.ratios("sine", 50.0, "force", "implicit", "explicit")
-    assert forces is not None
-    assert forces.values == pytest.approx([1.5 * 0.95 * (1 + 0.05 * s) / (1 + 0.1 * s) for s in range(8)])
-    assert forces.of == "seeds"
-    few = results.ratios("perryman3", 30.0, "power", "preview", "explicit")
-    assert few is not None
-    assert few.values == pytest.approx([0.5 * 1.05 * (1 + 0.04 * s) / (1 + 0.2 * s) for s in range(6)])
-    assert few.of == "seeds of 8 that could be matched"
-    assert results.ratios("curb", 40.0, "power", "implicit", "explicit") is None
-    changes = results.changes("curb", 10.0, "rms_az", "preview")
-    assert changes is not None
-    assert changes.values == pytest.approx([0.7 * (100 + s) - 100 for s in range(8)])
+    for road, speed, metric, laws, values, of in (
+        ("sine", 50.0, "force", ("implicit", "explicit"), (1.5 * 0.95, 0.05, 0.1, 8), "seeds"),
+        (
+            "perryman3",
+            30.0,
+            "power",
+            ("preview", "explicit"),
+            (0.5 * 1.05, 0.04, 0.2, 6),
+            "seeds of 8 that could be matched",
+        ),
+    ):
+        ratios = results.at_equal_response(road, speed, laws, lambda a, b, k=metric: a[k] / b[k])
+        factor, own, other, count = values
+        assert ratios is not None
+        assert ratios.values == pytest.approx([factor * (1 + own * s) / (1 + other * s) for s in range(count)])
+        assert ratios.of == of
+    assert results.at_equal_response("curb", 40.0, ("implicit", "explicit"), lambda *_: 1.0) is None
     gains_by_weight = [0.45 + 0.02 * 3 - 0.2 * x for x in (0.0, math.log10(5), 1.0, math.log10(50))]
     assert results.over_weights(50.0, "improvement", 3) == pytest.approx(gains_by_weight)
 

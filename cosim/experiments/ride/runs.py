@@ -11,10 +11,11 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import StopWhen, System
-from cosim.core.signals import Array, peak, rms
+from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
+from cosim.experiments.options import AtSpeed, speed_option
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
 from cosim.experiments.semi_active import runs as semi_active
@@ -201,7 +202,7 @@ _OVER = (lambda c: c.course == OBSTACLE, "the half-round")
 
 
 @dataclass(frozen=True)
-class Case(BaseCase):
+class Case(AtSpeed, BaseCase):
     """One run: a car under a controller over a course at a speed."""
 
     car: str = option("full-car", choices=CARS, help="car", always=True)
@@ -212,9 +213,7 @@ class Case(BaseCase):
         "ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once"
     )
     course: str = option("1in", choices=NUMBER, files=".crg", help="course, or an OpenCRG file", always=True)
-    speed_kmh: float = option(
-        20.0, name="speed", unit="km/h", within=(1, 200), label="{:.4g}kmh", help="speed", always=True
-    )
+    speed_kmh: float = speed_option(20.0, (1, 200), label="{:.4g}kmh")
     seed: int = option(1, within=(1, SEEDS), only=_RMS, label="seed{}", help="profile of an RMS course")
     sides: str = option(
         "alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated"
@@ -236,11 +235,6 @@ class Case(BaseCase):
                 "the passive hmmwv has its hydraulic actuators with the pump off: give"
                 f" {surface.given(actuators='hydraulic')}; without any actuators: {surface.given(controller='zero')}"
             )
-
-    @property
-    def speed(self) -> float:
-        """Speed [m/s]."""
-        return self.speed_kmh / 3.6
 
     @property
     def other(self) -> Any:
@@ -433,7 +427,7 @@ def measure(run: Run) -> Row:
         return {"arrived": False, "speed": float(np.mean(np.diff(x)) * RATE)}
     az = r["car.seat.az"]
     corners = CARS[case.car].corners
-    travel = np.column_stack([r[f"car.suspension.{k}.deflection"] for k in corners])[counts]
+    travel = columns(r, "car.suspension.{}.deflection", corners)[counts]
     row: Row = {
         "arrived": True,
         "speed": float((x[counts][-1] - x[counts][0]) / ((counts.sum() - 1) / RATE)),
@@ -444,8 +438,8 @@ def measure(run: Run) -> Row:
     }
     source = force_name(case)
     if source.format(corners[0]) in r:
-        force = np.column_stack([r[source.format(k)] for k in corners])[counts]
-        rate = np.column_stack([r[f"car.suspension.{k}.velocity"] for k in corners])[counts]
+        force = columns(r, source, corners)[counts]
+        rate = columns(r, "car.suspension.{}.velocity", corners)[counts]
         row["force_rms"] = rms(force)
         row["power_given"] = float(np.maximum((force * rate).sum(axis=1), 0.0).mean())
     if case.actuators == "hydraulic":
