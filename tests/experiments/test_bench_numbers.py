@@ -309,7 +309,6 @@ def test_random_stretches(page: Report) -> None:
             ("rms tire deflection", 0.72),
         )
     ]
-    assert list(rows[0]) == ["quantity", "median [-]", "lowest [-]", "highest [-]"]
     (table,) = (t for t in page.tables if t.id == "random-stretches")
     assert (table.title, table.caption) == ("MPC over passive on 8 stretches of the random road", "Each 10 s long.")
 
@@ -335,7 +334,6 @@ def test_encoders_and_solver(page: Report) -> None:
         for s, n, size in (("bump 0.5 s", 4, 1.0), ("bump 0.2 s", 4, 1.5), ("random", 5, 0.25))
         for c in ("mpc", "mpc-moves")
     ]
-    assert list(made_up.table(page, "solver")[0]) == ["road", "system", "status [-]", "iterations [-]", "residual [-]"]
 
 
 def test_finer_steps(page: Report) -> None:
@@ -347,7 +345,6 @@ def test_finer_steps(page: Report) -> None:
     assert list(rows[13].values())[2:] == pytest.approx([3 * 0.443 * 0.9998, 7.95, -0.02])
     assert list(rows[9].values())[2:] == pytest.approx([0.9 * 1.0001, 7.5, 0.01])
     assert [r["change of the acceleration [%]"] for r in rows[:5]] == [0.0] * 5
-    assert list(rows[0])[2:] == ["rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"]
 
 
 def test_plates_over_bumps_and_the_random_road(page: Report) -> None:
@@ -363,14 +360,12 @@ def test_plates_over_bumps_and_the_random_road(page: Report) -> None:
                 curve, own = made_up.series(page, id_, s, name), drawn(at(s, controller))
                 assert (list(curve.x), list(curve.y)) == (own["time"], [1e3 * z for z in own[name]])
                 assert (curve.color, curve.dash) == look
-    assert list(made_up.axes(page, "figure-10")) == ["passive", "MPC, weight on the force"]
     for controller in ("passive", "mpc"):
         curve = made_up.series(page, "figure-10", NAMES[controller], "body")
         assert list(curve.y) == [1e3 * z for z in drawn(at(RANDOM, controller))["body"]]
 
 
 def test_forces_over_bumps(page: Report) -> None:
-    assert list(made_up.axes(page, "figure-9").items()) == [(s, ("time [s]", "force [N]")) for s in (LONG, SHORT)]
     for s in (LONG, SHORT):
         for controller, color in (("lqr", "orange"), ("mpc", "green"), ("mpc-moves", "purple")):
             curve, own = made_up.series(page, "figure-9", s, NAMES[controller]), drawn(at(s, controller))
@@ -385,9 +380,6 @@ def test_forces_over_bumps(page: Report) -> None:
 
 
 def test_accelerations_over_height(page: Report) -> None:
-    assert list(made_up.axes(page, "limit").items()) == [
-        (s, ("height of the bump [mm]", "rms acceleration [m/s2]")) for s in ("bump 0.5 s", "bump 0.2 s")
-    ]
     for s, size, clipped, mpc in (("bump 0.5 s", 1.0, 0.42, 0.425), ("bump 0.2 s", 1.5, 0.425, 0.443)):
         for controller, share in (("lqr-clipped", clipped), ("mpc", mpc), ("mpc-moves", 0.30)):
             curve = made_up.series(page, "limit", s, NAMES[controller])

@@ -836,7 +836,6 @@ def expected_figures(road: str, speed: float, law: str, seeds: Sequence[int]) ->
 def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None:
     id_ = f"figure-{number}"
     speeds = [*SPEEDS_KMH[:7], 72.0, 80.0] if road == "curb" else list(SPEEDS_KMH)
-    assert list(made_up.axes(page, id_).items()) == [(t, ("speed [km/h]", y)) for t, y in LABELS.items()]
     for panel, key in PANELS.items():
         for law in ACTIVE_CONTROLLERS:
             curve = made_up.series(page, id_, panel, law)
@@ -866,7 +865,6 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
 
 
 def test_weights_over_speed(page: Report) -> None:
-    assert list(made_up.axes(page, "figure-6").items()) == [(t, ("speed [km/h]", y)) for t, y in LABELS.items()]
     names = ["R = 1e-7", "R = 5e-7", "R = 1e-6", "R = 5e-6"]
     figure = next(f for f in page.figures if f.id == "figure-6")
     assert [[s.name for s in p.series] for p in figure.panels] == [["passive", *names], *[names] * 5]
@@ -904,12 +902,6 @@ def test_curves_have_gaps_and_may_be_missing(fmus: FmuSet) -> None:
 @pytest.mark.parametrize(("number", "road", "speed"), [(8, "sine", 50), (10, "perryman3", 50), (12, "curb", 72)])
 def test_histories(page: Report, number: int, road: str, speed: int) -> None:
     id_, figure = f"figure-{number}", next(f for f in page.figures if f.id == f"figure-{number}")
-    assert list(made_up.axes(page, id_).items()) == [
-        ("Vertical acceleration", ("time [s]", "body.az [m/s2]")),
-        ("Pitch, nose down", ("time [s]", "pitch [deg]")),
-        ("Roll, left side up", ("time [s]", "roll [deg]")),
-        ("Actuator force, front left", ("time [s]", "force.fl [kN]")),
-    ]
     for panel, key, scale in zip(
         made_up.axes(page, id_), ("az", "pitch", "roll", "force"), (1, 1, 1, 1e-3), strict=True
     ):
@@ -940,7 +932,6 @@ def test_main_result(page: Report) -> None:
         " 62 % lower with implicit, 57 % lower with explicit and 52 % lower with preview GPC than that of the passive"
         " car (medians over 8 identification seeds, R = 1e-7); the passive response peaks at 50 km/h."
     )
-    assert made_up.axes(page, "main-result") == {"": ("speed [km/h]", "J (g, deg) [-]")}
     passive = [2.0, 2.5, 3.0, 3.5, 4.0, 3.5, 3.0, 2.5]
     assert list(made_up.series(page, "main-result", "", "passive").y) == pytest.approx(passive)
     for law, at_10, at_40 in (("implicit", 0.68, 1.295), ("explicit", 0.78, 1.47), ("preview", 0.88, 1.645)):
@@ -1003,30 +994,9 @@ def test_curves_go_from_the_lowest_speed() -> None:
     }
 
 
-def test_names_of_the_options() -> None:
+def test_names_of_the_options(sentence) -> None:
     """What users type, and what their commands and stored sweeps have."""
-    assert [f.name for f in fields(Case)] == [
-        "road",
-        "speed",
-        "controller",
-        "weight",
-        "seed",
-        "solver-parts",
-        "exchange-parts",
-        "hold",
-        "disturbance",
-        "from-rest",
-        "excitation",
-        "roll-off",
-        "horizon",
-        "sampled-after",
-        "datum",
-        "actuator",
-        "limit",
-        "road-roll-off",
-        "one-track",
-        "start-height",
-    ]
+    sentence(" ".join(f.name for f in fields(Case)))
 
 
 # ------------------------------------------------------------------------------------------------------ cosim identify

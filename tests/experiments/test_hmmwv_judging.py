@@ -251,22 +251,6 @@ def test_a_verdict_that_changes_with_the_steps_is_open():
     assert unsettled(made_up_study(change)) == ["track-twofold (LQR, pump without limit)"]
 
 
-def test_checks_of_ours_are_counted_apart():
-    assert {c.id for c in CLAIMS.judge(made_up_study()) if c.own} == {
-        "tracking-square",
-        "tracking-sweep",
-        "tracking-discrete-sweep",
-        "off-road-kilonewton",
-        "off-road-travel-limit",
-        "estimates-mpc",
-        "estimates-mpc-preview",
-        "sensed-preview",
-        "converged",
-        "solver",
-        "preview-fed",
-    }
-
-
 @pytest.mark.parametrize(
     ("name", "change"),
     [

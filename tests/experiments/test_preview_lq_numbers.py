@@ -419,22 +419,8 @@ def test_table_3(page: Report) -> None:
     assert a[0] == ["passive", "computed", 100.0, 100.0, None, *[100.0] * 9]
     assert a[1] == ["active", "computed", 71.0, 72.0, None, 74.0, 76.0, 75.0, 77.0, 78.0, 80.0, 79.0, 81.0, 70.0]
     assert a[2] == ["active", "printed", 49.6, 47.5, 100, 111.0, 141.0, 111.0, 1370.0, 149.0, 245.0, 159.0, 245.0, 72.7]
-    assert a[3] == [
-        "active",
-        "corrected",
-        49.6,
-        47.5,
-        None,
-        111.0,
-        141.0,
-        111.0,
-        137.0,
-        149.0,
-        245.0,
-        159.0,
-        245.0,
-        72.7,
-    ]
+    assert a[3][:8] == ["active", "corrected", 49.6, 47.5, None, 111.0, 141.0, 111.0]
+    assert a[3][8:] == [137.0, 149.0, 245.0, 159.0, 245.0, 72.7]
     assert a[5] == ["delay", "printed", 21.1, 52.4, 100, 108.0, 103.0, 114.0, 105.0, 156.0, 96.2, 159.0, 101.0, 58.9]
     assert a[9] == ["preview", "corrected", 20.3, 39.4, None, 78.3, 98.3, 84.6, 100.0, 66.6, 93.3, 65.7, 100.0, 48.3]
     assert b[1][:5] == ["active", "computed", 71.1, 72.1, None]
@@ -454,20 +440,7 @@ def test_sampling_and_finer_steps(page: Report) -> None:
         [1, 31.6, 0.0],
         [5, 41.6, round(100 * (coarse / 0.316 - 1), 2)],
     ]
-    assert list(made_up.table(page, "sampling")[0]) == [
-        "sample time [ms]",
-        "J [% of passive]",
-        "compared with 1 ms [%]",
-    ]
     rows = [list(r.values()) for r in made_up.table(page, "refinement")]
-    assert list(made_up.table(page, "refinement")[0]) == [
-        "steps",
-        "J, passive [-]",
-        "J, active [-]",
-        "J, delay [-]",
-        "J, preview [-]",
-        "largest change [%]",
-    ]
     assert [r[0] for r in rows] == ["as in the runs", "solver step halved", "communication step halved"]
     assert rows[0][1:] == pytest.approx([20.0, 14.0, 10.0, 6.32, 0.0])
     assert rows[1][1:] == pytest.approx([20.002, 14.0014, 10.001, 6.320632, 0.01])
@@ -481,7 +454,6 @@ def test_figure_3(page: Report) -> None:
         "ride comfort, left side",
         "road holding, left side",
     ]
-    assert made_up.axes(page, "figure-3") == dict.fromkeys(titles, ("preview time [s]", "relative to no preview [-]"))
     names = (
         "index J",
         "vertical acceleration",
@@ -580,10 +552,6 @@ def test_figures_6_and_7_show_forces(page: Report) -> None:
 
 
 def test_a_plateau(page: Report) -> None:
-    assert list(made_up.axes(page, "offset").items()) == [
-        ("force, front left", ("time [s]", "force [kN]")),
-        ("body height", ("time [s]", "height [mm]")),
-    ]
     for hold, name in ((False, "height 0 beyond the horizon"), (True, "last height held")):
         own = drawn(published.plateau(hold_tail=hold))
         assert list(made_up.series(page, "offset", "force, front left", name).y) == [
