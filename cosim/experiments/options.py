@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from cosim.study import option
-from fmu_sources.roads.iso8608 import CLASSES
 
 Only = tuple[Callable[[Any], bool], str]
 """Where an option means something; see `option`."""
@@ -30,9 +29,9 @@ def speed_option(
     return option(default, name="speed", unit="km/h", within=within, label=label, help=help, always=always)
 
 
-def terrain_option(default: str, help: str, only: Only | None = None) -> Any:
+def terrain_option(default: str, classes: Iterable[str], help: str, only: Only | None = None) -> Any:
     """Class of a random road."""
-    return option(default, choices=tuple(CLASSES), only=only, label="class-{}", help=f"class of {help} (ISO 8608)")
+    return option(default, choices=tuple(classes), only=only, label="class-{}", help=f"class of {help} (ISO 8608)")
 
 
 def tunable_option(only: Only) -> Any:

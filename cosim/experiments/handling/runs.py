@@ -172,7 +172,7 @@ class Case(AtSpeed, BaseCase):
         help="largest angle of the steering wheel, positive left",
     )
     road: str = option("flat", choices=ROADS, help="flat, random (ISO 8608), or an RMS course of the study ride")
-    terrain: str = terrain_option("C", "the random road", (lambda c: c.road == "iso8608", "the random road"))
+    terrain: str = terrain_option("C", CLASSES, "the random road", (lambda c: c.road == "iso8608", "the random road"))
     seed: int = option(
         1,
         within=(1, SEEDS),

@@ -156,7 +156,7 @@ class Case(AtSpeed, Stepped):
         label="{:g}kgm3",
         help="density of the hydraulic fluid",
     )
-    terrain: str = terrain_option("E", "the road profile", _OFF_ROAD)
+    terrain: str = terrain_option("E", CLASSES, "the road profile", _OFF_ROAD)
     tunable: bool = tunable_option((lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"))
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(

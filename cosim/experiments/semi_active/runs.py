@@ -69,7 +69,7 @@ class Case(AtSpeed, Stepped):
         "random", choices=ROADS, help="road; rig: all wheels on the random road of the front left one", always=True
     )
     speed_kmh: float = speed_option(50.0, (5, 100), always=False)
-    terrain: str = terrain_option("D", "a random road")
+    terrain: str = terrain_option("D", CLASSES, "a random road")
     stretch: int = option(0, within=(0, STRETCHES - 1), label="stretch{}", help="stretch of a random road")
     road_holding: float | None = option(
         None,
