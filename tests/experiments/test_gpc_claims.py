@@ -14,7 +14,7 @@ from cosim.experiments.gpc.results import METRICS, Results, Study
 from cosim.experiments.gpc.runs import Case
 from cosim.experiments.metrics import response as metrics
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Runner, run_study
+from cosim.study import FmuSet, Runner, run_study
 from cosim.study import Results as Runs
 
 
@@ -123,23 +123,6 @@ def test_matching_says_not_found() -> None:
     assert isinstance(result, Match)
     assert not result.found
     assert result.metrics["response"] == 2.0
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"road": "sinus"},
-        {"controller": "previw"},
-        {"speed_kmh": 0.0},
-        {"speed_kmh": 500.0},
-        {"speed_kmh": float("nan")},
-        {"R": -1.0},
-        {"controller": "preview", "hold": True},
-    ],
-)
-def test_cases_that_do_not_exist(choice: dict, raises) -> None:
-    with raises(CaseError):
-        Case(**choice)
 
 
 def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:

@@ -377,38 +377,6 @@ def test_the_lqr_in_kilonewtons_is_shown_as_it_is(fmus):
     assert "it beats MPC. Its suspension moves up to 105 mm" in section.paragraphs[1]
 
 
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"road": "trak"},
-        {"controller": "skyhok"},
-        {"actuators": "electric"},
-        {"controller": "passive", "actuators": "ideal"},
-        {"speed_kmh": 0.0},
-        {"speed_kmh": float("nan")},
-        {"variant": 6},
-        {"road": "off-road", "variant": 5},
-        {"duration": 1e3},
-        {"null_opening_mm": 0.0},
-        {"states": "guessed"},
-        {"controller": "zero", "states": "estimated"},
-        {"actuators": "ideal", "states": "estimated"},
-        {"controller": "mpc", "preview_steps": 3},
-        {"preview": "sensed"},
-        {"preview_steps": 16},
-        {"preview": "sensed", "states": "estimated", "preview_error_ms": 5.0},
-        {"preview_error_ms": 1e3},
-        {"pump_l_min": 60.0},
-        {"actuators": "ideal", "flow_limit": True},
-        {"flow_limit": True, "pump_l_min": 0.0},
-        {"solver_parts": 0},
-    ],
-)
-def test_cases_that_do_not_exist(choice: dict, raises) -> None:
-    with raises(CaseError):
-        Case(**choice)
-
-
 # ------------------------------------------------------------------------------------------------------------- the
 # parts
 
