@@ -1,9 +1,12 @@
 """Checks sampled signals for metrics: finite values and shape, with errors that name the signal and the sample.
 
-It also has the two metrics of signals that every study uses, RMS and peak.
+It also has what every study uses: RMS and peak, and the signals of several corners as one array.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,3 +43,14 @@ def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
     """Largest magnitude over the run, of a signal (n,) or of all channels of one (n, k), which must be finite."""
     array = np.asarray(values, dtype=float)
     return float(np.max(np.abs(finite_series(name, array) if array.ndim == 1 else finite_channels(name, array))))
+
+
+def columns(recording: Any, pattern: str, names: Iterable[str], *, optional: bool = False) -> Array:
+    """Recorded signals (samples, k), such as those of "car.tire.{}.force" at all corners.
+
+    `optional`: zeros if they were not recorded, such as forces without a controller.
+    """
+    found = [pattern.format(name) for name in names]
+    if optional and found[0] not in recording:
+        return np.zeros((len(recording), len(found)))
+    return np.column_stack([recording[name] for name in found])

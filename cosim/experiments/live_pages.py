@@ -11,9 +11,7 @@ from pathlib import Path
 
 from build_fmus.base.layout import FMUS
 from cosim.experiments import EXPERIMENTS
-from cosim.study.experiment import Experiment
-from cosim.study.fmus import FmuSet
-from cosim.study.loading import load
+from cosim.study import Experiment, FmuSet, load
 from cosim.study.web import write_web
 
 

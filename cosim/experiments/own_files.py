@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.base import escape, surface
-from cosim.study.case import CaseError
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet
 from fmu_sources.controllers.lq.preview_weights import load_weights
 from fmu_sources.own_catalog import catalog_suffix, no_preview_lq, own_names, weights_name
 from fmu_sources.vehicles import RideCar, Vehicle, VehicleError, load_vehicle, vehicle_names

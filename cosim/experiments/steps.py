@@ -8,8 +8,7 @@ from fractions import Fraction
 from typing import Any, TypeVar
 
 from cosim import SystemComponent
-from cosim.study.case import Case, option
-from cosim.study.experiment import Row
+from cosim.study import Case, Row, option
 
 PARTS = (1, 16)
 

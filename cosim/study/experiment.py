@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import re
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,6 +25,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from build_fmus.base import surface
 from build_fmus.base.checks import one_line
 from cosim.core.errors import CosimError
 from cosim.study.case import CaseError, differing, label
@@ -169,16 +171,26 @@ class RunOptions:
         record: names and patterns, or a function of the case; None for all outputs.
         interval: [s], a time or a function of the case; None for the smallest step.
         stop_when: conditions that end a run, a function of system and case.
+        begin: when metrics begin [s], likewise; a case that ends before is refused.
     """
 
     stop_time: float | Callable[[Any, Any], float] = 10.0
     record: Sequence[str] | Callable[[Any], Sequence[str]] | None = None
     interval: Any = None
     stop_when: Callable[[Any, Any], Sequence[Any]] | None = None
+    begin: Callable[[Any, Any], float] | None = None
 
     def end(self, system: Any, case: Any) -> float:
-        """How long a case runs at most [s]."""
-        return self.stop_time(system, case) if callable(self.stop_time) else self.stop_time
+        """How long a case runs at most [s].
+
+        Raises:
+            CaseError: it would end before its metrics begin.
+        """
+        end = self.stop_time(system, case) if callable(self.stop_time) else self.stop_time
+        if self.begin is not None and end <= (begin := self.begin(system, case)):
+            remedy = surface.given(duration=math.floor(begin) + 1) if hasattr(case, "duration") else "a longer run"
+            raise CaseError(f"the run ends after {end:g} s, before its metrics begin at {begin:.3g} s: give {remedy}")
+        return end
 
     def recorded(self, case: Any) -> Sequence[str] | None:
         """Names and patterns of what is recorded of a case."""
@@ -341,7 +353,7 @@ class Experiment:
         parts = (
             self.case,
             *(wiring.wire, wiring.structure, wiring.configure),
-            *(run.stop_time, run.record, run.interval, run.stop_when),
+            *(run.stop_time, run.record, run.interval, run.stop_when, run.begin),
             *(measures.measure, measures.signals, measures.failed),
         )
         return [p for p in parts if callable(p)]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cosim import Recording
-from cosim.report import Figure, Report, Series, Table
+from cosim.report import Claim, Figure, Report, Series, Table
 from cosim.study import Experiment, Results, Run, Task
+from cosim.study.web import Live
 
 
 @dataclass(frozen=True)
@@ -87,3 +88,50 @@ def axes(report: Report, id_: str) -> dict[str, tuple[str, str]]:
 def columns(report: Report) -> dict[str, int]:
     """How many panels stand side by side, of each figure that has several."""
     return {f.id: f.columns for f in report.figures if isinstance(f, Figure) and len(f.panels) > 1}
+
+
+def words(report: Report, *titles: str) -> str:
+    """Everything that a report says, numbers of tables and curves aside; with titles: of these sections alone."""
+    lines = [] if titles else [report.lead, *(f"{r.name}: {r.value} {r.unit}" for r in report.results)]
+    lines += _figure(report.figure) if isinstance(report.figure, Figure) and not titles else []
+    for s in report.sections:
+        if not titles or s.title in titles:
+            lines += [f"# {s.title}", *s.paragraphs]
+            lines += [line for f in s.figures if isinstance(f, Figure) for line in _figure(f)]
+            lines += [f"table {t.id}: {t.title}\n  {' | '.join(t.columns)}\n  {t.caption}" for t in s.tables]
+    if not titles:
+        lines += [f"{p.name} = {p.value} {p.unit} ({p.source})" for p in report.parameters]
+        lines += [said(report.claims)]
+    return "\n".join(lines)
+
+
+def _figure(figure: Figure) -> list[str]:
+    panels = [
+        f"  {p.title}: {p.y_label} over {p.x_label}: "
+        + ", ".join(f"{s.name} ({s.color}, {s.dash}, {s.mode})" for s in p.series)
+        for p in figure.panels
+    ]
+    return [f"figure {figure.id} ({figure.columns}): {figure.title}", f"  {figure.caption}", *panels]
+
+
+def said(claims: Iterable[Claim], *ids: str) -> str:
+    """What is said of claims: all of them, or those of these ids."""
+    return "\n".join(
+        f"{c.id}: {c.claim} ({c.published}, {c.source})"
+        + "".join(f"\n  {_found(p)}" for p in c.conditions or [c])
+        + "".join(f"\n  {text}" for text in (c.criterion, c.fitted, c.share) if text)
+        for c in claims
+        if not ids or c.id in ids
+    )
+
+
+def _found(claim: Any) -> str:
+    value = "" if claim.value is None else f" = {claim.value:.4g} {claim.unit}"
+    return f"{claim.verdict}{value}; {claim.result}; {claim.reason}"
+
+
+def live_words(live: Live) -> str:
+    """What a live page shows: its systems, controls, charts and measures."""
+    cases = [f"{c.group}: {c.title}: {c.case.label}" for c in live.cases]
+    parts = [*live.page.controls, *live.page.measures, live.page.plots, live.page.finish, live.page.pace]
+    return "\n".join([live.page.title, live.page.text, *cases, *map(str, parts)])

@@ -13,10 +13,10 @@ from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS, ratio
 from cosim.experiments.bench.published import LONG, SCENARIOS, SHORT, at
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import CONTROLLERS, Case, force
+from cosim.experiments.bench.runs import CONTROLLERS, force
 from cosim.experiments.steps import halved
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Results, Runner, run_study
+from cosim.study import FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.lq.bench import lqr_gain
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc
 from fmu_sources.models.bench_states import STATES
@@ -152,22 +152,3 @@ def test_encoders_cost_little(study: Results) -> None:
 def test_fmi_2_gives_the_same_run(fmus: FmuSet, study: Results) -> None:
     with Runner(EXPERIMENT, FmuSet(fmus.directory, 2)) as again:
         assert force(again.record(at(SHORT, "mpc"))).tolist() == study.signals(at(SHORT, "mpc"))["force"]
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"controller": "mcp"},
-        {"road": "bumpy"},
-        {"duration": 0.0},
-        {"road": "random", "offset": -1.0},
-        {"height_mm": 1000.0},
-        {"height_mm": float("nan")},
-        {"offset": 5.0},
-        {"road": "random", "height_mm": 10.0},
-        {"controller": "passive", "encoders": True},
-    ],
-)
-def test_runs_that_do_not_exist(given, raises) -> None:
-    with raises(CaseError):
-        Case(**given)

@@ -23,7 +23,6 @@ from gpc_studies import passive_response
 
 from cosim.experiments.gpc import EXPERIMENT, runs
 from cosim.experiments.gpc import identify as identify_command
-from cosim.experiments.gpc.judge import CLAIMS, Judge
 from cosim.experiments.gpc.matching import match_weight
 from cosim.experiments.gpc.published import (
     ACTIVE_CONTROLLERS,
@@ -124,7 +123,7 @@ def test_a_run_that_did_not_arrive_or_ended_with_an_error() -> None:
     assert measure(early)["diverged"]
     assert runs.remarks(early) == ["the run ended before its way was traveled"]
     assert runs.remarks(recording(Case())) == []
-    assert runs.diverged(Case(), ValueError("x is not finite")) == {"diverged": True, "reason": "x is not finite"}
+    assert runs.failed(Case(), ValueError("x is not finite")) == {"diverged": True, "reason": "x is not finite"}
 
 
 def test_signals_of_a_run() -> None:
@@ -623,18 +622,23 @@ def test_figures_of_a_run(results: Results) -> None:
 def test_distributions_over_seeds(results: Results) -> None:
     gains = results.improvements("perryman3", 70.0, "implicit")
     assert gains.values == pytest.approx([33.0 + 2 * s for s in range(8)])
-    forces = results.ratios("sine", 50.0, "force", "implicit", "explicit")
-    assert forces is not None
-    assert forces.values == pytest.approx([1.5 * 0.95 * (1 + 0.05 * s) / (1 + 0.1 * s) for s in range(8)])
-    assert forces.of == "seeds"
-    few = results.ratios("perryman3", 30.0, "power", "preview", "explicit")
-    assert few is not None
-    assert few.values == pytest.approx([0.5 * 1.05 * (1 + 0.04 * s) / (1 + 0.2 * s) for s in range(6)])
-    assert few.of == "seeds of 8 that could be matched"
-    assert results.ratios("curb", 40.0, "power", "implicit", "explicit") is None
-    changes = results.changes("curb", 10.0, "rms_az", "preview")
-    assert changes is not None
-    assert changes.values == pytest.approx([0.7 * (100 + s) - 100 for s in range(8)])
+    for road, speed, metric, laws, values, of in (
+        ("sine", 50.0, "force", ("implicit", "explicit"), (1.5 * 0.95, 0.05, 0.1, 8), "seeds"),
+        (
+            "perryman3",
+            30.0,
+            "power",
+            ("preview", "explicit"),
+            (0.5 * 1.05, 0.04, 0.2, 6),
+            "seeds of 8 that could be matched",
+        ),
+    ):
+        ratios = results.at_equal_response(road, speed, laws, lambda a, b, k=metric: a[k] / b[k])
+        factor, own, other, count = values
+        assert ratios is not None
+        assert ratios.values == pytest.approx([factor * (1 + own * s) / (1 + other * s) for s in range(count)])
+        assert ratios.of == of
+    assert results.at_equal_response("curb", 40.0, ("implicit", "explicit"), lambda *_: 1.0) is None
     gains_by_weight = [0.45 + 0.02 * 3 - 0.2 * x for x in (0.0, math.log10(5), 1.0, math.log10(50))]
     assert results.over_weights(50.0, "improvement", 3) == pytest.approx(gains_by_weight)
 
@@ -832,7 +836,6 @@ def expected_figures(road: str, speed: float, law: str, seeds: Sequence[int]) ->
 def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None:
     id_ = f"figure-{number}"
     speeds = [*SPEEDS_KMH[:7], 72.0, 80.0] if road == "curb" else list(SPEEDS_KMH)
-    assert list(made_up.axes(page, id_).items()) == [(t, ("speed [km/h]", y)) for t, y in LABELS.items()]
     for panel, key in PANELS.items():
         for law in ACTIVE_CONTROLLERS:
             curve = made_up.series(page, id_, panel, law)
@@ -862,7 +865,6 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
 
 
 def test_weights_over_speed(page: Report) -> None:
-    assert list(made_up.axes(page, "figure-6").items()) == [(t, ("speed [km/h]", y)) for t, y in LABELS.items()]
     names = ["R = 1e-7", "R = 5e-7", "R = 1e-6", "R = 5e-6"]
     figure = next(f for f in page.figures if f.id == "figure-6")
     assert [[s.name for s in p.series] for p in figure.panels] == [["passive", *names], *[names] * 5]
@@ -900,12 +902,6 @@ def test_curves_have_gaps_and_may_be_missing(fmus: FmuSet) -> None:
 @pytest.mark.parametrize(("number", "road", "speed"), [(8, "sine", 50), (10, "perryman3", 50), (12, "curb", 72)])
 def test_histories(page: Report, number: int, road: str, speed: int) -> None:
     id_, figure = f"figure-{number}", next(f for f in page.figures if f.id == f"figure-{number}")
-    assert list(made_up.axes(page, id_).items()) == [
-        ("Vertical acceleration", ("time [s]", "body.az [m/s2]")),
-        ("Pitch, nose down", ("time [s]", "pitch [deg]")),
-        ("Roll, left side up", ("time [s]", "roll [deg]")),
-        ("Actuator force, front left", ("time [s]", "force.fl [kN]")),
-    ]
     for panel, key, scale in zip(
         made_up.axes(page, id_), ("az", "pitch", "roll", "force"), (1, 1, 1, 1e-3), strict=True
     ):
@@ -925,28 +921,8 @@ def test_histories(page: Report, number: int, road: str, speed: int) -> None:
 # them
 
 
-def test_sections_and_figures_at_the_top(page: Report) -> None:
-    assert [s.title for s in page.sections] == [
-        "Runs of the study",
-        "Effect of the control weight",
-        "Sine road",
-        "Perryman 3 road (synthetic)",
-        "Curb",
-        "Spread over identification seeds",
-        "Refinement of steps",
-        "Differences from the paper",
-    ]
-    assert [[f.id for f in s.figures] for s in page.sections[1:5]] == [
-        ["figure-6"],
-        ["figure-7", "figure-8"],
-        ["figure-9", "figure-10"],
-        ["figure-11", "figure-12"],
-    ]
-    about, _, sine, _, curb = (s.paragraphs[0] for s in page.sections[:5])
-    assert "(FullCarHmmwvModified) crosses three roads at 8 speeds" in about
-    assert "identified 8 times" in about
-    assert "wavelength 10 m" in sine
-    assert "A step of 0.10 m" in curb
+def test_words(page: Report, sentence) -> None:
+    sentence(made_up.words(page))
 
 
 def test_main_result(page: Report) -> None:
@@ -956,7 +932,6 @@ def test_main_result(page: Report) -> None:
         " 62 % lower with implicit, 57 % lower with explicit and 52 % lower with preview GPC than that of the passive"
         " car (medians over 8 identification seeds, R = 1e-7); the passive response peaks at 50 km/h."
     )
-    assert made_up.axes(page, "main-result") == {"": ("speed [km/h]", "J (g, deg) [-]")}
     passive = [2.0, 2.5, 3.0, 3.5, 4.0, 3.5, 3.0, 2.5]
     assert list(made_up.series(page, "main-result", "", "passive").y) == pytest.approx(passive)
     for law, at_10, at_40 in (("implicit", 0.68, 1.295), ("explicit", 0.78, 1.47), ("preview", 0.88, 1.645)):
@@ -979,41 +954,8 @@ def test_a_failed_run_is_told(made: Runs, page: Report, fmus: FmuSet) -> None:
     assert needed.lead.startswith("The main result is left out: there is no run ('sine', 50.0, 'implicit', 3)")
 
 
-def test_parameters_and_provenance(page: Report) -> None:
-    shown = [(p.name, p.value, p.unit, p.source) for p in page.parameters]
-    assert shown[-13:] == [
-        ("GPC order p", 8, "-", "000 Table 2"),
-        ("GPC prediction horizon", 8, "-", "000 Table 2"),
-        ("GPC control horizon", 8, "-", "000 Table 2"),
-        ("GPC weight Q, vertical acceleration", 50.0, "1/g2", "000 Table 2"),
-        ("GPC weight Q, pitch", 10.0, "1/deg2", "000 Table 2"),
-        ("GPC weight Q, roll", 1.0, "1/deg2", "000 Table 2"),
-        ("GPC weight R", 1e-7, "1/N2", "000 Table 2"),
-        ("identification samples L", 400, "-", "000 Table 2"),
-        ("identification speed", pytest.approx(11.1111, abs=1e-4), "m/s", "000 Table 2"),
-        ("excitation per actuator, standard deviation", 2000.0, "N", "assumed"),
-        ("samples before the excitation", 200, "-", "assumed"),
-        ("actuator limit", 150e3, "N", "000 Table 2"),
-        ("travel per run", 150.0, "m", "000, text"),
-    ]
-    assert [p.unit for p in page.parameters if p.name == "body.mass"] == ["kg"]
-    assert (
-        "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its"
-        " peak)" in {c.fitted for c in page.claims}
-    )
+def test_provenance(page: Report) -> None:
     given = page.provenance
-    assert given["identification"] == {
-        "seed": 0,
-        "order": 8,
-        "samples": 400,
-        "settling_samples": 200,
-        "from_rest": False,
-        "roll_off": 0.0,
-        "one_track": False,
-        "disturbance": "height",
-        "excitation": 2000.0,
-        "speed": 40 / 3.6,
-    }
     assert given["identification seeds"] == list(range(8))
     assert given["roads"] == ["RoadSine", "RoadCurb", "RoadPerryman3"]
     assert given["corners"] == ["fl", "fr", "rl", "rr"]
@@ -1021,49 +963,6 @@ def test_parameters_and_provenance(page: Report) -> None:
 
 # ------------------------------------------------------------------------------------------------------ words of the
 # claims
-
-
-def test_numbers_of_the_claims(study: Study) -> None:
-    judge = Judge(study, "the motion ratio")
-    found = {c.id: c for c in CLAIMS.judge(judge, judge.singles(), "identifications")}
-    trend = "trend reproduced, magnitude differs"
-    assert {c.id: (c.verdict, c.value, c.unit) for c in found.values() if c.value is not None} == {
-        "open-loop-peak": ("calibrated", 50.0, "km/h"),
-        "sine-gain": ("reproduced", 57.0, "%"),
-        "implicit-power": (trend, 1.1331, "times"),
-        "implicit-force-50": (trend, 1.241, "times"),
-        "sine-implicit-signals": (trend, 16.364, "%"),
-        "perryman-gain": ("reproduced", 38.0, "%"),
-        "perryman-implicit": (trend, 1.1331, "times"),
-        "perryman-roll": ("not reproduced", -66.25, "%"),
-        "curb-gain": (trend, 24.0, "%"),
-        "curb-explicit-force": ("not reproduced", 0.806, "times"),
-        "force-limit": ("not reproduced", 0.1152, ""),
-        "sine-implicit": ("holds", 62.0, "%"),
-        "sine-preview": ("holds", 52.0, "%"),
-        "perryman-implicit-gain": ("holds", 43.0, "%"),
-        "perryman-preview": ("holds", 33.0, "%"),
-        "no-divergence": ("does not hold", 2.0, "runs"),
-        "converged": ("holds", 0.12, "%"),
-    }
-    assert {c.id: int(c.share.split()[4]) for c in found.values() if c.verdict == "reproduced"} == {
-        "sine-gain": 7,
-        "sine-signals": 8,
-        "perryman-gain": 8,
-        "curb-preview-200": 8,
-        "curb-preview-power": 8,
-        "curb-peak": 7,
-    }
-    assert found["sine-same-force"].result == (
-        "force of preview 0.54 to 0.62 times explicit's; power of preview 0.29 to 0.35 times explicit's; as claimed at"
-        " 0 of 7 speeds that can be compared, of 8 in all"
-    )
-    assert "roll / pitch of explicit 0.135; roll / pitch of preview 0.123" in found["sine-signals"].result
-    assert "pitch of implicit -8 % from explicit's" in found["sine-implicit-signals"].result
-    assert found["curb-preview-200"].result.startswith("power of preview 71.8 to 95.8 W")
-    assert found["weight-force"].result.startswith("largest over smallest of R = 5e-7, 1e-6, 5e-6: 1.47 to 1.73 times")
-    assert found["force-limit"].result == "at most 12 % of the limit of 150 kN in any run"
-    assert found["no-divergence"].reason.endswith("GPC implicit on curb at 72 km/h, seed 2: x is not finite")
 
 
 def test_rows_are_selected_by_all_fields() -> None:
@@ -1095,30 +994,9 @@ def test_curves_go_from_the_lowest_speed() -> None:
     }
 
 
-def test_names_of_the_options() -> None:
+def test_names_of_the_options(sentence) -> None:
     """What users type, and what their commands and stored sweeps have."""
-    assert [f.name for f in fields(Case)] == [
-        "road",
-        "speed",
-        "controller",
-        "weight",
-        "seed",
-        "solver-parts",
-        "exchange-parts",
-        "hold",
-        "disturbance",
-        "from-rest",
-        "excitation",
-        "roll-off",
-        "horizon",
-        "sampled-after",
-        "datum",
-        "actuator",
-        "limit",
-        "road-roll-off",
-        "one-track",
-        "start-height",
-    ]
+    sentence(" ".join(f.name for f in fields(Case)))
 
 
 # ------------------------------------------------------------------------------------------------------ cosim identify

@@ -9,7 +9,7 @@ import gpc_studies
 import pytest
 from gpc_studies import change, passive_response
 
-from cosim.experiments.gpc.judge import CLAIMS, Judge, compare
+from cosim.experiments.gpc.claims import CLAIMS, Judge, compare
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SEEDS, SPEEDS_KMH
 from cosim.experiments.gpc.results import Study
 from cosim.report import Band, Claim, Claims
@@ -311,18 +311,8 @@ def test_evidence_has_every_distribution(study) -> None:
     evidence = judged(study).evidence
     of_power = [e for e in evidence if e.claim == "implicit-power" and e.quantity.startswith("power")]
     assert [e.quantity for e in of_power] == [f"power, implicit / explicit, {v:g} km/h" for v in SPEEDS_KMH]
-    assert of_power[0].row() == [
-        "implicit-power",
-        "power, implicit / explicit, 10 km/h",
-        "times",
-        1.9,
-        1.9,
-        1.9,
-        1.9,
-        1.9,
-        8,
-        8,
-    ]
+    named = ["implicit-power", "power, implicit / explicit, 10 km/h", "times"]
+    assert of_power[0].row() == [*named, *[1.9] * 5, 8, 8]
 
 
 def test_checks_of_ours(study) -> None:

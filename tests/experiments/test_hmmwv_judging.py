@@ -251,22 +251,6 @@ def test_a_verdict_that_changes_with_the_steps_is_open():
     assert unsettled(made_up_study(change)) == ["track-twofold (LQR, pump without limit)"]
 
 
-def test_checks_of_ours_are_counted_apart():
-    assert {c.id for c in CLAIMS.judge(made_up_study()) if c.own} == {
-        "tracking-square",
-        "tracking-sweep",
-        "tracking-discrete-sweep",
-        "off-road-kilonewton",
-        "off-road-travel-limit",
-        "estimates-mpc",
-        "estimates-mpc-preview",
-        "sensed-preview",
-        "converged",
-        "solver",
-        "preview-fed",
-    }
-
-
 @pytest.mark.parametrize(
     ("name", "change"),
     [
@@ -391,38 +375,6 @@ def test_the_lqr_in_kilonewtons_is_shown_as_it_is(fmus):
     study = made_up_study(watts(4.0, **kilonewton), metric("travel_peak", 0.105, **kilonewton))
     (section,) = (s for s in report(study, fmus).sections if s.title == "Off road")
     assert "it beats MPC. Its suspension moves up to 105 mm" in section.paragraphs[1]
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"road": "trak"},
-        {"controller": "skyhok"},
-        {"actuators": "electric"},
-        {"controller": "passive", "actuators": "ideal"},
-        {"speed_kmh": 0.0},
-        {"speed_kmh": float("nan")},
-        {"variant": 6},
-        {"road": "off-road", "variant": 5},
-        {"duration": 1e3},
-        {"null_opening_mm": 0.0},
-        {"states": "guessed"},
-        {"controller": "zero", "states": "estimated"},
-        {"actuators": "ideal", "states": "estimated"},
-        {"controller": "mpc", "preview_steps": 3},
-        {"preview": "sensed"},
-        {"preview_steps": 16},
-        {"preview": "sensed", "states": "estimated", "preview_error_ms": 5.0},
-        {"preview_error_ms": 1e3},
-        {"pump_l_min": 60.0},
-        {"actuators": "ideal", "flow_limit": True},
-        {"flow_limit": True, "pump_l_min": 0.0},
-        {"solver_parts": 0},
-    ],
-)
-def test_cases_that_do_not_exist(choice: dict, raises) -> None:
-    with raises(CaseError):
-        Case(**choice)
 
 
 # ------------------------------------------------------------------------------------------------------------- the

@@ -156,6 +156,12 @@ def test_a_case_sets_car_and_actuators(systems):
     assert systems(finer(Case("bump", "lqr")))["actuator_fl"].step == Fraction(1, 4000)
 
 
+def test_a_run_that_ends_before_its_metrics_begin_is_refused(fmus, raises):
+    """Off road they begin where all wheels are beyond the ramp."""
+    with Runner(EXPERIMENT, fmus) as runner, raises(CaseError):
+        runner.metrics(Case("off-road", "passive", duration=2.0))
+
+
 def test_what_a_run_is_compared_with():
     """The passive car on the same road, in the same state; nothing that it does not have."""
     case = Case(

@@ -22,7 +22,7 @@ from cosim.experiments.preview_lq.report import report
 from cosim.experiments.preview_lq.runs import CONTROLLERS, WEIGHTED_CONTROLLERS, Case, passive
 from cosim.experiments.steps import HALVED, halved
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Results, Runner, run_study
+from cosim.study import FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.lq.preview import WEIGHTED, design_taps, ride_plant
 from fmu_sources.controllers.lq.preview_weights import load_weights
 from fmu_sources.models.corners import CORNERS
@@ -251,24 +251,6 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
         system.add("controller", fmus.path("PreviewLqComfort"))
         with pytest.raises(WiringError, match=r"preview\.step.* must equal 0\.005 s, not 0\.01 s"):
             system.connect("road.preview.step", "controller.preview.step")
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"input": "booth"},
-        {"weights": "confort"},
-        {"controller": "previw"},
-        {"shape": "square"},
-        {"preview_time": -0.1},
-        {"speed_kmh": 500.0},
-        {"controller": "delay", "preview_time": 0.2},
-        {"controller": "passive", "hold_tail": True},
-    ],
-)
-def test_cases_that_do_not_exist(choice: dict, raises) -> None:
-    with raises(CaseError):
-        Case(**choice)
 
 
 def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:

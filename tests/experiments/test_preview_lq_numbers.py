@@ -412,48 +412,15 @@ def test_table_2(page: Report) -> None:
     }
 
 
-HEADINGS = [
-    "system",
-    "row",
-    "heave [%]",
-    "pitch [%]",
-    "roll [%]",
-    "s fl [%]",
-    "s rl [%]",
-    "s fr [%]",
-    "s rr [%]",
-    "t fl [%]",
-    "t rl [%]",
-    "t fr [%]",
-    "t rr [%]",
-    "J [%]",
-]
-
-
 def test_table_3(page: Report) -> None:
     tables = {p: [list(r.values()) for r in made_up.table(page, f"table-3{p}")] for p in "abcd"}
-    assert list(made_up.table(page, "table-3a")[0]) == HEADINGS
     assert [len(t) for t in tables.values()] == [10, 4, 10, 4]
     a, b, c, d = tables.values()
     assert a[0] == ["passive", "computed", 100.0, 100.0, None, *[100.0] * 9]
     assert a[1] == ["active", "computed", 71.0, 72.0, None, 74.0, 76.0, 75.0, 77.0, 78.0, 80.0, 79.0, 81.0, 70.0]
     assert a[2] == ["active", "printed", 49.6, 47.5, 100, 111.0, 141.0, 111.0, 1370.0, 149.0, 245.0, 159.0, 245.0, 72.7]
-    assert a[3] == [
-        "active",
-        "corrected",
-        49.6,
-        47.5,
-        None,
-        111.0,
-        141.0,
-        111.0,
-        137.0,
-        149.0,
-        245.0,
-        159.0,
-        245.0,
-        72.7,
-    ]
+    assert a[3][:8] == ["active", "corrected", 49.6, 47.5, None, 111.0, 141.0, 111.0]
+    assert a[3][8:] == [137.0, 149.0, 245.0, 159.0, 245.0, 72.7]
     assert a[5] == ["delay", "printed", 21.1, 52.4, 100, 108.0, 103.0, 114.0, 105.0, 156.0, 96.2, 159.0, 101.0, 58.9]
     assert a[9] == ["preview", "corrected", 20.3, 39.4, None, 78.3, 98.3, 84.6, 100.0, 66.6, 93.3, 65.7, 100.0, 48.3]
     assert b[1][:5] == ["active", "computed", 71.1, 72.1, None]
@@ -473,20 +440,7 @@ def test_sampling_and_finer_steps(page: Report) -> None:
         [1, 31.6, 0.0],
         [5, 41.6, round(100 * (coarse / 0.316 - 1), 2)],
     ]
-    assert list(made_up.table(page, "sampling")[0]) == [
-        "sample time [ms]",
-        "J [% of passive]",
-        "compared with 1 ms [%]",
-    ]
     rows = [list(r.values()) for r in made_up.table(page, "refinement")]
-    assert list(made_up.table(page, "refinement")[0]) == [
-        "steps",
-        "J, passive [-]",
-        "J, active [-]",
-        "J, delay [-]",
-        "J, preview [-]",
-        "largest change [%]",
-    ]
     assert [r[0] for r in rows] == ["as in the runs", "solver step halved", "communication step halved"]
     assert rows[0][1:] == pytest.approx([20.0, 14.0, 10.0, 6.32, 0.0])
     assert rows[1][1:] == pytest.approx([20.002, 14.0014, 10.001, 6.320632, 0.01])
@@ -500,7 +454,6 @@ def test_figure_3(page: Report) -> None:
         "ride comfort, left side",
         "road holding, left side",
     ]
-    assert made_up.axes(page, "figure-3") == dict.fromkeys(titles, ("preview time [s]", "relative to no preview [-]"))
     names = (
         "index J",
         "vertical acceleration",
@@ -599,10 +552,6 @@ def test_figures_6_and_7_show_forces(page: Report) -> None:
 
 
 def test_a_plateau(page: Report) -> None:
-    assert list(made_up.axes(page, "offset").items()) == [
-        ("force, front left", ("time [s]", "force [kN]")),
-        ("body height", ("time [s]", "height [mm]")),
-    ]
     for hold, name in ((False, "height 0 beyond the horizon"), (True, "last height held")):
         own = drawn(published.plateau(hold_tail=hold))
         assert list(made_up.series(page, "offset", "force, front left", name).y) == [
@@ -619,31 +568,11 @@ def test_a_plateau(page: Report) -> None:
     assert f"dies out ({last[True]:.1g} N)" in section.paragraphs[0]
 
 
-def test_words_of_the_sections(page: Report) -> None:
-    words = {s.title: " ".join(s.paragraphs) for s in page.sections}
-    assert list(words) == [
-        "Runs of the study",
-        "Closed-loop poles",
-        "Mean squares and index",
-        "Preview time",
-        "Time histories",
-        "Sample time",
-        "Steps",
-        "A road that does not return to zero",
-    ]
-    assert "with the sprung mass of 1460 kg (source: weighed)." in words["Closed-loop poles"]
-    assert "worse, by up to 12 %, before" in words["Preview time"]
-    assert words["Mean squares and index"].startswith("Means over 1.2 s; preview 0.12 s.")
-    assert "at 75 km/h" in words["Runs of the study"]
+def test_words(page: Report, sentence) -> None:
+    sentence(made_up.words(page))
 
 
 def test_main_result(page: Report) -> None:
-    assert page.lead == (
-        "With 0.12 s of preview, the quadratic indices of ride comfort and road holding are 31.6 % and 31.7 % of the"
-        " passive car's with input on both sides, compared with 50.0 % and 50.1 % if the controller only knows the road"
-        " of the rear wheels from the front wheels, and 70.0 % and 70.1 % without any information on the road."
-    )
-    assert made_up.axes(page, "main-result") == {"": ("index, input [?]", "J, per cent of passive [%]")}
     parts = [f"{w}, {i} side{'s' * (i == 'both')}" for i in ("both", "left") for w in ("ride comfort", "road holding")]
     assert made_up.bars(page) == {
         c: {n: pytest.approx(v + 0.1 * n.startswith("road")) for n in parts}
@@ -658,71 +587,6 @@ def test_main_result_takes_the_input_on_both_sides(study: Results, fmus: FmuSet)
     assert "are 45.0 % and 31.7 % of the passive car's" in page.lead
     found = made_up.bars(page)["preview"]
     assert (found["ride comfort, both sides"], found["ride comfort, left side"]) == (45.0, 20.0)
-
-
-def test_parameters_are_those_of_the_fmus(page: Report) -> None:
-    shown = {p.name: (p.value, p.unit) for p in page.parameters}
-    weights = {n.removeprefix("weight, "): v for n, v in shown.items() if n.startswith("weight, ")}
-    assert list(shown)[-16:] == [f"weight, {n}" for n in weights]
-    names = ["heave", "pitch", "roll", "suspension, front", "suspension, rear", "tire, front", "tire, rear", "force"]
-    assert list(weights) == [f"{w}: {n}" for w in ("ride comfort", "road holding") for n in names]
-    assert weights == {
-        "ride comfort: heave": (3.0, "s4/m2"),
-        "ride comfort: pitch": (8.0, "s4/rad2"),
-        "ride comfort: roll": (1.0, "s4/rad2"),
-        "ride comfort: suspension, front": (1200.0, "1/m2"),
-        "ride comfort: suspension, rear": (1400.0, "1/m2"),
-        "ride comfort: tire, front": (12000.0, "1/m2"),
-        "ride comfort: tire, rear": (11000.0, "1/m2"),
-        "ride comfort: force": (1e-6, "1/N2"),
-        "road holding: heave": (3.0, "s4/m2"),
-        "road holding: pitch": (8.0, "s4/rad2"),
-        "road holding: roll": (1.0, "s4/rad2"),
-        "road holding: suspension, front": (18000.0, "1/m2"),
-        "road holding: suspension, rear": (19500.0, "1/m2"),
-        "road holding: tire, front": (200000.0, "1/m2"),
-        "road holding: tire, rear": (195000.0, "1/m2"),
-        "road holding: force": (1e-6, "1/N2"),
-    }
-    assert (shown["body.mass"], shown["suspension.rl.stiffness"]) == ((1460.0, "kg"), (17500.0, "N/m"))
-    assert {p.source for p in page.parameters if p.name.startswith("weight, road")} == {"004 Table 2, road holding"}
-
-
-def test_words_of_the_claims(study: Results) -> None:
-    judged = {c.id: (c.verdict, c.result, c.value) for c in CLAIMS.judge(study)}
-    assert judged["poles"] == (
-        "trend reproduced, magnitude differs",
-        "5 of 7 within 0.5 %; -5.63+6.51i for -5.31+6.14i, 6 % away; -4.28+5.42i for -4.00+5.07i, 7 % away",
-        5.0,
-    )
-    assert judged["index-both-active"] == ("reproduced", "70.0 %", 70.0)
-    assert judged["index-both-delay"] == ("trend reproduced, magnitude differs", "50.0 %", 50.0)
-    assert judged["index-left-preview"] == ("trend reproduced, magnitude differs", "31.6 %", 31.6)
-    assert judged["parts-both-active"] == (
-        "not reproduced",
-        "1 of 11 within 10 %; largest deviation -67 % (tire.rl.deflection)",
-        67.347,
-    )
-    assert judged["parts-left-delay"] == (
-        "not reproduced",
-        "3 of 12 within 10 %; largest deviation +342 % (body.roll_acceleration)",
-        341.67,
-    )
-    assert {judged[f"order-{p}"] for p in "ac"} == {("reproduced", "70.0 > 50.0 > 31.6", None)}
-    assert {judged[f"order-{p}"] for p in "bd"} == {("reproduced", "70.1 > 50.1 > 31.7", None)}
-    assert judged["preview-time-comfort"] == ("reproduced", "90 % of the benefit of 0.2 s", None)
-    assert judged["preview-time-road-holding"] == ("reproduced", "85 % of the benefit of 0.2 s", None)
-    assert judged["one-side-force"] == ("reproduced", "left over right front force 2.0 or more", None)
-    assert judged["rear-rate"] == ("reproduced", "rear over front 1.50 to 1.65", None)
-    assert judged["short-preview"] == (
-        "holds",
-        "index up by 9 to 12 % at its worst; with the last height held -2 % at most",
-        None,
-    )
-    for c in CLAIMS.judge(study):
-        assert c.fitted == (
-            "the sprung mass of 1460 kg (source: weighed)" if c.id.startswith(("poles", "index", "parts")) else ""
-        )
 
 
 def verdict(study: Results, id_: str) -> str:
@@ -807,75 +671,12 @@ def test_a_short_preview_must_not_hurt_with_the_last_height_held(study: Results)
         assert verdict(altered(study, {held: {"J": 10 * 0.5 * factor}}), "short-preview") == well
 
 
-def test_reasons_name_their_figures(study: Results) -> None:
-    reasons = {c.id: c.reason for c in CLAIMS.judge(study)}
-    assert reasons["poles"].startswith(
-        "with one entry of the cross weight N left out (body.roll_rate and force.rl) all 7"
-    )
-    assert "come out within 0.9 %" in reasons["poles"]
-    criteria = {c.id: c.criterion for c in CLAIMS.judge(study)}
-    assert "magnitude 7 of 7 (all within 2 %: " in criteria["poles"]
-    assert "at least 80 % of what 0.2 s brings" in criteria["preview-time-comfort"]
-    assert "at least 10 % larger" in criteria["one-side-force"]
-    assert "more than 2 % above no preview at 10 or 20 ms" in criteria["short-preview"]
-    assert "more than 10 % from it; magnitude between 0 and 10 %" in criteria["parts-left-delay"]
-
-
-def test_what_is_published(study: Results) -> None:
-    printed = {c.id: (c.published, c.source) for c in CLAIMS.judge(study)}
-    assert printed["index-both-delay"] == ("58.9 % of passive", "Table 3a")
-    assert printed["parts-both-active"] == ("10 mean squares and J (misprints corrected)", "Table 3a")
-    assert printed["parts-left-active"] == ("11 mean squares and J (misprints corrected)", "Table 3c")
-    assert printed["order-d"] == ("active > delay > preview", "Table 3d")
-    assert printed["preview-time-road-holding"] == ("about 0.04 s", "Figure 3")
-    assert printed["poles"] == ("7 pairs", "Table 2")
-    claims = {c.id: c.claim for c in CLAIMS.judge(study)}
-    assert claims["order-c"] == "Each kind of information lowers the index, ride comfort, left side"
-    assert (
-        claims["parts-left-delay"]
-        == "The delay system raises and lowers the components as printed, ride comfort, left side"
-    )
-
-
 # ----------------------------------------------------------------------------------------------------------- the live
 # page
 
 
-def test_systems_of_the_live_page() -> None:
-    """Table 3 with either set of weights, all active ones under the law whose weights can be changed."""
-    shown = live(Case())
-    titles = ["Passive", "Active", "Active, front wheels seen by the rear", "Active with preview"]
-    assert [(c.title, c.group) for c in shown.cases] == [
-        (t, g) for g in ("ride comfort", "road holding") for t in titles
-    ]
-    assert [c.case.controller for c in shown.cases] == ["passive", "active", "delay", "preview"] * 2
-    assert [c.case.weights for c in shown.cases] == ["comfort"] * 4 + ["road-holding"] * 4
-    assert [c.case.controller_fmu for c in shown.cases] == [None, *["PreviewLqTunable"] * 3] * 2
-    page = shown.page
-    assert page.plots == ["car.body.z", "car.body.pitch", "controller.force.fl"]
-    assert (page.pace, page.group_label, page.finish.patience) == (0.1, "weights for", 1.2)  # type: ignore[union-attr]
-    assert page.finish.when is None  # type: ignore[union-attr]
-    assert [(m.label, list(m.names), m.how, m.relative, m.decimals) for m in page.measures] == [
-        (n, [f"car.{n}"], "mean square", True, 1) for n in published.PAPER_COLUMNS
-    ]
-
-
-def test_controls_of_the_live_page() -> None:
-    both = ("front", "rear")
-    assert [(c.label, list(c.names), c.minimum, c.maximum) for c in live(Case()).page.controls] == [
-        ("preview ahead of the front wheels", ["controller.preview_time"], 0.0, pytest.approx(0.235)),
-        ("speed", ["speed.start.speed"], pytest.approx(5 / 3.6), pytest.approx(120 / 3.6)),
-        ("wheels that meet it", ["road.side"], None, None),
-        ("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
-        ("height of the bump", ["road.bump.height"], 0.0, 0.15),
-        ("sprung mass", ["car.body.mass"], 800.0, 2500.0),
-        ("weight of heave", ["controller.weight.acceleration.heave"], None, 30.0),
-        ("weight of pitch", ["controller.weight.acceleration.pitch"], None, 80.0),
-        ("weight of roll", ["controller.weight.acceleration.roll"], None, 10.0),
-        ("weight of suspension deflection", [f"controller.weight.suspension.{e}" for e in both], None, 4e4),
-        ("weight of tire deflection", [f"controller.weight.tire.{e}" for e in both], None, 4e5),
-        ("weight of actuator forces", [f"controller.weight.force.{e}" for e in both], None, 1e-5),
-    ]
+def test_the_live_page(sentence) -> None:
+    sentence(made_up.live_words(live(Case())))
 
 
 @pytest.mark.parametrize(("input_", "controller"), PRINTED)

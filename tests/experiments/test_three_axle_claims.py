@@ -13,7 +13,7 @@ from cosim.experiments.three_axle.published import SHOWN
 from cosim.experiments.three_axle.report import report
 from cosim.experiments.three_axle.runs import CONTROLLERS, Case, edge_time, forces, measure, pitch_error
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Results, Runner, run_study
+from cosim.study import FmuSet, Results, Runner, run_study
 from fmu_sources.roads.shallow_trench import EDGE, START
 
 AT = {c: Case(*SHOWN, c) for c in CONTROLLERS}
@@ -186,20 +186,3 @@ def test_the_plan_is_table_5_1_the_variants_and_finer_steps() -> None:
     assert len({t.case.label for t in tasks}) == 56
     assert Case(5.0, 0.15, "mpc", hold_height=True).label == "5kmh-150mm-mpc-height"
     assert Case(20.0, 0.25, "mpc", "road").label == "20kmh-250mm-mpc-road"
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"controller": "mpc-previw"},
-        {"estimator": "rode"},
-        {"speed_kmh": 100.0},
-        {"depth": -0.1},
-        {"speed_kmh": float("nan")},
-        {"controller": "lqr", "estimator": "road"},
-        {"controller": "passive", "hold_height": True},
-    ],
-)
-def test_cases_that_do_not_exist(choice: dict, raises) -> None:
-    with raises(CaseError):
-        Case(**choice)

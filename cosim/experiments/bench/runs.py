@@ -10,10 +10,9 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import rms
+from cosim.experiments.options import tunable_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
 
 CONTROLLERS = {  # name -> FMU, parameters
@@ -62,11 +61,7 @@ class Case(Stepped):
         label="{:g}mm",
     )
     encoders: bool = option(False, help="states from quantized encoders")
-    tunable: bool = option(
-        False,
-        only=(lambda c: c.controller == "mpc", "the controller mpc"),
-        help="the MPC whose weights are parameters, free to vary in sweeps and searches (controller.weight...)",
-    )
+    tunable: bool = tunable_option((lambda c: c.controller == "mpc", "the controller mpc"))
     offset: float = option(
         0.0,
         unit="s",

@@ -6,23 +6,12 @@ claims, `judge` judges them, `report` lays out. `identify` derives the controlle
 """
 
 from cosim.experiments.gpc import published, runs
-from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
+from cosim.experiments.layout import experiment
 
-EXPERIMENT = Experiment(
+EXPERIMENT = experiment(
     "gpc",
-    runs.Case,
-    title="Full car under generalized predictive control on three roads (paper 000)",
-    wiring=Wiring(
-        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
-    ),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, failed=runs.diverged, remarks=runs.remarks),
-    run=RunOptions(runs.stop_time, record=runs.recorded, interval="10 ms", stop_when=runs.stop_when),
-    baseline=Baseline(runs.passive, compared=runs.compared),
-    study=Study(
-        published.plan,
-        claims="cosim.experiments.gpc.judge:CLAIMS",
-        report="cosim.experiments.gpc.report:report",
-        papers="fmu_sources.catalog:PAPERS",
-    ),
-    module=__name__,
+    "Full car under generalized predictive control on three roads (paper 000)",
+    runs,
+    published.plan,
+    interval="10 ms",
 )

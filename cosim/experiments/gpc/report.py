@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from cosim.experiments.gpc import EXPERIMENT
-from cosim.experiments.gpc.judge import CLAIMS, R_TEXT, Judge, number
+from cosim.experiments.gpc.claims import CLAIMS, R_TEXT, Judge, number
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.results import METRICS, Results, Study, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL

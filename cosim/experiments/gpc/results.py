@@ -182,15 +182,6 @@ class Results:
         of = "seeds" if len(found) == len(self.seeds) else f"seeds of {len(self.seeds)} that could be matched"
         return Distribution(found, of) if found else None
 
-    def ratios(self, road: str, speed: float, quantity: str, controller: str, to: str) -> Distribution | None:
-        """A metric of one controller over that of another at equal response."""
-        return self.at_equal_response(road, speed, (controller, to), lambda a, b: a[quantity] / b[quantity])
-
-    def changes(self, road: str, speed: float, quantity: str, controller: str) -> Distribution | None:
-        """Change of a metric from that of the passive car [%], at explicit's response."""
-        base = self.passive(road, speed)[quantity]
-        return self.at_equal_response(road, speed, (controller,), lambda row: 100 * (row[quantity] / base - 1))
-
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
         """A quantity of `figures` of preview on the sine road, the smallest weight first."""
         return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]

@@ -14,14 +14,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from cosim import Recording, StopWhen, System
-from cosim.core.signals import peak, rms
+from cosim.core.signals import columns, peak, rms
 from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
+from cosim.experiments.options import speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT, RESPONSE_TICK, SAMPLE_TIME, gain_parameters
 from fmu_sources.controllers.gpc.control_law import GpcLaw
 from fmu_sources.controllers.gpc.identification import (
@@ -146,9 +145,7 @@ class Case(OpenCase):
     """One run; `R` and `seed` matter for controlled runs only."""
 
     road: str = option("sine", choices=ROADS, files=".fmu", help="road under the wheels", always=True)
-    speed_kmh: float = option(
-        50.0, unit="km/h", within=(2, 200), name="speed", help="speed", label="{:g}kmh", always=True
-    )
+    speed_kmh: float = speed_option(50.0, (2, 200))
     controller: str = option("preview", choices=CONTROLLERS, help="control law", always=True)
     R: float = option(
         R_PUBLISHED, unit="1/N2", within=(1e-30, 1e30), name="weight", help="control weight R", label="R{:g}"
@@ -181,17 +178,9 @@ def passive(case: Case) -> Case:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    names = (
-        "one_track",
-        "disturbance",
-        "horizon",
-        "sampled_after",
-        "datum",
-        "actuator",
-        "road_roll_off",
-        "start_height",
-    )
-    return case.road, case.controller, case.exchange_parts, *(getattr(case, n) for n in names)
+    names = ["one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off"]
+    open_fields = (getattr(case, n) for n in (*names, "start_height"))
+    return case.road, case.controller, case.exchange_parts, *open_fields
 
 
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
@@ -323,10 +312,7 @@ METRICS = {
 
 def forces(recording: Recording) -> np.ndarray:
     """Commanded actuator forces (samples, 4) [N]; zero for the passive car."""
-    names = [f"controller.force.{k}" for k in CORNERS]
-    if names[0] not in recording:
-        return np.zeros((len(recording), len(CORNERS)))
-    return np.column_stack([recording[n] for n in names])
+    return columns(recording, "controller.force.{}", CORNERS, optional=True)
 
 
 def measure(run: Run) -> Row:
@@ -334,12 +320,11 @@ def measure(run: Run) -> Row:
     r = run.recording
     az, pitch, roll = (r[f"car.{n}"] for n in ("body.az", "body.pitch", "body.roll"))
     u = forces(r)
-    power = np.column_stack([r[f"car.actuator.{k}.power"] for k in CORNERS])
     return {
         "diverged": r.stopped_by is None,
         "response": metrics.response_objective(az, pitch, roll, SAMPLE_RATE),
         "force": metrics.actuator_force(u, SAMPLE_RATE),
-        "power": metrics.actuator_power(power, SAMPLE_RATE),
+        "power": metrics.actuator_power(columns(r, "car.actuator.{}.power", CORNERS), SAMPLE_RATE),
         "peak_force": peak(u),
         "peak_pitch": peak(pitch),
         "rms_az": rms(az),
@@ -353,7 +338,7 @@ def compared(row: Row, baseline: Row) -> Row:
     return {"improvement": metrics.improvement(row["response"], baseline["response"])}
 
 
-def diverged(_: Case, error: Exception) -> Row:
+def failed(_: Case, error: Exception) -> Row:
     """Metrics of a run that a component ended: a closed loop that diverges is an outcome, and has no numbers."""
     return {"diverged": True, "reason": str(error)}
 

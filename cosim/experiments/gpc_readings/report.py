@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from cosim.experiments import gpc
-from cosim.experiments.gpc.judge import CLAIMS, Judge
+from cosim.experiments.gpc.claims import CLAIMS, Judge
 from cosim.experiments.gpc.published import SEEDS
 from cosim.experiments.gpc.results import Study
 from cosim.experiments.gpc.runs import Assumed

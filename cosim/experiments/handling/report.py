@@ -26,8 +26,7 @@ from cosim.experiments.handling.published import (
 from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, NAMES, REDESIGNED, Case
 from cosim.report import Figure, Panel, Parameter, Series, Table, curve
 from cosim.report.model import Look
-from cosim.study import Content, FmuSet, Results, StudyReport, parameters
-from cosim.study.experiment import Row
+from cosim.study import Content, FmuSet, Results, Row, StudyReport, parameters
 
 LAWS = {
     "passive": "passive (baseline)",

@@ -20,7 +20,7 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import System
-from cosim.core.signals import Array, peak, rms
+from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.handling.design import DESIGNED, RIGID, designed_mpc, lqr_parameters
 from cosim.experiments.handling.metrics import (
@@ -36,11 +36,11 @@ from cosim.experiments.handling.metrics import (
 )
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
+from cosim.experiments.options import AtSpeed, speed_option, terrain_option
 from cosim.experiments.ride import runs as ride
-from cosim.study.case import Case as BaseCase
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.experiments.semi_active import runs as semi_active
+from cosim.study import Case as BaseCase
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from cosim.tables import Table
 from fmu_sources.controllers.driver import POINTS
 from fmu_sources.models.corners import CORNERS
@@ -156,14 +156,12 @@ _CLOSED = (lambda c: bool(MANOEUVRES[c.manoeuvre].path), "manoeuvres with a driv
 
 
 @dataclass(frozen=True)
-class Case(BaseCase):
+class Case(AtSpeed, BaseCase):
     """One run: a car in a manoeuvre on a road, under a controller of its suspension."""
 
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
     manoeuvre: str = option("lane-change", choices=MANOEUVRES, help="manoeuvre", always=True)
-    speed_kmh: float = option(
-        60.0, name="speed", unit="km/h", within=(10, 150), label="{:g}kmh", help="speed at the start", always=True
-    )
+    speed_kmh: float = speed_option(60.0, (10, 150), "speed at the start")
     wheel_deg: float = option(
         45.0,
         name="wheel",
@@ -174,13 +172,7 @@ class Case(BaseCase):
         help="largest angle of the steering wheel, positive left",
     )
     road: str = option("flat", choices=ROADS, help="flat, random (ISO 8608), or an RMS course of the study ride")
-    terrain: str = option(
-        "C",
-        choices=tuple(CLASSES),
-        only=(lambda c: c.road == "iso8608", "the random road"),
-        label="class-{}",
-        help="class of the random road (ISO 8608)",
-    )
+    terrain: str = terrain_option("C", CLASSES, "the random road", (lambda c: c.road == "iso8608", "the random road"))
     seed: int = option(
         1,
         within=(1, SEEDS),
@@ -220,11 +212,6 @@ class Case(BaseCase):
             raise CaseError(
                 f"no control law is designed on the car {self.car}: {', '.join(DESIGNED)} can be linearized"
             )
-
-    @property
-    def speed(self) -> float:
-        """Speed at the start [m/s]."""
-        return self.speed_kmh / 3.6
 
 
 def passive(case: Case) -> Case:
@@ -471,10 +458,13 @@ def measure(run: Run) -> Row:
         "speed_end": float(s["speed"][-1]),
     }
     if "car.actuator.fl.power" in r:
-        force = np.column_stack([r[force_name(run.case).format(k)] for k in CORNERS])
+        force = columns(r, force_name(run.case), CORNERS)
         power = sum(r[f"car.actuator.{k}.power"] for k in CORNERS)
         row |= {"force_peak": peak(force), "force_rms": rms(force), "power_peak": peak(power), "power_rms": rms(power)}
     return {**row, **_OF.get(run.case.manoeuvre, lambda *_: {})(run, s)}
+
+
+remarks = semi_active.remarks
 
 
 def failed(_: Case, error: Exception) -> Row:

@@ -10,26 +10,13 @@ Two parts have runs of their own, in folders of the same shape: `tracking`, the 
 """
 
 from cosim.experiments.hmmwv import published, runs
-from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
+from cosim.experiments.layout import experiment
 
-EXPERIMENT = Experiment(
+EXPERIMENT = experiment(
     "hmmwv",
-    runs.Case,
-    title="HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)",
-    wiring=Wiring(
-        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
-    ),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals, remarks=runs.remarks),
-    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
-    baseline=Baseline(runs.passive, own=runs.own_baseline, called=runs.called, about=runs.about),
-    study=Study(
-        published.plan,
-        parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
-        claims="cosim.experiments.hmmwv.claims:CLAIMS",
-        exchange_error=["car.body.az", "car.body.z", "actuator_*.force"],
-        report="cosim.experiments.hmmwv.report:report",
-        papers="fmu_sources.catalog:PAPERS",
-    ),
-    web="cosim.experiments.hmmwv.web:live",
-    module=__name__,
+    "HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)",
+    runs,
+    published.plan,
+    parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
+    exchange_error=["car.body.az", "car.body.z", "actuator_*.force"],
 )

@@ -1,9 +1,13 @@
-"""Claims of paper 001 on the vehicle, judged by the runs; those on force tracking and preview are in their folders."""
+"""Claims of paper 001 on the vehicle, judged by the runs; those on force tracking and preview are in their folders.
+
+`statements` judges what the paper says, this file the additional checks; sentences and bounds are in `claims.toml`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW_CLAIMS
@@ -14,12 +18,85 @@ from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, finding, gain,
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING_CLAIMS
 from cosim.study import Band, ClaimList, Distribution, Finding, Results
 
-ESTIMATES_COST = 10.0  # %, of the same with true states; our criterion
-REFINED = 1.0  # %, by which halving all steps may move a figure: a tenth of the band around a single published one
-RESIDUAL = 1e-6  # of a quadratic program
-ASSUMED = "noise of the sensors and of the road in the filter assumed"
 
-SENTENCES = ClaimList.read(Path(__file__).with_name("claims.toml"), {"statement": statement})
+def _less(percent: float) -> bool:
+    return percent > 0
+
+
+def kilonewton(results: Results) -> Finding:
+    """Whether MPC absorbs less than the LQR with its weights in kN on every stretch; the value is the median [%]."""
+    study = Averages(results)
+    ahead = gain("off-road", "mpc", ("lqr-kilonewton",))(study, WITHOUT_LIMIT)
+    words: dict[str, Any] = {"limit": 1e3 * TRAVEL_LIMIT, "pump": PUMP.words(study)}
+    words["saved"] = ahead.text("{:.1f}", "%", _less)
+    for name, case in (("mpc", Case("off-road", "mpc")), ("lqr", Case("off-road", "lqr-kilonewton"))):
+        words |= {name: study.power(case), f"{name}_limited": study.power(PUMP(case))}
+        words[f"{name}_travel"] = 1e3 * study.largest("travel_peak", case)
+        words[f"{name}_beyond"] = 100 * study.mean("travel_over", case)
+    return Finding(holds=ahead.everywhere(_less), value=ahead.median, unit="%", words=words)
+
+
+def travel_limit(results: Results) -> Finding:
+    """Whether no corner goes beyond the limit of travel under MPC; the value is the largest travel [mm]."""
+    study = Averages(results)
+    found = study.distribution("travel_peak", Case("off-road", "mpc"))
+    peaks = Distribution((1e3 * p for p in found.values), of=found.of)
+    words: dict[str, Any] = {"peaks": peaks.text("{:.0f}", "mm", lambda x: x <= 1e3 * TRAVEL_LIMIT)}
+    words |= {c: 100 * study.mean("travel_over", Case("off-road", c)) for c in ("mpc", "skyhook", "lqr")}
+    return Finding(holds=found.high <= TRAVEL_LIMIT, value=1e3 * found.high, unit="mm", words=words)
+
+
+def estimates(results: Results, *, controller: str, most: float) -> Finding:
+    """Whether estimated states cost a controller at most so much [%] on every road; the value is the worst."""
+    study = Averages(results)
+    costs = {r: study.ratio(estimated(controller, r), Case(r, controller)).median for r in ROADS}
+    worst = max(costs, key=lambda r: costs[r])
+    tension = Case("bump", controller, lift_off=False)
+    linear = study.power(replace(tension, states="estimated")) / study.power(tension)
+    return Finding(
+        ", ".join(f"{ROAD_NAMES[r]} {round(100 * (c - 1)):+d} %" for r, c in costs.items()),
+        100 * (costs[worst] - 1) <= most,
+        value=100 * (costs[worst] - 1),
+        unit="%",
+        words={"worst": ROAD_NAMES[worst], "linear": 100 * (linear - 1)},
+    )
+
+
+def sensed_preview(results: Results) -> Finding:
+    """Whether sensed preview saves at least as much as counts as published, on every road; the value is the least."""
+    study = Averages(results)
+    ratios = {r: study.ratio(estimated("mpc-preview", r, sensed=True), Case(r, "mpc")) for r in ROADS}
+    saved = {r: Distribution(100 * (1 - x) for x in d.values).median for r, d in ratios.items()}
+    worst = min(saved, key=lambda r: saved[r])
+    return Finding(
+        ", ".join(f"{ROAD_NAMES[r]} {s:.0f} %" for r, s in saved.items()),
+        saved[worst] >= PREVIEW_GAIN.low,
+        value=saved[worst],
+        unit="%",
+        words={"worst": ROAD_NAMES[worst], "least": PREVIEW_GAIN.low},
+    )
+
+
+def converged(results: Results, *, most: float) -> Finding:
+    """Whether halving all steps moves every figure by at most so much [%]; the value is the largest change."""
+    worst = max(refinements(Averages(results)), key=lambda r: abs(r.change))
+    where = f"{ROAD_NAMES[worst.case.road]}, {NAMES[worst.case.controller]}"
+    return Finding(holds=abs(worst.change) <= most, value=abs(worst.change), unit="%", words={"where": where})
+
+
+def solver(results: Results, *, residual: float) -> Finding:
+    """Whether every quadratic program is solved, to this residual; the value is the largest residual."""
+    rows = [results[c] for c in results.of() if c.controller in PREDICTIVE]
+    failures, largest = sum(r["solver_failures"] for r in rows), max(r["solver_residual"] for r in rows)
+    unsolved = "a sample was not solved" if failures else "all are solved, but not all to that residual"
+    words = {"failures": failures, "unsolved": unsolved}
+    return Finding(holds=failures == 0 and largest <= residual, value=largest, unit="-", words=words)
+
+
+JUDGES = {f.__name__: f for f in (statement, kilonewton, travel_limit, estimates, sensed_preview, converged, solver)}
+VEHICLE = ClaimList.read(Path(__file__).with_name("claims.toml"), JUDGES)
+
+SENTENCES = [s for s in VEHICLE if not s.own]
 """What the paper says of the controlled car, one entry for each sentence, in its order."""
 
 STATEMENTS = {
@@ -30,11 +107,11 @@ STATEMENTS = {
 }
 """Their parts."""
 
-PREVIEW_GAIN: Band = SENTENCES.statements["bump-preview"].values["band"]  # %, which counts as the published 15 %
+PREVIEW_GAIN: Band = VEHICLE.statements["bump-preview"].values["band"]  # %, which counts as the published 15 %
 
 CLAIMS = ClaimList()
-CLAIMS.include(TRACKING_CLAIMS)
-CLAIMS.include(SENTENCES)
+for _claims in (TRACKING_CLAIMS, VEHICLE, PREVIEW_CLAIMS):
+    CLAIMS.include(_claims)
 
 
 def unsettled(study: Results) -> list[str]:
@@ -47,159 +124,3 @@ def unsettled(study: Results) -> list[str]:
         for p in found
         if finding(p, study, at).undecided.startswith("as run")
     ]
-
-
-# ------------------------------------------------------------------------------------------------ additional checks
-
-
-def _less(percent: float) -> bool:
-    return percent > 0
-
-
-@CLAIMS.check(
-    "off-road-kilonewton",
-    "Off road: MPC also beats the LQR whose weights of Table 1.1 are read with the force in kN",
-    expected="it does; the paper does not give the unit",
-    source="Tables 1.1, 1.3",
-)
-def _off_road_kilonewton(results: Results) -> Finding:
-    study = Averages(results)
-    mpc, kilonewton = (Case("off-road", c) for c in ("mpc", "lqr-kilonewton"))
-    ahead = gain("off-road", "mpc", ("lqr-kilonewton",))(study, WITHOUT_LIMIT)
-
-    def beyond(case: Case) -> str:
-        return (
-            f"up to {1e3 * study.largest('travel_peak', case):.0f} mm of travel and"
-            f" {100 * study.mean('travel_over', case):.2f} % of the time beyond {1e3 * TRAVEL_LIMIT:g} mm"
-        )
-
-    return Finding(
-        f"{study.power(mpc):.2f} W with {beyond(mpc)}, the LQR {study.power(kilonewton):.2f} W with"
-        f" {beyond(kilonewton)}; what MPC saves over it: {ahead.text('{:.1f}', '%', _less)}",
-        ahead.everywhere(_less),
-        "read so the LQR uses its forces as freely as MPC, knows no limit of travel and pays with travel; with "
-        f"{PUMP.words(study)} {study.power(PUMP(kilonewton)):.1f} W, MPC {study.power(PUMP(mpc)):.1f} W",
-        ahead.median,
-        "%",
-        criterion="less absorbed power on every stretch, pump without limit",
-    )
-
-
-@CLAIMS.check(
-    "off-road-travel-limit",
-    f"Off road: MPC keeps the travel within the printed {1e3 * TRAVEL_LIMIT:g} mm",
-    expected=f"within {1e3 * TRAVEL_LIMIT:g} mm",
-    source="Table 1.3",
-)
-def _off_road_travel_limit(results: Results) -> Finding:
-    study = Averages(results)
-    over = {c: 100 * study.mean("travel_over", Case("off-road", c)) for c in ("mpc", "skyhook", "lqr")}
-    found = study.distribution("travel_peak", Case("off-road", "mpc"))
-    peaks = Distribution((1e3 * p for p in found.values), of=found.of)
-    return Finding(
-        f"largest travel {peaks.text('{:.0f}', 'mm', lambda x: x <= 1e3 * TRAVEL_LIMIT)}; beyond the limit"
-        f" {over['mpc']:.2f} % of the time, skyhook {over['skyhook']:.2f} %, LQR {over['lqr']:.2f} %",
-        found.high <= TRAVEL_LIMIT,
-        "the limit is soft, so that the problem always has a solution, and MPC without preview does not see the bumps"
-        " coming",
-        1e3 * found.high,
-        "mm",
-        criterion="no corner beyond it on any stretch",
-        fitted="weight of the soft limit assumed",
-    )
-
-
-def _estimates(controller: str) -> None:
-    """A check of what estimated states cost a controller."""
-
-    @CLAIMS.check(
-        f"estimates-{controller}",
-        f"With estimated states {NAMES[controller]} is at most {ESTIMATES_COST:g} % worse than with true ones",
-        expected="works with estimated states",
-        source="section 1.4",
-    )
-    def _judged(results: Results) -> Finding:
-        study = Averages(results)
-        costs = {r: study.ratio(estimated(controller, r), Case(r, controller)).median for r in ROADS}
-        worst = max(costs, key=lambda r: costs[r])
-        tension = Case("bump", controller, lift_off=False)
-        linear = study.power(replace(tension, states="estimated")) / study.power(tension)
-        return Finding(
-            ", ".join(f"{ROAD_NAMES[r]} {round(100 * (c - 1)):+d} %" for r, c in costs.items()),
-            100 * (costs[worst] - 1) <= ESTIMATES_COST,
-            f"more than {ESTIMATES_COST:g} % on {ROAD_NAMES[worst]}; over the bump with tires that take tension, as the"
-            f" filter's linear model has them, {100 * (linear - 1):+.0f} %",
-            100 * (costs[worst] - 1),
-            "%",
-            criterion=f"median over the variants at most {ESTIMATES_COST:g} % worse on every road",
-            fitted=ASSUMED,
-        )
-
-
-for _controller in ("mpc", "mpc-preview"):
-    _estimates(_controller)
-
-
-@CLAIMS.check(
-    "sensed-preview",
-    "Preview from the range sensors, downstream of filter, correction and buffer, improves MPC as the published preview"
-    " does",
-    expected=f"at least {PREVIEW_GAIN.low:g} %; the paper measured generated preview only",
-    source="section 1.5",
-)
-def _sensed_preview(results: Results) -> Finding:
-    study = Averages(results)
-    ratios = {r: study.ratio(estimated("mpc-preview", r, sensed=True), Case(r, "mpc")) for r in ROADS}
-    saved = {r: Distribution(100 * (1 - x) for x in d.values).median for r, d in ratios.items()}
-    worst = min(saved, key=lambda r: saved[r])
-    least = PREVIEW_GAIN.low
-    return Finding(
-        ", ".join(f"{ROAD_NAMES[r]} {s:.0f} %" for r, s in saved.items()),
-        saved[worst] >= least,
-        f"less than {least:g} % on {ROAD_NAMES[worst]}",
-        saved[worst],
-        "%",
-        criterion=(
-            f"median at least {least:g} % below MPC without preview on every road, the least that counts as the"
-            " published 15 %"
-        ),
-        fitted=ASSUMED,
-    )
-
-
-@CLAIMS.check(
-    "converged",
-    "Half the steps of exchange and solvers give the same absorbed power",
-    expected=f"within {REFINED:g} %",
-    source="",
-)
-def _converged(results: Results) -> Finding:
-    study = Averages(results)
-    worst = max(refinements(study), key=lambda r: abs(r.change))
-    return Finding(
-        f"at most {abs(worst.change):.2f} % off, {ROAD_NAMES[worst.case.road]}, {NAMES[worst.case.controller]}",
-        abs(worst.change) <= REFINED,
-        f"more than {REFINED:g} % off; every claim was judged at both steps",
-        abs(worst.change),
-        "%",
-        criterion=f"at most {REFINED:g} % in every run of the claims: a tenth of the band around a published figure",
-    )
-
-
-@CLAIMS.check("solver", "Every quadratic program of MPC is solved", expected="all", source="")
-def _solver(results: Results) -> Finding:
-    rows = [results[c] for c in results.of() if c.controller in PREDICTIVE]
-    failures = sum(r["solver_failures"] for r in rows)
-    residual = max(r["solver_residual"] for r in rows)
-    unsolved = "a sample was not solved" if failures else "all are solved, but not all to that residual"
-    return Finding(
-        f"{failures} samples not solved, largest residual {residual:.1e}",
-        failures == 0 and residual <= RESIDUAL,
-        unsolved,
-        residual,
-        "-",
-        criterion=f"status solved in every sample of every run, residual at most {RESIDUAL:g}",
-    )
-
-
-CLAIMS.include(PREVIEW_CLAIMS)

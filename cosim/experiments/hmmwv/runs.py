@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from build_fmus.base import surface
-from cosim import Recording, System
-from cosim.core.signals import peak, rms
+from cosim import System
+from cosim.core.signals import columns, peak, rms
 from cosim.experiments.hmmwv.wiring import (
     BUMPS,
     CONTROL_PERIOD,
@@ -29,11 +29,10 @@ from cosim.experiments.hmmwv.wiring import (
     bump_parameters,
     published,
 )
+from cosim.experiments.options import AtSpeed, speed_option, terrain_option, tunable_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
 from fmu_sources.models.corners import CORNERS
@@ -86,7 +85,7 @@ _LIMITED = (lambda c: c.flow_limit, "runs with a flow limit")
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(AtSpeed, Stepped):
     """One run. `variant` also seeds the noise of the sensors."""
 
     road: str = option("track", choices=ROADS, help="road under the wheels", always=True)
@@ -105,9 +104,7 @@ class Case(Stepped):
         only=_PREVIEW,
         help="where the preview is from: a known profile, or range sensors",
     )
-    speed_kmh: float = option(
-        SPEED_KMH, name="speed", unit="km/h", within=(5, 100), label="{:g}kmh", help="speed; the paper drives 20 mph"
-    )
+    speed_kmh: float = speed_option(SPEED_KMH, (5, 100), "speed; the paper drives 20 mph", always=False)
     variant: int = option(
         0, label="variant{}", help="place of the bump between two control samples, or off-road stretch"
     )
@@ -159,14 +156,8 @@ class Case(Stepped):
         label="{:g}kgm3",
         help="density of the hydraulic fluid",
     )
-    terrain: str = option(
-        "E", choices=tuple(CLASSES), only=_OFF_ROAD, label="class-{}", help="class of the road profile (ISO 8608)"
-    )
-    tunable: bool = option(
-        False,
-        only=(lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"),
-        help="the MPC whose weights are parameters, free to vary in sweeps and searches (controller.weight...)",
-    )
+    terrain: str = terrain_option("E", CLASSES, "the road profile", _OFF_ROAD)
+    tunable: bool = tunable_option((lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"))
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
         None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
@@ -210,11 +201,6 @@ class Case(Stepped):
         return STRETCHES if self.road == "off-road" else SHIFTS
 
     @property
-    def speed(self) -> float:
-        """Speed [m/s]."""
-        return self.speed_kmh / 3.6
-
-    @property
     def longest(self) -> float:
         """Longest run [s]."""
         return (STRETCH - 10.0 - OFF_ROAD_START) / self.speed if self.road == "off-road" else 60.0
@@ -228,21 +214,9 @@ class Case(Stepped):
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    return Case(
-        case.road,
-        "passive",
-        speed_kmh=case.speed_kmh,
-        variant=case.variant,
-        friction=case.friction,
-        lift_off=case.lift_off,
-        null_opening_mm=case.null_opening_mm,
-        density=case.density,
-        terrain=case.terrain,
-        driven=case.driven,
-        duration=case.duration,
-        solver_parts=case.solver_parts,
-        exchange_parts=case.exchange_parts,
-    )
+    kept = ["speed_kmh", "variant", "friction", "lift_off", "null_opening_mm", "density", "terrain", "driven"]
+    kept += ["duration", "solver_parts", "exchange_parts"]
+    return Case(case.road, "passive", **{name: getattr(case, name) for name in kept})
 
 
 def without_actuators(case: Case) -> Case:
@@ -392,12 +366,19 @@ def stop_time(system: System, case: Case) -> float:
     return round((last - start(system, case)) / case.speed + 1.5, 1)
 
 
+def begin(system: System, case: Case) -> float:
+    """When metrics begin [s]: off road where all wheels are beyond the ramp, elsewhere at once."""
+    if case.road != "off-road":
+        return 0.0
+    return (FLAT + RAMP - published(system["car"], "wheel.rl.x") - OFF_ROAD_START) / case.speed
+
+
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
-    begin, late = start(system, case), case.preview_error_ms / 1000 * case.speed
-    system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": begin})
+    at, late = start(system, case), case.preview_error_ms / 1000 * case.speed
+    system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": at})
     if "map_speed" in system.components:
-        system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
+        system["map_speed"].set({"start.speed": case.speed, "start.x": at - late})
     for name in {"road", "map"} & set(system.components):
         if case.road == "off-road":
             profile = {"class": CLASSES.index(case.terrain), "offset": case.variant * STRETCH}
@@ -498,8 +479,9 @@ def measure(run: Run) -> Row:
     ramp = FLAT + RAMP - run.start("car.wheel.rl.x") if case.road == "off-road" else -math.inf
     counts = np.asarray(r["speed.x"] > ramp)  # off road with all wheels beyond the ramp
     worst, mean = absorbed_power_peak(az, RATE), float(absorbed_power_series(az, RATE)[counts].mean())
-    travel, load = (_columns(r, f"car.{signal}")[counts] for signal in ("suspension.{}.deflection", "tire.{}.force"))
-    force = _columns(r, "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}")[counts]
+    travel, load = (columns(r, f"car.{of}", CORNERS)[counts] for of in ("suspension.{}.deflection", "tire.{}.force"))
+    source = "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}"
+    force = columns(r, source, CORNERS, optional=True)[counts]
     row: Row = {
         "absorbed_power": mean if case.road == "off-road" else worst,
         "absorbed_power_peak": worst,
@@ -518,28 +500,20 @@ def measure(run: Run) -> Row:
             "solver_residual": float(r["controller.solver.residual"].max()),
         }
     if case.actuators == "hydraulic":
-        flow = np.abs(_columns(r, "actuator_{}.flow")).sum(axis=1) * LITRES_PER_MINUTE
+        flow = np.abs(columns(r, "actuator_{}.flow", CORNERS)).sum(axis=1) * LITRES_PER_MINUTE
         window = np.convolve(flow, np.ones(int(RATE)) / RATE)[: len(flow)]
         row |= {
             "flow_limit": LITRES_PER_MINUTE * run.start("actuator_fl.supply.flow_limit"),
             "null_opening": run.start("actuator_fl.valve.null_opening"),
             "flow_peak": float(flow[counts].max()),
             "flow_mean": float(flow[counts].mean()) if case.road == "off-road" else float(window.max()),
-            "power_mean": float(_columns(r, "actuator_{}.power").sum(axis=1)[counts].mean()),
+            "power_mean": float(columns(r, "actuator_{}.power", CORNERS).sum(axis=1)[counts].mean()),
         }
         if case.controller != "passive":
-            error = force - _columns(r, "tracking_{}.force.smoothed")[counts]
+            error = force - columns(r, "tracking_{}.force.smoothed", CORNERS)[counts]
             row["tracking_error_rms"] = rms(error)
-            row["saturation"] = float(_columns(r, "tracking_{}.valve.saturated")[counts].mean())
+            row["saturation"] = float(columns(r, "tracking_{}.valve.saturated", CORNERS)[counts].mean())
     return row
-
-
-def _columns(recording: Recording, pattern: str) -> np.ndarray:
-    """Columns of the corners (samples, 4); zeros when they were not recorded."""
-    names = [pattern.format(k) for k in CORNERS]
-    if names[0] not in recording:
-        return np.zeros((len(recording), len(CORNERS)))
-    return np.column_stack([recording[n] for n in names])
 
 
 SIGNALS = {

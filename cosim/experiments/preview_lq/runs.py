@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from cosim import Recording, System
-from cosim.core.signals import rms
+from cosim.core.signals import columns, rms
+from cosim.experiments.options import speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet, designed_with
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
+from cosim.study.fmus import designed_with
 from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_parameters
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 from fmu_sources.models.corners import CORNERS
@@ -75,9 +75,7 @@ class Case(Stepped):
         help="preview ahead of the front wheels",
         label=lambda s: f"{1e3 * s:g}ms",
     )
-    speed_kmh: float = option(
-        SPEED_KMH, unit="km/h", within=(0, 200), name="speed", help="speed of the car", label="{:g}kmh"
-    )
+    speed_kmh: float = speed_option(SPEED_KMH, (0, 200), "speed of the car", always=False)
     shape: str = option("haversine", choices=SHAPES, help="shape of hole and bump, or a plateau behind a step")
     hold_tail: bool = option(False, only=_CONTROLLED, help="take the road to continue at its last height", label="hold")
     tunable: bool = option(
@@ -207,9 +205,7 @@ METRICS = {
 
 def forces(recording: Recording) -> np.ndarray:
     """Commanded forces (samples, 4) [N] by corner fl, fr, rl, rr; zero for the passive car."""
-    if f"controller.force.{CORNERS[0]}" not in recording:
-        return np.zeros((len(recording), len(CORNERS)))
-    return np.column_stack([recording[f"controller.force.{k}"] for k in CORNERS])
+    return columns(recording, "controller.force.{}", CORNERS, optional=True)
 
 
 def mean_square(signal: np.ndarray) -> float:

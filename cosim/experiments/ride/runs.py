@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,20 +11,20 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import StopWhen, System
-from cosim.core.signals import Array, peak, rms
+from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
+from cosim.experiments.options import AtSpeed, speed_option
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
 from cosim.experiments.semi_active import runs as semi_active
 from cosim.experiments.three_axle import runs as three_axle
-from cosim.study.case import Case as BaseCase
-from cosim.study.case import CaseError, check_choice, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import Case as BaseCase
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, check_choice, option
 from fmu_sources.catalog import PUBLISHED, wheel_radius
 from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series, weighted_acceleration
+from fmu_sources.models.corners import CORNERS, SIX_CORNERS
 from fmu_sources.roads import RoadLayout
 from fmu_sources.roads.proving_ground import HALF_ROUND, POSITION
 from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP, SEEDS
@@ -44,27 +44,28 @@ class Car:
 
     Attributes:
         vehicle: name of its vehicle file.
-        corners: of its wheels.
-        controllers: control laws that fit it -> fields of a case of the other experiment.
-        fmus: names of the FMUs that this needs besides car and road.
+        runs: the module of the other experiment that wires it.
         plant: name of the car's FMU.
         road: name of its courses.
         instead: name of the road that they stand in for.
-        case: the other experiment's case.
-        wire: its wiring.
-        configure: sets what of such a case concerns car and controller.
+        configure: sets what of a case of the other experiment concerns car and controller; None: nothing does.
+        controllers: control laws that fit it -> fields of a case of the other experiment.
+        fields: of all these cases.
+        corners: of its wheels.
+        wire: the wiring, if it is another than that of the module.
         driver: the car has one, who may not keep its speed; others move as their road does.
     """
 
     vehicle: str
-    corners: tuple[str, ...]
-    controllers: dict[str, dict[str, Any]]
+    runs: Any
     plant: str
     road: str
     instead: str
-    case: Callable[..., Any]
-    wire: Callable[[FmuSet, Any], System]
-    configure: Callable[[System, Any], None]
+    configure: Callable[[System, Any], None] | None
+    controllers: dict[str, dict[str, Any]]
+    fields: dict[str, Any] = field(default_factory=dict)
+    corners: tuple[str, ...] = CORNERS
+    wire: Callable[[FmuSet, Any], System] | None = None
     driver: bool = False
 
     @property
@@ -78,10 +79,6 @@ class Car:
         wheels = RoadLayout.of(load_vehicle(self.vehicle)).wheels  # type: ignore[arg-type]
         axles = [w.x for w in wheels]
         return max(abs(w.y) for w in wheels), max(axles) - min(axles)
-
-
-def _as_it_is(_system: System, _case: Any) -> None:
-    """The controllers of paper 000 are in their FMUs."""
 
 
 def _enveloping(fmus: FmuSet, case: Any) -> System:
@@ -100,74 +97,52 @@ def _without_comfort(fmus: FmuSet, case: Any) -> System:
 _LQ = {
     f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES
 }
+
+
+def _each(controllers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    return {c: {"controller": c} for c in controllers}
+
+
+_PASSIVE = _each(["passive"])
+_DAMPED = _each(c for c in semi_active.CONTROLLERS if c != "groundhook-on-off")  # which is the least comfortable
 CARS = {
     "hmmwv": Car(
-        "ride_car_hmmwv",
-        hmmwv.CORNERS,
-        {c: {"controller": c} for c in hmmwv.CONTROLLERS},
-        "RideCarHmmwv",
-        "RoadProvingGroundHmmwv",
-        hmmwv.ROADS["bump"],
-        lambda **fields: hmmwv.Case("bump", **fields),
-        _without_comfort,
+        *("ride_car_hmmwv", hmmwv, "RideCarHmmwv", "RoadProvingGroundHmmwv", hmmwv.ROADS["bump"]),
         hmmwv.configure_vehicle,
+        _each(hmmwv.CONTROLLERS),
+        {"road": "bump"},
+        wire=_without_comfort,
     ),
     "sedan": Car(
-        "sedan",
-        preview_lq.CORNERS,
-        {"passive": {"controller": "passive"}, **_LQ},
-        preview_lq.CAR,
-        "RoadProvingGround5ms",
-        preview_lq.ROAD,
-        preview_lq.Case,
-        preview_lq.wire,
+        *("sedan", preview_lq, preview_lq.CAR, "RoadProvingGround5ms", preview_lq.ROAD),
         preview_lq.configure_controller,
+        _PASSIVE | _LQ,
     ),
     "6x6": Car(
-        "three_axle",
-        three_axle.SIX_CORNERS,
-        {c: {"controller": c} for c in three_axle.CONTROLLERS},
-        "ThreeAxleRide",
-        "RoadProvingGroundThreeAxle",
-        "RoadShallowTrench",
-        three_axle.Case,
-        three_axle.wire,
+        *("three_axle", three_axle, "ThreeAxleRide", "RoadProvingGroundThreeAxle", "RoadShallowTrench"),
         three_axle.configure_controller,
+        _each(three_axle.CONTROLLERS),
+        corners=SIX_CORNERS,
     ),
     "full-car": Car(
-        "hmmwv_modified",
-        gpc.CORNERS,
-        {c: {"controller": c} for c in gpc.CONTROLLERS},
-        gpc.PLANT,
-        "RoadProvingGround",
-        gpc.ROADS["sine"],
-        lambda **fields: gpc.Case("sine", **fields),
-        gpc.wire,
-        _as_it_is,
+        *("hmmwv_modified", gpc, gpc.PLANT, "RoadProvingGround", gpc.ROADS["sine"]),
+        None,
+        _each(gpc.CONTROLLERS),
+        {"road": "sine"},
         driver=True,
     ),
     "public": Car(
-        "hmmwv_public",
-        gpc.CORNERS,
-        {"passive": {"controller": "passive"}},
-        "FullCarHmmwvPublic",
-        "RoadProvingGroundHmmwvPublic",
-        gpc.ROADS["sine"],
-        lambda **fields: gpc.Case("sine", **fields),
-        _enveloping,
-        _as_it_is,
+        *("hmmwv_public", gpc, "FullCarHmmwvPublic", "RoadProvingGroundHmmwvPublic", gpc.ROADS["sine"]),
+        None,
+        _PASSIVE,
+        {"road": "sine"},
+        wire=_enveloping,
         driver=True,
     ),
     "hmmwv-dampers": Car(
-        "ride_car_hmmwv",
-        hmmwv.CORNERS,
-        {c: {"controller": c} for c in semi_active.CONTROLLERS if c != "groundhook-on-off"},  # the least comfortable
-        "RideCarHmmwv",
-        "RoadProvingGroundHmmwv",
-        semi_active.ROADS["random"],
-        semi_active.Case,
-        semi_active.wire,
+        *("ride_car_hmmwv", semi_active, "RideCarHmmwv", "RoadProvingGroundHmmwv", semi_active.ROADS["random"]),
         semi_active.configure_vehicle,
+        _DAMPED,
     ),
 }
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
@@ -203,7 +178,7 @@ _OVER = (lambda c: c.course == OBSTACLE, "the half-round")
 
 
 @dataclass(frozen=True)
-class Case(BaseCase):
+class Case(AtSpeed, BaseCase):
     """One run: a car under a controller over a course at a speed."""
 
     car: str = option("full-car", choices=CARS, help="car", always=True)
@@ -214,9 +189,7 @@ class Case(BaseCase):
         "ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once"
     )
     course: str = option("1in", choices=NUMBER, files=".crg", help="course, or an OpenCRG file", always=True)
-    speed_kmh: float = option(
-        20.0, name="speed", unit="km/h", within=(1, 200), label="{:.4g}kmh", help="speed", always=True
-    )
+    speed_kmh: float = speed_option(20.0, (1, 200), label="{:.4g}kmh")
     seed: int = option(1, within=(1, SEEDS), only=_RMS, label="seed{}", help="profile of an RMS course")
     sides: str = option(
         "alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated"
@@ -240,15 +213,11 @@ class Case(BaseCase):
             )
 
     @property
-    def speed(self) -> float:
-        """Speed [m/s]."""
-        return self.speed_kmh / 3.6
-
-    @property
     def other(self) -> Any:
         """The case of the experiment that this car is from."""
         more = {"actuators": self.actuators} if self.car == "hmmwv" else {}
-        return CARS[self.car].case(**CARS[self.car].controllers[self.controller], **more)
+        car = CARS[self.car]
+        return car.runs.Case(**car.fields, **car.controllers[self.controller], **more)
 
 
 def passive(case: Case) -> Case:
@@ -295,12 +264,13 @@ def wire(fmus: FmuSet, case: Case) -> System:
             " controllers are for tires without"
         )
     name, build = fmus.own.get(car.road, (car.road, ""))
+    make = car.wire or car.runs.wire
     if case.course in NUMBER:
-        return car.wire(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
+        return make(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
     file = course_under(fmus, case.course, car.plant, PUBLISHED[car.vehicle].preview, car.radius)
     place = str(fmus.directory / f"fmi{fmus.fmi}" / f"{file.fmu.name}")
     made = replace(fmus, own={**fmus.own, car.instead: (file.fmu.stem, "")}, at={**fmus.at, place: str(file.fmu)})
-    system = car.wire(made, case.other)
+    system = make(made, case.other)
     _files[system] = file
     return system
 
@@ -349,7 +319,8 @@ def configure(system: System, case: Case) -> None:
         system["road"].set(own)
     if "reference" in system.components:
         system["reference"].set({"pitch": 0.0})  # level, all the way
-    CARS[case.car].configure(system, case.other)
+    if set_other := CARS[case.car].configure:
+        set_other(system, case.other)
 
 
 def distance(case: Case) -> str:
@@ -435,7 +406,7 @@ def measure(run: Run) -> Row:
         return {"arrived": False, "speed": float(np.mean(np.diff(x)) * RATE)}
     az = r["car.seat.az"]
     corners = CARS[case.car].corners
-    travel = np.column_stack([r[f"car.suspension.{k}.deflection"] for k in corners])[counts]
+    travel = columns(r, "car.suspension.{}.deflection", corners)[counts]
     row: Row = {
         "arrived": True,
         "speed": float((x[counts][-1] - x[counts][0]) / ((counts.sum() - 1) / RATE)),
@@ -446,8 +417,8 @@ def measure(run: Run) -> Row:
     }
     source = force_name(case)
     if source.format(corners[0]) in r:
-        force = np.column_stack([r[source.format(k)] for k in corners])[counts]
-        rate = np.column_stack([r[f"car.suspension.{k}.velocity"] for k in corners])[counts]
+        force = columns(r, source, corners)[counts]
+        rate = columns(r, "car.suspension.{}.velocity", corners)[counts]
         row["force_rms"] = rms(force)
         row["power_given"] = float(np.maximum((force * rate).sum(axis=1), 0.0).mean())
     if case.actuators == "hydraulic":
@@ -455,7 +426,7 @@ def measure(run: Run) -> Row:
     return row
 
 
-def diverged(_: Case, error: Exception) -> Row:
+def failed(_: Case, error: Exception) -> Row:
     """Metrics of a run that a component ended: a closed loop that diverges is an outcome."""
     return {"arrived": False, "reason": str(error)}
 

@@ -12,12 +12,11 @@ import numpy as np
 
 from build_fmus.base import surface
 from cosim import System
-from cosim.core.signals import rms
+from cosim.core.signals import columns, rms
 from cosim.experiments.hmmwv.wiring import BUMPS, FIRST_BUMP, add_car, bump_parameters, published
+from cosim.experiments.options import AtSpeed, speed_option, terrain_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import CaseError, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.lq.hmmwv import lqr_gain, weighted_outputs
 from fmu_sources.controllers.semi_active import HOOKS, PERIOD, WEIGHTS
 from fmu_sources.models.comfort import weighted_acceleration
@@ -59,7 +58,7 @@ SEGMENT = 4.0  # s, of spectra
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(AtSpeed, Stepped):
     """One run of the car."""
 
     controller: str = option("sh-add", choices=CONTROLLERS, help="control law of the dampers", always=True)
@@ -69,8 +68,8 @@ class Case(Stepped):
     road: str = option(
         "random", choices=ROADS, help="road; rig: all wheels on the random road of the front left one", always=True
     )
-    speed_kmh: float = option(50.0, name="speed", unit="km/h", within=(5, 100), label="{:g}kmh", help="speed")
-    terrain: str = option("D", choices=tuple(CLASSES), label="class-{}", help="class of a random road (ISO 8608)")
+    speed_kmh: float = speed_option(50.0, (5, 100), always=False)
+    terrain: str = terrain_option("D", CLASSES, "a random road")
     stretch: int = option(0, within=(0, STRETCHES - 1), label="stretch{}", help="stretch of a random road")
     road_holding: float | None = option(
         None,
@@ -89,11 +88,6 @@ class Case(Stepped):
             )
         if self.road_holding is not None and self.controller not in TUNED:
             raise CaseError(f"{self.controller} is not tuned between comfort and road holding: {', '.join(TUNED)} are")
-
-    @property
-    def speed(self) -> float:
-        """Speed [m/s]."""
-        return self.speed_kmh / 3.6
 
 
 def passive(case: Case) -> Case:
@@ -228,23 +222,23 @@ def measure(run: Run) -> Row:
     case, r = run.case, run.recording
     counts = np.asarray(r.time >= SETTLED[case.road])
 
-    def columns(pattern: str) -> np.ndarray:
-        return np.column_stack([r[pattern.format(k)] for k in CORNERS])[counts]
+    def at_corners(pattern: str) -> np.ndarray:
+        return columns(r, pattern, CORNERS)[counts]
 
-    rate = columns("car.suspension.{}.velocity")
+    rate = at_corners("car.suspension.{}.velocity")
     if case.controller == "passive":
         damping = [run.start(f"car.suspension.{k}.damping") for k in CORNERS]
         force, coil = -np.array(damping) * rate, 0.0
     else:
-        force = columns("damper_{}.force" if case.actuators == "dampers" else "controller.force.{}")
-        coil = float(columns("damper_{}.coil.power").sum(axis=1).mean()) if case.actuators == "dampers" else 0.0
-    power = columns("damper_{}.power") if "damper_fl.power" in r else force * rate
+        force = at_corners("damper_{}.force" if case.actuators == "dampers" else "controller.force.{}")
+        coil = float(at_corners("damper_{}.coil.power").sum(axis=1).mean()) if case.actuators == "dampers" else 0.0
+    power = at_corners("damper_{}.power") if "damper_fl.power" in r else force * rate
     given = float(np.maximum(power, 0.0).sum(axis=1).mean())
     row: Row = {
         "body_rms": rms(r["car.body.az"][counts]),
         "iso2631_rms": rms(weighted_acceleration(r["car.seat.az"], RATE)[counts]),
-        "tire_rms": rms(columns("car.tire.{}.deflection")),
-        "travel_rms": rms(columns("car.suspension.{}.deflection")),
+        "tire_rms": rms(at_corners("car.tire.{}.deflection")),
+        "travel_rms": rms(at_corners("car.suspension.{}.deflection")),
         "index": float(sum(w * rms(r[f"car.{n}"][counts]) ** 2 for n, w in INDEX.items())),
         "force_rms": rms(force),
         "power_taken": float(np.maximum(-power, 0.0).sum(axis=1).mean()),

@@ -4,24 +4,13 @@
 judges; `report` lays out.
 """
 
+from cosim.experiments.layout import experiment
 from cosim.experiments.three_axle import published, runs
-from cosim.study.experiment import Baseline, Experiment, Measures, RunOptions, Study, Wiring
 
-EXPERIMENT = Experiment(
+EXPERIMENT = experiment(
     "three-axle",
-    runs.Case,
-    title="6x6 on shallow trenches: LQR and predictive control with preview (paper 003)",
-    wiring=Wiring(
-        runs.wire, runs.structure, runs.configure, fmus=runs.FMUS, own_fmus="cosim.experiments.own_files:own_fmus"
-    ),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
-    run=RunOptions(runs.DURATION, record=runs.recorded, interval="5 ms"),
-    baseline=Baseline(runs.passive),
-    study=Study(
-        published.plan,
-        claims="cosim.experiments.three_axle.claims:CLAIMS",
-        report="cosim.experiments.three_axle.report:report",
-        papers="fmu_sources.catalog:PAPERS",
-    ),
-    module=__name__,
+    "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)",
+    runs,
+    published.plan,
+    interval="5 ms",
 )

@@ -10,11 +10,10 @@ from fractions import Fraction
 import numpy as np
 
 from cosim import Recording, System
-from cosim.core.signals import peak, rms
+from cosim.core.signals import columns, peak, rms
+from cosim.experiments.options import speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 
@@ -22,7 +21,7 @@ CONTROLLERS = {"passive": None, "lqr": "LqrThreeAxle", "mpc": "MpcThreeAxle", "m
 FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle")
 EXCHANGE = Fraction(1, 1000)  # s, of the vehicle
 HORIZON = PREDICTION * SAMPLE_TIME  # s, of the predictive controllers
-DURATION = 25.0  # s; the reference is back at 0 at 24 s
+stop_time = DURATION = 25.0  # s; the reference is back at 0 at 24 s
 SETTLED = (1.0, 0.3)  # s before the end of the hold: where the steady-state error is taken; preview acts after that
 CLEAR = 0.5  # s before the reference rises: what comes earlier counts as the trench's
 EDGE_BEGINS = 0.0025  # of the depth
@@ -35,9 +34,7 @@ _MPC = (lambda c: c.controller.startswith("mpc"), "the predictive controllers")
 class Case(Stepped):
     """One run: speed, trench, controller."""
 
-    speed_kmh: float = option(
-        5.0, unit="km/h", within=(0, 60), name="speed", help="speed", label="{:g}kmh", always=True
-    )
+    speed_kmh: float = speed_option(5.0, (0, 60))
     depth: float = option(
         0.15, unit="m", within=(0, 1), help="depth of the trench", label=lambda m: f"{1e3 * m:g}mm", always=True
     )
@@ -142,9 +139,7 @@ def pitch_error(recording: Recording) -> np.ndarray:
 
 def forces(recording: Recording) -> np.ndarray:
     """Commanded forces (samples, 6) [N] by corner; zero for the passive vehicle."""
-    if f"controller.{FORCES[0]}" not in recording:
-        return np.zeros((len(recording), len(FORCES)))
-    return np.column_stack([recording[f"controller.{f}"] for f in FORCES])
+    return columns(recording, "controller.{}", FORCES, optional=True)
 
 
 def edge_time(time: np.ndarray, height: np.ndarray, depth: float) -> float:

@@ -18,8 +18,7 @@ from cosim import StopWhen, System
 from cosim.experiments.metrics.crossing import LIMITS, WEIGHTS
 from cosim.experiments.trench.runs import TOUCH, Case, Course, configure, wire
 from cosim.gym import Step, SystemEnv
-from cosim.study.experiment import Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Run
 from fmu_sources.controllers.mpc.three_axle import FORCE_LIMIT, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 

@@ -12,9 +12,7 @@ import numpy as np
 
 from cosim import System
 from cosim.fmu.file import FmuFile
-from cosim.study.case import Case, option
-from cosim.study.experiment import Experiment, Measures, Row, Run, RunOptions, Study, Task, Wiring
-from cosim.study.fmus import FmuSet
+from cosim.study import Case, Experiment, FmuSet, Measures, Row, Run, RunOptions, Study, Task, Wiring, option
 from fmu_sources.models.corners import SIX_CORNERS
 
 SPEED_KMH, DEPTH = 5.0, 0.15  # km/h, m

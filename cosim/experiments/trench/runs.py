@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from cosim import StopWhen, System
-from cosim.core.signals import peak
+from cosim.core.signals import columns, peak
 from cosim.experiments.metrics.crossing import LABELS, LIMITS, PSD_RATE, Crossing, cost, crossing, failures, psd
+from cosim.experiments.options import AtSpeed, speed_option
 from cosim.experiments.steps import Stepped, exchange_step
 from cosim.recording.peaks import keep_peaks
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 
@@ -50,13 +49,11 @@ TOUCH = 1.0  # N, body force that counts as contact
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(AtSpeed, Stepped):
     """One run. None: as in the vehicle file."""
 
     length: float = option(1.6, unit="m", within=(0.2, 2.5), help="length of the trench", label="{:g}m", always=True)
-    speed_kmh: float = option(
-        6.0, unit="km/h", within=(0.5, 15), name="speed", help="speed", label="{:g}kmh", always=True
-    )
+    speed_kmh: float = speed_option(6.0, (0.5, 15))
     controller: str = option(
         "mpc",
         choices=CONTROLLERS,
@@ -88,11 +85,6 @@ class Case(Stepped):
         only=(lambda c: c.controller in UNSEEING, f"a controller without preview ({', '.join(UNSEEING)})"),
         help="pitch reference and forced ranges of the crossing algorithm, though the controller sees no trench",
     )
-
-    @property
-    def speed(self) -> float:
-        """Speed [m/s]."""
-        return self.speed_kmh / 3.6
 
 
 def passive(case: Case) -> Case:
@@ -239,7 +231,7 @@ METRICS = {name: _quantity(name) for name in LABELS} | {
 def loads(run: Run) -> Crossing:
     """The quantities of Table 5.3."""
     r = run.recording
-    hubs = np.column_stack([r[f"car.hub.{k}.fx"] for k in SIX_CORNERS])
+    hubs = columns(r, "car.hub.{}.fx", SIX_CORNERS)
     return crossing(r["car.body.az"], r["car.body.ax"], r["car.body.pitch"], hubs, float(1 / step(run.case)))
 
 

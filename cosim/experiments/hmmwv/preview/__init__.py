@@ -6,17 +6,14 @@ distance beside the loads of the passive hydraulic car. A part of the experiment
 """
 
 from cosim.experiments.hmmwv.preview import published, runs
-from cosim.study.experiment import Experiment, Measures, RunOptions, Study, Wiring
+from cosim.experiments.layout import experiment
 
-EXPERIMENT = Experiment(
+EXPERIMENT = experiment(
     "preview-chain",
-    runs.Case,
-    title="Preview chain of the HMMWV (paper 001)",
-    wiring=Wiring(runs.wire, runs.structure, runs.configure, fmus=runs.FMUS),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
-    run=RunOptions(runs.stop_time, record=runs.recorded, interval="5 ms"),
-    study=Study(
-        published.plan, claims="cosim.experiments.hmmwv.preview.claims:CLAIMS", papers="fmu_sources.catalog:PAPERS"
-    ),
-    module=__name__,
+    "Preview chain of the HMMWV (paper 001)",
+    runs,
+    published.plan,
+    interval="5 ms",
+    takes_files=False,
+    report=None,
 )

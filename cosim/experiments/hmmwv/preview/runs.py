@@ -12,10 +12,8 @@ from cosim import Recording, System
 from cosim.core.signals import rms
 from cosim.experiments.hmmwv import wiring
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, FIRST_BUMP, SPEED_KMH, bump_parameters
-from cosim.study.case import Case as AnyCase
-from cosim.study.case import option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import Case as AnyCase
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads.bumps import BUMP_LENGTH
 

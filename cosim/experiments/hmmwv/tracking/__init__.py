@@ -4,17 +4,13 @@ A part of the experiment `hmmwv`: `runs`, `published`, `claims`, and the section
 """
 
 from cosim.experiments.hmmwv.tracking import published, runs
-from cosim.study.experiment import Experiment, Measures, RunOptions, Study, Wiring
+from cosim.experiments.layout import experiment
 
-EXPERIMENT = Experiment(
+EXPERIMENT = experiment(
     "force-tracking",
-    runs.Case,
-    title="Force tracking of one corner of the HMMWV (paper 001)",
-    wiring=Wiring(runs.wire, fmus=runs.FMUS),
-    measures=Measures(runs.measure, runs.METRICS, signals=runs.signals),
-    run=RunOptions(runs.stop_time, record=runs.recorded, interval="1 ms"),
-    study=Study(
-        published.plan, claims="cosim.experiments.hmmwv.tracking.claims:CLAIMS", papers="fmu_sources.catalog:PAPERS"
-    ),
-    module=__name__,
+    "Force tracking of one corner of the HMMWV (paper 001)",
+    runs,
+    published.plan,
+    takes_files=False,
+    report=None,
 )

@@ -22,9 +22,7 @@ from cosim.experiments.hmmwv.wiring import (
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
-from cosim.study.case import CaseError, fields, option
-from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study import CaseError, FmuSet, Metric, Row, Run, fields, option
 
 AMPLITUDE = 2000.0  # N, of all signals
 SQUARE_FREQUENCY = 1.0  # Hz

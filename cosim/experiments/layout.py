@@ -1,0 +1,65 @@
+"""The common layout of the experiments: what a folder holds under which names, and the `Experiment` that this makes.
+
+`runs.py` has `Case`, `wire`, `FMUS`, `measure`, `METRICS`, `stop_time`, `recorded` and `passive`, and what it needs of
+the other names below; `published.py` the plan; `claims.py` and `claims.toml` the claims; `report.py` the page of the
+study; `web.py` the live page. The meaning of each is that of the field of `Experiment` to which it is given.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cosim.study import Baseline, Experiment, Measures, RunOptions, Study, Wiring
+
+PAPERS = "fmu_sources.catalog:PAPERS"
+
+
+def experiment(
+    name: str,
+    title: str,
+    runs: Any,
+    plan: Any,
+    *,
+    interval: Any = "1 ms",
+    takes_files: bool = True,
+    relative: bool = False,
+    page: str | None = None,
+    **study: Any,
+) -> Experiment:
+    """The experiment of a folder.
+
+    Args:
+        name: of the experiment.
+        title: one line.
+        runs: the module `runs` of the folder.
+        plan: the tasks of the study.
+        interval: between two samples of the recording.
+        takes_files: whether a user's vehicle files can stand in for the published ones.
+        relative: whether metrics are also shown as per cent of the baseline's.
+        page: of single runs, by its place.
+        study: of the `Study`, besides or instead of what the folder holds.
+    """
+
+    def own(attribute: str) -> Any:
+        return getattr(runs, attribute, None)
+
+    def beside(module: str, attribute: str) -> str | None:
+        file = Path(runs.__file__).with_name(f"{module}.py")
+        return f"{runs.__package__}.{module}:{attribute}" if file.is_file() else None
+
+    found = {"claims": beside("claims", "CLAIMS"), "report": beside("report", "report"), "papers": PAPERS}
+    own_fmus = "cosim.experiments.own_files:own_fmus" if takes_files else None
+    return Experiment(
+        name,
+        runs.Case,
+        Wiring(runs.wire, own("structure"), own("configure"), runs.FMUS, own_fmus),
+        Measures(runs.measure, runs.METRICS, own("signals"), own("failed"), own("remarks")),
+        RunOptions(runs.stop_time, runs.recorded, interval, own("stop_when"), own("begin")),
+        Baseline(own("passive"), own("own_baseline"), own("called"), own("about"), relative, own("compared")),
+        Study(plan, **{**found, **study}),
+        page=page,
+        web=beside("web", "live"),
+        title=title,
+        module=runs.__package__,
+    )

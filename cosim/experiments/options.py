@@ -1,0 +1,40 @@
+"""Options that cases of several experiments have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from cosim.study import option
+
+Only = tuple[Callable[[Any], bool], str]
+"""Where an option means something; see `option`."""
+
+
+class AtSpeed:
+    """A case that is driven at a speed."""
+
+    speed_kmh: float
+
+    @property
+    def speed(self) -> float:
+        """Speed [m/s]."""
+        return self.speed_kmh / 3.6
+
+
+def speed_option(
+    default: float, within: tuple[float, float], help: str = "speed", *, label: str = "{:g}kmh", always: bool = True
+) -> Any:
+    """The speed of a case, its field `speed_kmh`."""
+    return option(default, name="speed", unit="km/h", within=within, label=label, help=help, always=always)
+
+
+def terrain_option(default: str, classes: Iterable[str], help: str, only: Only | None = None) -> Any:
+    """Class of a random road."""
+    return option(default, choices=tuple(classes), only=only, label="class-{}", help=f"class of {help} (ISO 8608)")
+
+
+def tunable_option(only: Only) -> Any:
+    """The MPC whose weights can be changed."""
+    text = "the MPC whose weights are parameters, free to vary in sweeps and searches (controller.weight...)"
+    return option(False, only=only, help=text)
