@@ -255,15 +255,24 @@ class _RideWheel(Section):
     half_track: Quantity = quantity("m", 0.0, 10.0, "distance of the wheel to the side of the CG")
 
 
+# Named at module level, so that vehicles can be pickled.
+_RideWheels = TwoAxles[_RideWheel]
+_RideSuspensions = TwoAxles[_QuarterSuspension]
+_RideTires = TwoAxles[_Tire]
+_ThreeWheels = ThreeAxles[_RideWheel]
+_ThreeSuspensions = ThreeAxles[_QuarterSuspension]
+_ThreeTires = ThreeAxles[_Tire]
+
+
 class RideCar(Vehicle):
     """A body that heaves, rolls and pitches above four wheels; all values act at the wheels."""
 
     tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
     seat: _Seat = Field(default_factory=_Seat.at_cg)
-    wheel: TwoAxles[_RideWheel]
-    suspension: TwoAxles[_QuarterSuspension]
-    tire: TwoAxles[_Tire]
+    wheel: _RideWheels
+    suspension: _RideSuspensions
+    tire: _RideTires
 
 
 class ThreeAxleCar(Vehicle):
@@ -272,9 +281,9 @@ class ThreeAxleCar(Vehicle):
     tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
     seat: _Seat = Field(default_factory=_Seat.at_cg)
-    wheel: ThreeAxles[_RideWheel]
-    suspension: ThreeAxles[_QuarterSuspension]
-    tire: ThreeAxles[_Tire]
+    wheel: _ThreeWheels
+    suspension: _ThreeSuspensions
+    tire: _ThreeTires
 
 
 # -------------------------------------------------------------------------------------------- three axles, with contact
