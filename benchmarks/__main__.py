@@ -19,17 +19,15 @@ from rich.table import Table
 from build_fmus.base import safe_files
 
 NAMES = (
-    "full_car",
+    "real_time",
     "master_cost",
     "chain",
     "isolation",
-    "hmmwv_real_time",
     "states",
     "learning",
     "batch",
     "gradients",
     "calibration",
-    "trench_plant",
     "solver_check",
     "mathematics",
     "study",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -67,10 +67,10 @@ class Numbers(BaseModel):
 
 def quantity(
     unit: str,
-    description: str,
-    *,
     min: float,
     max: float,
+    description: str,
+    *,
     display_unit: str | None = None,
     nominal: float | None = None,
     size: int | None = None,
@@ -147,20 +147,34 @@ def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
     return ""
 
 
+_S = TypeVar("_S", bound=Section)
+
+
 class Axles(Section):
-    """A table with `front` and `rear`: values of one wheel of that axle, the same left and right.
+    """A table with a field for each axle: values of one wheel of that axle, the same left and right.
 
     In the FMU each wheel has parameters of its own (`fl fr rl rr`), so that a car may differ from side to side.
     """
 
-    axle_of: ClassVar[Mapping[str, str]] = TWO_AXLES
+    axle_of: ClassVar[Mapping[str, str]]
     """Corner of the vehicle -> field of its axle."""
 
 
-class ThreeAxles(Axles):
-    """A table with `a1`, `a2` and `a3`, counted from the front: values of one wheel of that axle."""
+class TwoAxles(Axles, Generic[_S]):
+    """A table with `front` and `rear`."""
+
+    axle_of = TWO_AXLES
+    front: _S
+    rear: _S
+
+
+class ThreeAxles(Axles, Generic[_S]):
+    """A table with `a1`, `a2` and `a3`, counted from the front."""
 
     axle_of = THREE_AXLES
+    a1: _S
+    a2: _S
+    a3: _S
 
 
 class Vehicle(Section):
@@ -179,9 +193,9 @@ class Vehicle(Section):
 
 
 class _Seat(Section):
-    x: Quantity = quantity("m", "position of the driver's seat ahead of the CG", min=-50.0, max=50.0, nominal=1.0)
-    y: Quantity = quantity("m", "position of the driver's seat to the left of the CG", min=-10.0, max=10.0, nominal=1.0)
-    z: Quantity = quantity("m", "height of the driver's seat above the CG at rest", min=-10.0, max=10.0, nominal=1.0)
+    x: Quantity = quantity("m", -50.0, 50.0, "position of the driver's seat ahead of the CG", nominal=1.0)
+    y: Quantity = quantity("m", -10.0, 10.0, "position of the driver's seat to the left of the CG", nominal=1.0)
+    z: Quantity = quantity("m", -10.0, 10.0, "height of the driver's seat above the CG at rest", nominal=1.0)
 
     @classmethod
     def at_cg(cls) -> _Seat:
@@ -194,31 +208,27 @@ class _Seat(Section):
 
 
 class _QuarterBody(Section):
-    mass: Quantity = quantity("kg", "sprung mass", min=1.0, max=1e6)
+    mass: Quantity = quantity("kg", 1.0, 1e6, "sprung mass")
 
 
 class _QuarterWheel(Section):
-    mass: Quantity = quantity("kg", "unsprung mass", min=0.1, max=1e5)
+    mass: Quantity = quantity("kg", 0.1, 1e5, "unsprung mass")
 
 
 class _Friction(Section):
-    force: Quantity = quantity("N", "dry friction of the suspension", min=0.0, max=1e6, nominal=100.0)
-    speed: Quantity = quantity(
-        "m/s", "suspension velocity below which the sign of the friction is smoothed", min=1e-4, max=1.0
-    )
+    force: Quantity = quantity("N", 0.0, 1e6, "dry friction of the suspension", nominal=100.0)
+    speed: Quantity = quantity("m/s", 1e-4, 1.0, "suspension velocity below which the sign of the friction is smoothed")
 
 
 class _QuarterSuspension(Section):
-    stiffness: Quantity = quantity("N/m", "suspension stiffness", min=0.0, max=1e8, display_unit="N/mm")
-    damping: Quantity = quantity("N.s/m", "suspension damping", min=0.0, max=1e7, display_unit="kN.s/m")
+    stiffness: Quantity = quantity("N/m", 0.0, 1e8, "suspension stiffness", display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", 0.0, 1e7, "suspension damping", display_unit="kN.s/m")
     friction: _Friction | None = None
 
 
 class _Tire(Section):
-    stiffness: Quantity = quantity("N/m", "vertical tire stiffness", min=1.0, max=1e8, display_unit="N/mm")
-    damping: Quantity = quantity(
-        "N.s/m", "vertical tire damping", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
-    )
+    stiffness: Quantity = quantity("N/m", 1.0, 1e8, "vertical tire stiffness", display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", 0.0, 1e6, "vertical tire damping", display_unit="kN.s/m", nominal=100.0)
 
 
 class QuarterCar(Vehicle):
@@ -234,30 +244,24 @@ class QuarterCar(Vehicle):
 
 
 class _RideBody(Section):
-    mass: Quantity = quantity("kg", "sprung mass", min=10.0, max=1e6)
-    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the sprung mass about its CG", min=1.0, max=1e8)
-    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the sprung mass about its CG", min=1.0, max=1e8)
+    mass: Quantity = quantity("kg", 10.0, 1e6, "sprung mass")
+    roll_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "roll inertia of the sprung mass about its CG")
+    pitch_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "pitch inertia of the sprung mass about its CG")
 
 
 class _RideWheel(Section):
-    mass: Quantity = quantity("kg", "unsprung mass of one corner", min=0.1, max=1e5)
-    x: Quantity = quantity("m", "position of the wheel ahead of the CG", min=-50.0, max=50.0)
-    half_track: Quantity = quantity("m", "distance of the wheel to the side of the CG", min=0.0, max=10.0)
+    mass: Quantity = quantity("kg", 0.1, 1e5, "unsprung mass of one corner")
+    x: Quantity = quantity("m", -50.0, 50.0, "position of the wheel ahead of the CG")
+    half_track: Quantity = quantity("m", 0.0, 10.0, "distance of the wheel to the side of the CG")
 
 
-class _RideWheels(Axles):
-    front: _RideWheel
-    rear: _RideWheel
-
-
-class _RideSuspensions(Axles):
-    front: _QuarterSuspension
-    rear: _QuarterSuspension
-
-
-class _RideTires(Axles):
-    front: _Tire
-    rear: _Tire
+# Named at module level, so that vehicles can be pickled.
+_RideWheels = TwoAxles[_RideWheel]
+_RideSuspensions = TwoAxles[_QuarterSuspension]
+_RideTires = TwoAxles[_Tire]
+_ThreeWheels = ThreeAxles[_RideWheel]
+_ThreeSuspensions = ThreeAxles[_QuarterSuspension]
+_ThreeTires = ThreeAxles[_Tire]
 
 
 class RideCar(Vehicle):
@@ -271,24 +275,6 @@ class RideCar(Vehicle):
     tire: _RideTires
 
 
-class _ThreeWheels(ThreeAxles):
-    a1: _RideWheel
-    a2: _RideWheel
-    a3: _RideWheel
-
-
-class _ThreeSuspensions(ThreeAxles):
-    a1: _QuarterSuspension
-    a2: _QuarterSuspension
-    a3: _QuarterSuspension
-
-
-class _ThreeTires(ThreeAxles):
-    a1: _Tire
-    a2: _Tire
-    a3: _Tire
-
-
 class ThreeAxleCar(Vehicle):
     """A body that heaves, rolls and pitches above six wheels on three axles; all values act at the wheels."""
 
@@ -300,71 +286,58 @@ class ThreeAxleCar(Vehicle):
     tire: _ThreeTires
 
 
-# ------------------------------------------------------------------------------------------------ three axles, with
-# contact
+# -------------------------------------------------------------------------------------------- three axles, with contact
 
 
 class _TrenchBody(_RideBody):
-    cg_height: Quantity = quantity(
-        "m", "height of the CG above the mean of the wheel centers at rest", min=0.0, max=5.0
-    )
+    cg_height: Quantity = quantity("m", 0.0, 5.0, "height of the CG above the mean of the wheel centers at rest")
     cg_offset: Quantity = quantity(
-        "m",
-        "CG ahead of where wheel.*.x has it; wheels, seat and outline stay together",
-        min=-1.0,
-        max=1.0,
-        nominal=0.01,
+        "m", -1.0, 1.0, "CG ahead of where wheel.*.x has it; wheels, seat and outline stay together", nominal=0.01
     )
-    half_width: Quantity = quantity("m", "distance of the body's outline to the side of the CG", min=0.0, max=5.0)
+    half_width: Quantity = quantity("m", 0.0, 5.0, "distance of the body's outline to the side of the CG")
 
 
 class _Outline(Section):
-    front_overhang: Quantity = quantity("m", "front bumper tip ahead of the first axle", min=0.65, max=5.0)
-    rear_overhang: Quantity = quantity("m", "rear bumper tip behind the last axle", min=0.65, max=5.0)
-    tip_height: Quantity = quantity("m", "height of the bumper tips above the CG", min=-5.0, max=5.0)
-    knee_distance: Quantity = quantity("m", "knee of the outline beyond the outer axles", min=0.3, max=0.6)
-    knee_height: Quantity = quantity("m", "height of the knees above the CG", min=-5.0, max=5.0)
-    belly_distance: Quantity = quantity("m", "end of the flat belly beyond the outer axles", min=-1.0, max=0.3)
-    belly_height: Quantity = quantity("m", "height of the belly above the CG", min=-5.0, max=5.0)
+    front_overhang: Quantity = quantity("m", 0.65, 5.0, "front bumper tip ahead of the first axle")
+    rear_overhang: Quantity = quantity("m", 0.65, 5.0, "rear bumper tip behind the last axle")
+    tip_height: Quantity = quantity("m", -5.0, 5.0, "height of the bumper tips above the CG")
+    knee_distance: Quantity = quantity("m", 0.3, 0.6, "knee of the outline beyond the outer axles")
+    knee_height: Quantity = quantity("m", -5.0, 5.0, "height of the knees above the CG")
+    belly_distance: Quantity = quantity("m", -1.0, 0.3, "end of the flat belly beyond the outer axles")
+    belly_height: Quantity = quantity("m", -5.0, 5.0, "height of the belly above the CG")
 
 
 class _Contact(Section):
-    stiffness: Quantity = quantity("N/m", "stiffness of the body where it touches the ground", min=1e3, max=1e9)
-    damping: Quantity = quantity("N.s/m", "damping of the body where it touches the ground", min=0.0, max=1e7)
-    onset: Quantity = quantity("m", "penetration over which the damping sets in", min=1e-5, max=0.1, display_unit="mm")
-    friction: Quantity = quantity("1", "friction coefficient of the body on the ground", min=0.0, max=5.0)
+    stiffness: Quantity = quantity("N/m", 1e3, 1e9, "stiffness of the body where it touches the ground")
+    damping: Quantity = quantity("N.s/m", 0.0, 1e7, "damping of the body where it touches the ground")
+    onset: Quantity = quantity("m", 1e-5, 0.1, "penetration over which the damping sets in", display_unit="mm")
+    friction: Quantity = quantity("1", 0.0, 5.0, "friction coefficient of the body on the ground")
 
 
 class _Disc(Section):
-    radius: Quantity = quantity("m", "radius of the unloaded wheel", min=0.1, max=3.0)
+    radius: Quantity = quantity("m", 0.1, 3.0, "radius of the unloaded wheel")
     rolling_loss: Quantity = quantity(
-        "m", "unloaded radius minus rolling radius", min=0.0, max=0.09, display_unit="mm", nominal=0.01
+        "m", 0.0, 0.09, "unloaded radius minus rolling radius", display_unit="mm", nominal=0.01
     )
-    bottoming: Quantity = quantity("m", "penetration at which the tire bottoms", min=0.01, max=1.0)
-    bottoming_stiffness: Quantity = quantity("N/m", "stiffness that bottoming adds", min=0.0, max=1e8)
-    onset: Quantity = quantity(
-        "m", "penetration over which the tire damping sets in", min=1e-5, max=0.1, display_unit="mm"
-    )
-    friction: Quantity = quantity("1", "friction coefficient of the tires", min=0.01, max=5.0)
-    slip_speed: Quantity = quantity(
-        "m/s", "sliding speed of the friction model tanh(sliding / slip_speed)", min=0.01, max=10.0
-    )
+    bottoming: Quantity = quantity("m", 0.01, 1.0, "penetration at which the tire bottoms")
+    bottoming_stiffness: Quantity = quantity("N/m", 0.0, 1e8, "stiffness that bottoming adds")
+    onset: Quantity = quantity("m", 1e-5, 0.1, "penetration over which the tire damping sets in", display_unit="mm")
+    friction: Quantity = quantity("1", 0.01, 5.0, "friction coefficient of the tires")
+    slip_speed: Quantity = quantity("m/s", 0.01, 10.0, "sliding speed of the friction model tanh(sliding / slip_speed)")
 
 
 class _StrutTravel(Section):
-    extension: Quantity = quantity("m", "extension from rest at which a stop begins", min=0.005, max=1.0)
-    compression: Quantity = quantity("m", "compression from rest at which a stop begins", min=0.005, max=1.0)
-    stiffness: Quantity = quantity("N/m", "stiffness of the stops", min=0.0, max=1e8, display_unit="N/mm")
-    damping: Quantity = quantity("N.s/m", "damping of the stops", min=0.0, max=1e6, display_unit="kN.s/m")
-    onset: Quantity = quantity(
-        "m", "travel over which the damping of a stop sets in", min=1e-5, max=0.1, display_unit="mm"
-    )
-    gas_exponent: Quantity = quantity("1", "polytropic exponent of the gas in a hydropneumatic strut", min=1.0, max=2.0)
+    extension: Quantity = quantity("m", 0.005, 1.0, "extension from rest at which a stop begins")
+    compression: Quantity = quantity("m", 0.005, 1.0, "compression from rest at which a stop begins")
+    stiffness: Quantity = quantity("N/m", 0.0, 1e8, "stiffness of the stops", display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", 0.0, 1e6, "damping of the stops", display_unit="kN.s/m")
+    onset: Quantity = quantity("m", 1e-5, 0.1, "travel over which the damping of a stop sets in", display_unit="mm")
+    gas_exponent: Quantity = quantity("1", 1.0, 2.0, "polytropic exponent of the gas in a hydropneumatic strut")
 
 
 class _Lidar(Section):
-    ahead: Quantity = quantity("m", "nose lidar ahead of the first axle", min=-5.0, max=5.0)
-    height: Quantity = quantity("m", "height of the nose lidar above the CG", min=-5.0, max=5.0)
+    ahead: Quantity = quantity("m", -5.0, 5.0, "nose lidar ahead of the first axle")
+    height: Quantity = quantity("m", -5.0, 5.0, "height of the nose lidar above the CG")
 
 
 class ThreeAxleTrenchCar(ThreeAxleCar):
@@ -390,33 +363,33 @@ class ThreeAxleTrenchCar(ThreeAxleCar):
 
 
 class _Body(_RideBody):
-    yaw_inertia: Quantity = quantity("kg.m2", "yaw inertia of the sprung mass about its CG", min=1.0, max=1e8)
-    wheelbase: Quantity = quantity("m", "distance between the axles", min=0.5, max=20.0)
-    track: Quantity = quantity("m", "distance between left and right wheels", min=0.3, max=10.0)
-    cg_position: Quantity = quantity("1", "CG behind the front axle, as a part of the wheelbase", min=0.05, max=0.95)
-    cg_height: Quantity = quantity("m", "height of the CG above the road at rest", min=0.05, max=5.0)
+    yaw_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "yaw inertia of the sprung mass about its CG")
+    wheelbase: Quantity = quantity("m", 0.5, 20.0, "distance between the axles")
+    track: Quantity = quantity("m", 0.3, 10.0, "distance between left and right wheels")
+    cg_position: Quantity = quantity("1", 0.05, 0.95, "CG behind the front axle, as a part of the wheelbase")
+    cg_height: Quantity = quantity("m", 0.05, 5.0, "height of the CG above the road at rest")
 
 
 class _Wheel(Section):
-    mass: Quantity = quantity("kg", "unsprung mass of one corner", min=1.0, max=1e5)
-    radius: Quantity = quantity("m", "rolling radius", min=0.05, max=3.0)
-    hub_height: Quantity = quantity("m", "height of the wheel center above the road at rest", min=0.05, max=3.0)
-    spin_inertia: Quantity = quantity("kg.m2", "spin inertia of one wheel and its share of driveline", min=0.1, max=1e4)
+    mass: Quantity = quantity("kg", 1.0, 1e5, "unsprung mass of one corner")
+    radius: Quantity = quantity("m", 0.05, 3.0, "rolling radius")
+    hub_height: Quantity = quantity("m", 0.05, 3.0, "height of the wheel center above the road at rest")
+    spin_inertia: Quantity = quantity("kg.m2", 0.1, 1e4, "spin inertia of one wheel and its share of driveline")
 
 
 class _Strut(Section):
-    spring: Quantity = quantity("N/m", "stiffness of one spring, at the spring", min=0.0, max=1e8, display_unit="N/mm")
-    damper: Quantity = quantity("N.s/m", "rate of one damper, at the damper", min=0.0, max=1e7, display_unit="kN.s/m")
+    spring: Quantity = quantity("N/m", 0.0, 1e8, "stiffness of one spring, at the spring", display_unit="N/mm")
+    damper: Quantity = quantity("N.s/m", 0.0, 1e7, "rate of one damper, at the damper", display_unit="kN.s/m")
 
 
 class _Stop(Section):
-    travel: Quantity = quantity("m", "wheel travel from ride height at which a stop begins", min=0.005, max=1.0)
-    stiffness: Quantity = quantity("N/m", "linear stop stiffness, at the wheel", min=0.0, max=1e8, display_unit="N/mm")
-    cubic: Quantity = quantity("N/m3", "cubic stop stiffness, at the wheel", min=0.0, max=1e10)
+    travel: Quantity = quantity("m", 0.005, 1.0, "wheel travel from ride height at which a stop begins")
+    stiffness: Quantity = quantity("N/m", 0.0, 1e8, "linear stop stiffness, at the wheel", display_unit="N/mm")
+    cubic: Quantity = quantity("N/m3", 0.0, 1e10, "cubic stop stiffness, at the wheel")
 
 
 class _Suspension(Section):
-    motion_ratio: Quantity = quantity("1", "spring (and damper) travel per wheel travel", min=0.01, max=5.0)
+    motion_ratio: Quantity = quantity("1", 0.01, 5.0, "spring (and damper) travel per wheel travel")
     front: _Strut
     rear: _Strut
     stop: _Stop
@@ -440,17 +413,17 @@ class _FormulaTire(Section):
 
 class _RollingTire(_FormulaTire, _Tire):
     by_file = ("slip_stiffness", "cornering_stiffness", "friction", "longitudinal_relaxation", "lateral_relaxation")
-    slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
-    cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
-    friction: Quantity = quantity("1", "friction coefficient", min=0.01, max=5.0)
-    longitudinal_relaxation: Quantity = quantity("m", "relaxation length of the longitudinal slip", min=0.05, max=5.0)
-    lateral_relaxation: Quantity = quantity("m", "relaxation length of the lateral slip", min=0.05, max=5.0)
+    slip_stiffness: Quantity = quantity("1", 0.0, 200.0, "longitudinal force per slip and load")
+    cornering_stiffness: Quantity = quantity("1", 0.0, 200.0, "lateral force per slip angle and load")
+    friction: Quantity = quantity("1", 0.01, 5.0, "friction coefficient")
+    longitudinal_relaxation: Quantity = quantity("m", 0.05, 5.0, "relaxation length of the longitudinal slip")
+    lateral_relaxation: Quantity = quantity("m", 0.05, 5.0, "relaxation length of the lateral slip")
 
 
 class _SpeedControl(Section):
-    gain: Quantity = quantity("1/s", "drive force per mass and speed error", min=0.0, max=50.0)
-    integral_gain: Quantity = quantity("1/s2", "drive force per mass and integral of speed error", min=0.0, max=50.0)
-    max_torque: Quantity = quantity("N.m", "largest drive or brake torque of one wheel", min=0.0, max=1e6)
+    gain: Quantity = quantity("1/s", 0.0, 50.0, "drive force per mass and speed error")
+    integral_gain: Quantity = quantity("1/s2", 0.0, 50.0, "drive force per mass and integral of speed error")
+    max_torque: Quantity = quantity("N.m", 0.0, 1e6, "largest drive or brake torque of one wheel")
 
 
 class _Table(Section):
@@ -466,77 +439,68 @@ class _Table(Section):
 
 
 class _Steering(Section):
-    offset_gain: Quantity = quantity("rad/m", "steer angle per lateral offset", min=0.0, max=10.0)
-    heading_gain: Quantity = quantity("1", "steer angle per heading error", min=0.0, max=10.0)
-    yaw_rate_gain: Quantity = quantity("s", "steer angle per yaw rate", min=0.0, max=10.0)
-    max_angle: Quantity = quantity("rad", "largest steer angle", min=0.0, max=1.2, display_unit="deg")
-    ratio: Quantity = quantity("1", "angle of the steering wheel per steer angle", min=1.0, max=100.0, default=15.0)
+    offset_gain: Quantity = quantity("rad/m", 0.0, 10.0, "steer angle per lateral offset")
+    heading_gain: Quantity = quantity("1", 0.0, 10.0, "steer angle per heading error")
+    yaw_rate_gain: Quantity = quantity("s", 0.0, 10.0, "steer angle per yaw rate")
+    max_angle: Quantity = quantity("rad", 0.0, 1.2, "largest steer angle", display_unit="deg")
+    ratio: Quantity = quantity("1", 1.0, 100.0, "angle of the steering wheel per steer angle", default=15.0)
 
 
 class _AckermannSteering(_Steering):
     ackermann: Quantity = quantity(
         "1",
+        0.0,
+        1.0,
         "with steering.wheel: 0 steers both wheels alike, 1 toward one center of turn",
-        min=0.0,
-        max=1.0,
         nominal=1.0,
         default=1.0,
     )
 
 
+def _bar(axle: str) -> Any:
+    return quantity(
+        "N/m",
+        0.0,
+        1e7,
+        f"anti-roll bar of the {axle} axle: force at each wheel per difference of the travels left and right",
+        nominal=1e4,
+        display_unit="N/mm",
+        default=0.0,
+    )
+
+
 class _AntiRoll(Section):
-    front: Quantity = quantity(
-        "N/m",
-        "anti-roll bar of the front axle: force at each wheel per difference of the travels left and right",
-        min=0.0,
-        max=1e7,
-        nominal=1e4,
-        display_unit="N/mm",
-        default=0.0,
-    )
-    rear: Quantity = quantity(
-        "N/m",
-        "anti-roll bar of the rear axle: force at each wheel per difference of the travels left and right",
-        min=0.0,
-        max=1e7,
-        nominal=1e4,
-        display_unit="N/mm",
-        default=0.0,
-    )
+    front: Quantity = _bar("front")
+    rear: Quantity = _bar("rear")
 
 
 def _lock(of: str) -> Any:
     return quantity(
-        "N.m.s/rad",
-        f"{of} per difference of the speeds that it joins; 0: open",
-        min=0.0,
-        max=2e3,
-        nominal=100.0,
-        default=0.0,
+        "N.m.s/rad", 0.0, 2e3, f"{of} per difference of the speeds that it joins; 0: open", nominal=100.0, default=0.0
     )
 
 
 class _Powertrain(_Table):
     speed: Numbers = quantity(
         "rad/s",
+        0.0,
+        1e4,
         "mean speed of the driven wheels, increasing from 0; the torque is linear between and constant beyond",
-        min=0.0,
-        max=1e4,
         increasing=True,
         nominal=10.0,
         default=(0.0, 20.0, 30.0, 40.0, 60.0, 80.0),
     )
     torque: Numbers = quantity(
         "N.m",
+        0.0,
+        1e6,
         "torque of all wheels together with full throttle, at that speed",
-        min=0.0,
-        max=1e6,
         display_unit="kN.m",
         nominal=1e3,
         default=(4500.0, 4500.0, 3000.0, 2300.0, 1550.0, 0.0),
     )
     front_share: Quantity = quantity(
-        "1", "part of the torque that goes to the front axle", min=0.0, max=1.0, nominal=0.5, default=0.5
+        "1", 0.0, 1.0, "part of the torque that goes to the front axle", nominal=0.5, default=0.5
     )
     front_lock: Quantity = _lock("torque of the front differential lock")
     rear_lock: Quantity = _lock("torque of the rear differential lock")
@@ -545,10 +509,10 @@ class _Powertrain(_Table):
 
 class _Brakes(Section):
     max_torque: Quantity = quantity(
-        "N.m", "torque of all brakes together with the pedal down", min=0.0, max=1e6, display_unit="kN.m", default=1e4
+        "N.m", 0.0, 1e6, "torque of all brakes together with the pedal down", display_unit="kN.m", default=1e4
     )
     front_share: Quantity = quantity(
-        "1", "part of the brake torque that acts on the front axle", min=0.0, max=1.0, nominal=0.5, default=0.6
+        "1", 0.0, 1.0, "part of the brake torque that acts on the front axle", nominal=0.5, default=0.6
     )
 
 
@@ -567,74 +531,63 @@ class FullCar(Vehicle):
     brakes: _Brakes = Field(default_factory=_Brakes)
 
 
-# ------------------------------------------------------------------------------------------------------ double
-# wishbones
+# ----------------------------------------------------------------------------------------------------- double wishbones
 
 
 class _SpringTable(_Table):
-    free_length: Quantity = quantity("m", "length of the spring without load", min=0.01, max=5.0)
+    free_length: Quantity = quantity("m", 0.01, 5.0, "length of the spring without load")
     compression: Numbers = quantity(
         "m",
+        0.0,
+        5.0,
         "compression of the spring from its free length, increasing from 0; the force is linear between and odd",
-        min=0.0,
-        max=5.0,
         increasing=True,
         display_unit="mm",
         nominal=0.1,
     )
-    force: Numbers = quantity(
-        "N", "force of the spring at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
-    )
+    force: Numbers = quantity("N", 0.0, 1e7, "force of the spring at that compression", display_unit="kN", nominal=1e4)
 
 
 class _LengthStop(Section):
-    bump: Quantity = quantity("m", "length of the spring below which the bump stop is compressed", min=0.0, max=5.0)
-    rebound: Quantity = quantity(
-        "m", "length of the spring above which the rebound stop is compressed", min=0.0, max=5.0
-    )
+    bump: Quantity = quantity("m", 0.0, 5.0, "length of the spring below which the bump stop is compressed")
+    rebound: Quantity = quantity("m", 0.0, 5.0, "length of the spring above which the rebound stop is compressed")
 
 
 class _StopTable(_Table):
     penetration: Numbers = quantity(
         "m",
+        0.0,
+        1.0,
         "compression of a stop, increasing from 0; the force is linear between and constant beyond",
-        min=0.0,
-        max=1.0,
         increasing=True,
         display_unit="mm",
         nominal=0.01,
     )
-    force: Numbers = quantity(
-        "N", "force of a stop at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
-    )
+    force: Numbers = quantity("N", 0.0, 1e7, "force of a stop at that compression", display_unit="kN", nominal=1e4)
 
 
 class _SwitchedDamper(Section):
     compression: Quantity = quantity(
-        "N.s/m", "rate in compression within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m"
+        "N.s/m", 0.0, 1e7, "rate in compression within the range of lengths", display_unit="kN.s/m"
     )
     rebound: Quantity = quantity(
-        "N.s/m", "rate in rebound within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m"
+        "N.s/m", 0.0, 1e7, "rate in rebound within the range of lengths", display_unit="kN.s/m"
     )
     outer_compression: Quantity = quantity(
-        "N.s/m", "rate in compression outside of the range", min=0.0, max=1e7, display_unit="kN.s/m"
+        "N.s/m", 0.0, 1e7, "rate in compression outside of the range", display_unit="kN.s/m"
     )
-    outer_rebound: Quantity = quantity(
-        "N.s/m", "rate in rebound outside of the range", min=0.0, max=1e7, display_unit="kN.s/m"
-    )
+    outer_rebound: Quantity = quantity("N.s/m", 0.0, 1e7, "rate in rebound outside of the range", display_unit="kN.s/m")
 
 
 class _DamperRange(Section):
-    least: Quantity = quantity("m", "length at which the range of the inner rates begins", min=0.0, max=5.0)
-    most: Quantity = quantity("m", "length at which it ends", min=0.0, max=5.0)
-    blend: Quantity = quantity(
-        "m", "length over which the rates change at either end", min=1e-5, max=0.1, display_unit="mm"
-    )
+    least: Quantity = quantity("m", 0.0, 5.0, "length at which the range of the inner rates begins")
+    most: Quantity = quantity("m", 0.0, 5.0, "length at which it ends")
+    blend: Quantity = quantity("m", 1e-5, 0.1, "length over which the rates change at either end", display_unit="mm")
 
 
 def _point(what: str) -> Any:
     return quantity(
-        "m", f"{what}, left side: forward, left, up from the reference point of the axle", min=-50.0, max=50.0, size=3
+        "m", -50.0, 50.0, f"{what}, left side: forward, left, up from the reference point of the axle", size=3
     )
 
 
@@ -659,16 +612,16 @@ class _Hardpoints(Section):
 
 class _Travel(Section):
     least: Quantity = quantity(
-        "m", "travel of the wheel from design to which the kinematics are computed, down", min=-2.0, max=-0.01
+        "m", -2.0, -0.01, "travel of the wheel from design to which the kinematics are computed, down"
     )
     most: Quantity = quantity(
-        "m", "travel of the wheel from design to which the kinematics are computed, up", min=0.01, max=2.0
+        "m", 0.01, 2.0, "travel of the wheel from design to which the kinematics are computed, up"
     )
 
 
 class _WishboneAxle(Section):
     reference: Quantity = quantity(
-        "m", "reference point of the axle's hardpoints ahead of the chassis frame", min=-50.0, max=50.0
+        "m", -50.0, 50.0, "reference point of the axle's hardpoints ahead of the chassis frame"
     )
     travel: _Travel
     points: _Hardpoints
@@ -713,27 +666,21 @@ class _Wishbones(Section):
 
 
 class _FramedBody(Section):
-    mass: Quantity = quantity("kg", "mass of the chassis body", min=10.0, max=1e6)
+    mass: Quantity = quantity("kg", 10.0, 1e6, "mass of the chassis body")
     com_x: Quantity = quantity(
-        "m", "its center of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1
+        "m", -50.0, 50.0, "its center of mass ahead of the origin of the chassis frame", nominal=0.1
     )
     com_z: Quantity = quantity(
-        "m", "its center of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1
+        "m", -10.0, 10.0, "its center of mass above the origin of the chassis frame", nominal=0.1
     )
-    roll_inertia: Quantity = quantity(
-        "kg.m2", "roll inertia of the chassis body about its center of mass", min=1.0, max=1e8
-    )
-    pitch_inertia: Quantity = quantity(
-        "kg.m2", "pitch inertia of the chassis body about its center of mass", min=1.0, max=1e8
-    )
-    yaw_inertia: Quantity = quantity(
-        "kg.m2", "yaw inertia of the chassis body about its center of mass", min=1.0, max=1e8
-    )
+    roll_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "roll inertia of the chassis body about its center of mass")
+    pitch_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "pitch inertia of the chassis body about its center of mass")
+    yaw_inertia: Quantity = quantity("kg.m2", 1.0, 1e8, "yaw inertia of the chassis body about its center of mass")
 
 
 class _Mounted(Section):
-    mass: Quantity = quantity("kg", "mass of a part on the chassis", min=0.0, max=1e5)
-    position: Numbers = quantity("m", "its position in the chassis frame", min=-50.0, max=50.0, size=3)
+    mass: Quantity = quantity("kg", 0.0, 1e5, "mass of a part on the chassis")
+    position: Numbers = quantity("m", -50.0, 50.0, "its position in the chassis frame", size=3)
 
 
 class _SteeringGear(Section):
@@ -742,16 +689,16 @@ class _SteeringGear(Section):
 
 
 class _SolidWheel(Section):
-    mass: Quantity = quantity("kg", "mass of wheel, tire and spindle", min=1.0, max=1e5)
-    spin_inertia: Quantity = quantity("kg.m2", "inertia of wheel, tire and spindle about the axle", min=0.01, max=1e4)
-    tilt_inertia: Quantity = quantity("kg.m2", "inertia of wheel, tire and spindle about a diameter", min=0.0, max=1e4)
-    shaft_inertia: Quantity = quantity("kg.m2", "inertia of the axle shaft, reduced to the wheel", min=0.0, max=1e4)
+    mass: Quantity = quantity("kg", 1.0, 1e5, "mass of wheel, tire and spindle")
+    spin_inertia: Quantity = quantity("kg.m2", 0.01, 1e4, "inertia of wheel, tire and spindle about the axle")
+    tilt_inertia: Quantity = quantity("kg.m2", 0.0, 1e4, "inertia of wheel, tire and spindle about a diameter")
+    shaft_inertia: Quantity = quantity("kg.m2", 0.0, 1e4, "inertia of the axle shaft, reduced to the wheel")
 
 
 class _Solid(Section):
-    mass: Quantity = quantity("kg", "mass", min=0.0, max=1e5)
+    mass: Quantity = quantity("kg", 0.0, 1e5, "mass")
     inertia: Numbers = quantity(
-        "kg.m2", "moments of inertia about its center of mass, along its axes", min=0.0, max=1e6, size=3
+        "kg.m2", 0.0, 1e6, "moments of inertia about its center of mass, along its axes", size=3
     )
 
 
@@ -760,35 +707,31 @@ class _TableTire(_FormulaTire, _Table):
         *("slip_stiffness", "cornering_stiffness", "longitudinal_friction", "lateral_friction"),
         *("rolling_resistance", "relaxation"),
     )
-    radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
+    radius: Quantity = quantity("m", 0.05, 3.0, "radius of the unloaded tire")
     deflection: Numbers = quantity(
         "m",
+        0.0,
+        3.0,
         "deflection of the tire on a flat road, increasing from 0; the force is linear between and continues so beyond",
-        min=0.0,
-        max=3.0,
         increasing=True,
         display_unit="mm",
         nominal=0.1,
     )
-    force: Numbers = quantity(
-        "N", "vertical force at that deflection", min=0.0, max=1e7, display_unit="kN", nominal=1e4
-    )
-    damping: Quantity = quantity(
-        "N.s/m", "vertical damping in contact", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
-    )
-    slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
-    cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
-    longitudinal_friction: Quantity = quantity("1", "largest longitudinal force per load", min=0.01, max=5.0)
-    lateral_friction: Quantity = quantity("1", "largest lateral force per load", min=0.01, max=5.0)
-    rolling_resistance: Quantity = quantity("1", "rolling resistance per load", min=0.0, max=1.0)
-    relaxation: Quantity = quantity("m", "relaxation length of the longitudinal slip", min=0.05, max=5.0)
+    force: Numbers = quantity("N", 0.0, 1e7, "vertical force at that deflection", display_unit="kN", nominal=1e4)
+    damping: Quantity = quantity("N.s/m", 0.0, 1e6, "vertical damping in contact", display_unit="kN.s/m", nominal=100.0)
+    slip_stiffness: Quantity = quantity("1", 0.0, 200.0, "longitudinal force per slip and load")
+    cornering_stiffness: Quantity = quantity("1", 0.0, 200.0, "lateral force per slip angle and load")
+    longitudinal_friction: Quantity = quantity("1", 0.01, 5.0, "largest longitudinal force per load")
+    lateral_friction: Quantity = quantity("1", 0.01, 5.0, "largest lateral force per load")
+    rolling_resistance: Quantity = quantity("1", 0.0, 1.0, "rolling resistance per load")
+    relaxation: Quantity = quantity("m", 0.05, 5.0, "relaxation length of the longitudinal slip")
 
 
 class _ForceDriver(Section):
-    gain: Quantity = quantity("N.s/m", "drive force per speed error", min=0.0, max=1e7)
-    integral_gain: Quantity = quantity("N/m", "drive force per integral of the speed error", min=0.0, max=1e7)
-    max_force: Quantity = quantity("N", "largest drive or brake force", min=0.0, max=1e7, display_unit="kN")
-    lever: Quantity = quantity("m", "torque of all wheels per drive force", min=0.01, max=5.0)
+    gain: Quantity = quantity("N.s/m", 0.0, 1e7, "drive force per speed error")
+    integral_gain: Quantity = quantity("N/m", 0.0, 1e7, "drive force per integral of the speed error")
+    max_force: Quantity = quantity("N", 0.0, 1e7, "largest drive or brake force", display_unit="kN")
+    lever: Quantity = quantity("m", 0.01, 5.0, "torque of all wheels per drive force")
 
 
 class WishboneCar(Vehicle):
@@ -823,45 +766,41 @@ class WishboneCar(Vehicle):
 
 
 class _Cylinder(Section):
-    area: Quantity = quantity("m2", "piston area", min=1e-6, max=1.0)
-    volume: Quantity = quantity("m3", "volume of both cylinder chambers", min=1e-6, max=1.0, display_unit="l")
-    leakage: Quantity = quantity(
-        "m5/(N.s)", "leakage flow past the piston per load pressure", min=0.0, max=1e-8, nominal=1e-11
-    )
+    area: Quantity = quantity("m2", 1e-6, 1.0, "piston area")
+    volume: Quantity = quantity("m3", 1e-6, 1.0, "volume of both cylinder chambers", display_unit="l")
+    leakage: Quantity = quantity("m5/(N.s)", 0.0, 1e-8, "leakage flow past the piston per load pressure", nominal=1e-11)
 
 
 class _Fluid(Section):
-    density: Quantity = quantity("kg/m3", "density of the fluid", min=100.0, max=1e4)
-    bulk_modulus: Quantity = quantity(
-        "Pa", "effective bulk modulus of the fluid", min=1e6, max=1e11, display_unit="MPa"
-    )
+    density: Quantity = quantity("kg/m3", 100.0, 1e4, "density of the fluid")
+    bulk_modulus: Quantity = quantity("Pa", 1e6, 1e11, "effective bulk modulus of the fluid", display_unit="MPa")
 
 
 class _Supply(Section):
     pressure: Quantity = quantity(
-        "Pa", "supply pressure of the running pump", min=1e5, max=1e9, display_unit="bar", nominal=1e7
+        "Pa", 1e5, 1e9, "supply pressure of the running pump", display_unit="bar", nominal=1e7
     )
     flow_limit: Quantity = quantity(
-        "m3/s", "largest flow of the pump, where supply.limited", min=1e-7, max=1.0, display_unit="l/min"
+        "m3/s", 1e-7, 1.0, "largest flow of the pump, where supply.limited", display_unit="l/min"
     )
 
 
 class _Valve(Section):
-    discharge: Quantity = quantity("1", "discharge coefficient of the spool valve", min=0.01, max=1.0)
-    width: Quantity = quantity("m", "area gradient of the spool valve", min=1e-5, max=1.0, display_unit="mm")
-    time_constant: Quantity = quantity("s", "time constant of the spool", min=1e-5, max=1.0, display_unit="ms")
-    gain: Quantity = quantity("V/m", "voltage per spool position", min=1.0, max=1e7)
-    max_voltage: Quantity = quantity("V", "voltage at which the valve saturates", min=0.1, max=1e3)
+    discharge: Quantity = quantity("1", 0.01, 1.0, "discharge coefficient of the spool valve")
+    width: Quantity = quantity("m", 1e-5, 1.0, "area gradient of the spool valve", display_unit="mm")
+    time_constant: Quantity = quantity("s", 1e-5, 1.0, "time constant of the spool", display_unit="ms")
+    gain: Quantity = quantity("V/m", 1.0, 1e7, "voltage per spool position")
+    max_voltage: Quantity = quantity("V", 0.1, 1e3, "voltage at which the valve saturates")
     null_opening: Quantity = quantity(
-        "m", "where the spool rests when the pump is off", min=0.0, max=0.1, display_unit="mm", nominal=1e-3
+        "m", 0.0, 0.1, "where the spool rests when the pump is off", display_unit="mm", nominal=1e-3
     )
     smoothing: Quantity = quantity(
-        "Pa", "pressure drop below which orifice flow becomes linear", min=1.0, max=1e7, display_unit="bar"
+        "Pa", 1.0, 1e7, "pressure drop below which orifice flow becomes linear", display_unit="bar"
     )
 
 
 class _Bypass(Section):
-    discharge: Quantity = quantity("1", "discharge coefficient of the bypass valve", min=0.01, max=1.0)
+    discharge: Quantity = quantity("1", 0.01, 1.0, "discharge coefficient of the bypass valve")
 
 
 class Actuator(Vehicle):
@@ -878,18 +817,18 @@ class Actuator(Vehicle):
 
 
 class _Noise(Section):
-    load_cell: Quantity = quantity("N", "noise of a load cell, standard deviation", min=0.0, max=1e6, nominal=10.0)
-    lvdt: Quantity = quantity("m", "noise of an LVDT", min=0.0, max=0.1, display_unit="mm", nominal=1e-3)
-    hub: Quantity = quantity("m/s2", "noise of a hub accelerometer", min=0.0, max=1e3, nominal=0.1)
-    chassis: Quantity = quantity("m/s2", "noise of a chassis accelerometer", min=0.0, max=1e3, nominal=0.1)
-    gyro: Quantity = quantity("rad/s", "noise of a rate gyro", min=0.0, max=10.0, display_unit="deg/s", nominal=1e-2)
-    range: Quantity = quantity("m", "noise of a range sensor", min=0.0, max=1.0, display_unit="mm", nominal=1e-3)
-    speed: Quantity = quantity("m/s", "noise of the speedometer", min=0.0, max=10.0, nominal=1e-2)
+    load_cell: Quantity = quantity("N", 0.0, 1e6, "noise of a load cell, standard deviation", nominal=10.0)
+    lvdt: Quantity = quantity("m", 0.0, 0.1, "noise of an LVDT", display_unit="mm", nominal=1e-3)
+    hub: Quantity = quantity("m/s2", 0.0, 1e3, "noise of a hub accelerometer", nominal=0.1)
+    chassis: Quantity = quantity("m/s2", 0.0, 1e3, "noise of a chassis accelerometer", nominal=0.1)
+    gyro: Quantity = quantity("rad/s", 0.0, 10.0, "noise of a rate gyro", display_unit="deg/s", nominal=1e-2)
+    range: Quantity = quantity("m", 0.0, 1.0, "noise of a range sensor", display_unit="mm", nominal=1e-3)
+    speed: Quantity = quantity("m/s", 0.0, 10.0, "noise of the speedometer", nominal=1e-2)
 
 
 class _Place(Section):
-    x: Quantity = quantity("m", "position ahead of the CG", min=-50.0, max=50.0)
-    y: Quantity = quantity("m", "position to the left of the CG", min=-10.0, max=10.0)
+    x: Quantity = quantity("m", -50.0, 50.0, "position ahead of the CG")
+    y: Quantity = quantity("m", -10.0, 10.0, "position to the left of the CG")
 
 
 class _Chassis(Section):
@@ -898,38 +837,30 @@ class _Chassis(Section):
 
 
 class _RangeMount(Section):
-    x: Quantity = quantity("m", "position of the range sensors ahead of the CG", min=-50.0, max=50.0)
-    y: Quantity = quantity("m", "distance of the range sensors to the side of the CG", min=0.0, max=10.0)
-    height: Quantity = quantity("m", "height of the range sensors above the road at rest", min=0.05, max=10.0)
+    x: Quantity = quantity("m", -50.0, 50.0, "position of the range sensors ahead of the CG")
+    y: Quantity = quantity("m", 0.0, 10.0, "distance of the range sensors to the side of the CG")
+    height: Quantity = quantity("m", 0.05, 10.0, "height of the range sensors above the road at rest")
     bias: Quantity = quantity(
-        "m",
-        "D_bias: from the mount along the beam, upwards, to where ranges count from",
-        min=-2.0,
-        max=2.0,
-        nominal=0.1,
+        "m", -2.0, 2.0, "D_bias: from the mount along the beam, upwards, to where ranges count from", nominal=0.1
     )
 
 
 class _RangeSensor(Section):
-    near: Quantity = quantity("m", "shortest range", min=0.0, max=100.0)
-    far: Quantity = quantity("m", "longest range", min=0.01, max=100.0)
-    resolution: Quantity = quantity("m", "resolution", min=0.0, max=1.0, display_unit="mm", nominal=1e-2)
-    spot: Quantity = quantity("m", "length of road over which the range is a mean", min=0.0, max=0.6, nominal=0.1)
-    response: Quantity = quantity("s", "response time", min=0.0, max=7e-3, display_unit="ms", nominal=1e-3)
-    tilt: Quantity = quantity(
-        "rad", "angle of the beam, forward from straight down", min=0.0, max=1.4, display_unit="deg"
-    )
+    near: Quantity = quantity("m", 0.0, 100.0, "shortest range")
+    far: Quantity = quantity("m", 0.01, 100.0, "longest range")
+    resolution: Quantity = quantity("m", 0.0, 1.0, "resolution", display_unit="mm", nominal=1e-2)
+    spot: Quantity = quantity("m", 0.0, 0.6, "length of road over which the range is a mean", nominal=0.1)
+    response: Quantity = quantity("s", 0.0, 7e-3, "response time", display_unit="ms", nominal=1e-3)
+    tilt: Quantity = quantity("rad", 0.0, 1.4, "angle of the beam, forward from straight down", display_unit="deg")
 
 
 class _Estimator(Section):
-    road: Quantity = quantity("m2/s", "intensity of the road's rate as white noise", min=1e-12, max=100.0, nominal=1e-2)
+    road: Quantity = quantity("m2/s", 1e-12, 100.0, "intensity of the road's rate as white noise", nominal=1e-2)
     known_road: Quantity = quantity(
-        "m2/s", "intensity that remains where the road is known", min=1e-12, max=100.0, nominal=1e-2
+        "m2/s", 1e-12, 100.0, "intensity that remains where the road is known", nominal=1e-2
     )
-    pose_leak: Quantity = quantity("s", "time in which heave, pitch and roll fade without road", min=0.05, max=1e4)
-    pose_correction: Quantity = quantity(
-        "s", "time in which heave, pitch and roll follow a known road", min=0.05, max=1e4
-    )
+    pose_leak: Quantity = quantity("s", 0.05, 1e4, "time in which heave, pitch and roll fade without road")
+    pose_correction: Quantity = quantity("s", 0.05, 1e4, "time in which heave, pitch and roll follow a known road")
 
 
 class SensorSet(Vehicle):

@@ -1,6 +1,7 @@
 """Vehicle files: what is read, and what a user is told."""
 
 import math
+import pickle
 from functools import partial
 
 import pytest
@@ -26,7 +27,7 @@ def write(tmp_path, text, name="mine.toml"):
 
 
 @pytest.mark.parametrize("name", vehicle_names())
-def test_bundled_vehicles_load_and_every_value_has_a_source(name):
+def test_bundled_vehicles_load_travel_to_other_processes_and_every_value_has_a_source(name):
     def sources(section):
         for field in type(section).model_fields:
             value = getattr(section, field)
@@ -35,7 +36,9 @@ def test_bundled_vehicles_load_and_every_value_has_a_source(name):
             elif hasattr(value, "source"):
                 yield value.source
 
-    found = list(sources(load_vehicle(name)))
+    vehicle = load_vehicle(name)
+    assert pickle.loads(pickle.dumps(vehicle)) == vehicle
+    found = list(sources(vehicle))
     assert len(found) >= 6
     assert all(found)
 
