@@ -140,8 +140,9 @@ def _check_instants(schedule: Schedule) -> None:
     for m in schedule.discrete:
         if any((time / internal).denominator != 1 for time in (m.step, m.offset)):
             warnings.warn(
-                f"'{m.name}' runs every {seconds_text(m.step)}, which is not a multiple of {seconds_text(internal)}, the"
-                f" fixed internal step (fixedInternalStepSize) of {fixed}: steps that end at its instants may be refused",
+                f"'{m.name}' runs every {seconds_text(m.step)}, which is not a multiple of {seconds_text(internal)},"
+                f" the fixed internal step (fixedInternalStepSize) of {fixed}: steps that end at its instants may be"
+                " refused",
                 FmuWarning,
                 stacklevel=3,
             )

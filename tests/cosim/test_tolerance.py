@@ -375,8 +375,9 @@ def test_steps_are_multiples_of_fixed_internal_steps():
 
 
 def test_instants_between_internal_steps_are_warned_of_and_steps_that_do_not_meet_are_refused(refused):
-    with with_internal_steps() as system, pytest.warns(FmuWarning, match=r"'d' runs every 0.007 s, .* 0.0003 s"):
-        system.run(0.1, record=["a.x", "b.x"], tolerance=1e-2)
+    with with_internal_steps() as system:
+        with pytest.warns(FmuWarning, match=r"'d' runs every 0.007 s, .* 0.0003 s"):
+            system.run(0.1, record=["a.x", "b.x"], tolerance=1e-2)
         assert min(system["a"].implementation.taken) < Fraction(3, 10000)
     with with_internal_steps(second=Fraction(1, 9999)) as system:
         refused(WiringError, lambda: system.run(0.1, tolerance=1e-2))
