@@ -39,7 +39,7 @@ typedef struct {
     int32_t n_refreshed;
     double tolerance;
     int64_t largest, stop;       /* [ticks]: largest step; the stop time if it is known, else 0 */
-    int64_t internal;            /* [ticks]: each half of a step is a multiple of this internal step; 0: of any length */
+    int64_t internal;            /* [ticks]: halves of steps are multiples of this internal step; 0: any length */
     EngineStates *fmus;          /* FMUs whose states are saved here; `back` with component -2 saves all others */
     const int32_t *numbers;      /* of n_fmus: which components they are */
     void **states;               /* of n_fmus; they were saved once before */
