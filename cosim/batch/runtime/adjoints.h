@@ -98,13 +98,15 @@ template <int N> static void sweep_back(const Tape *t, double *of, TapeCount fir
             finite &= by[k] - by[k] == 0.0;
             from[k] = 0.0;
         }
-        if (any)
+        if (any && __builtin_expect(finite, 1))
             for (uint32_t j = begin; j < end; j++) {
-                const double slope = t->slopes[j];
                 double *const to = of + (size_t)t->operands[j] * N;
-                if (__builtin_expect(finite, 1) || slope != 0.0) /* what does not move counts for nothing */
-                    for (int k = 0; k < N; k++) to[k] += by[k] * slope;
+                for (int k = 0; k < N; k++) to[k] += by[k] * t->slopes[j];
             }
+        else if (any)
+            for (uint32_t j = begin; j < end; j++)
+                for (int k = 0; k < N && t->slopes[j] != 0.0; k++) /* what does not move counts for nothing */
+                    of[(size_t)t->operands[j] * N + k] += by[k] * t->slopes[j];
         end = begin;
     }
 }

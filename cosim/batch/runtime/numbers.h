@@ -20,11 +20,11 @@
 #include <stdint.h>
 #include <stddef.h>
 #include <string.h>
+#include "vectors.h" /* before all code: calls of code for other processors wait for their vector registers */
 extern "C" {
 #include "batch.h"
 #include "equations.h"
 }
-#include "vectors.h"
 
 #ifdef ADJOINTS
 #include "adjoints.h"
@@ -164,8 +164,16 @@ OPERATION Number number_ceil(const Number &x) {
     return Number(r);
 }
 
+/* Before a call of code that is compiled for every processor, which would wait for the vector registers otherwise. */
+#if LANES_TARGET
+#define LEAVE_VECTORS() _mm256_zeroupper()
+#else
+#define LEAVE_VECTORS() (void)0
+#endif
+
 #define OF_ONE(name, slope)                                 \
     OPERATION Operand number_##name(const Number &x) {      \
+        LEAVE_VECTORS();                                    \
         const double v = x.v, r = fmu_##name(v);            \
         (void)v;                                            \
         if (!depends(x)) return Operand(r, 0.0, nothing);   \

@@ -43,6 +43,13 @@ INLINE Part scaled(double slope, const Part &d) {
     for (int i = 0; i < PART; i++) r[i] = d[i] == 0.0 ? 0.0 : slope * d[i];
     return r;
 }
+INLINE Part added(const Part &sum, double slope, const Part &d) {
+#if LANES_TARGET == 512
+    if (__builtin_expect(slope - slope == 0.0, 1))
+        return (Part)_mm512_fmadd_pd(_mm512_set1_pd(slope), (__m512d)d, (__m512d)sum);
+#endif
+    return sum + scaled(slope, d);
+}
 
 /* The derivatives of r, which may be one of its operands: the first N of these. */
 template <int N>
@@ -51,9 +58,9 @@ NOINLINE void add_up(Tangent *r, double by_a, const Tangent *a, double by_b, con
     Part sum[PARTS];
     EACH_PART(sum[i] = Part{});
     if (a->moves) EACH_PART(sum[i] = scaled(by_a, a->d[i]));
-    if (N > 1 && b->moves) EACH_PART(sum[i] += scaled(by_b, b->d[i]));
-    if (N > 2 && c->moves) EACH_PART(sum[i] += scaled(by_c, c->d[i]));
-    if (N > 3 && d->moves) EACH_PART(sum[i] += scaled(by_d, d->d[i]));
+    if (N > 1 && b->moves) EACH_PART(sum[i] = added(sum[i], by_b, b->d[i]));
+    if (N > 2 && c->moves) EACH_PART(sum[i] = added(sum[i], by_c, c->d[i]));
+    if (N > 3 && d->moves) EACH_PART(sum[i] = added(sum[i], by_d, d->d[i]));
     r->moves = a->moves | (N > 1 ? b->moves : 0) | (N > 2 ? c->moves : 0) | (N > 3 ? d->moves : 0);
     EACH_PART(r->d[i] = sum[i]);
 }
