@@ -5,7 +5,6 @@ The FMUs of the catalog and of the tests, built once and only when something cha
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import signal
@@ -13,7 +12,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -190,25 +189,6 @@ def pytest_xdist_auto_num_workers() -> int | None:
     if os.environ.get("PYTEST_XDIST_AUTO_NUM_WORKERS"):
         return None
     return 1 + (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection(session: pytest.Session) -> None:
-    """A worker of xdist imports its share of the test files first, so that not every worker rewrites all assertions.
-
-    The rewritten code is kept beside the files, where the other workers find it. What cannot be imported is reported
-    when it is collected.
-    """
-    number = re.search(r"\d+$", os.environ.get("PYTEST_XDIST_WORKER", ""))
-    if number is None or sys.dont_write_bytecode:
-        return
-    folders = [path for path in map(Path, session.config.args) if path.is_dir()]
-    files = sorted({path.resolve() for folder in folders for path in folder.rglob("test_*.py")})
-    for path in files[int(number[0]) :: int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
-        if str(path.parent) not in sys.path:
-            sys.path.insert(0, str(path.parent))  # as pytest does
-        with suppress(Exception):
-            importlib.import_module(path.stem)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
