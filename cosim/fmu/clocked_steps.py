@@ -21,7 +21,6 @@ from cosim.fmu.transfers import Arrangement, arrangements, slots
 
 _KINDS = {"triggered": 1, "constant": 2, "fixed": 2, "tunable": 3, "changing": 4, "countdown": 5}  # `ClockKind`
 _EXACT = 2**53
-_LENGTH = 8  # bytes of the length of a state
 
 
 def refusal(about: Description) -> str:
@@ -285,7 +284,7 @@ class ClockedSteps:
     def saved(self) -> bytes:
         """State of the clocks, inputs that wait for a tick, and outputs of clocks that show until the next one.
 
-        The length is at the end, behind it. Values have names: which of them are bound may differ from run to run.
+        Values have names: which of them are bound may differ from run to run.
         """
         f, values, size = self.fmu, self.values, self._ffi.sizeof("ClockDue") * len(self.values.clocks)
         waiting = [v for v, w in values.waits.items() if self._u[w]]
@@ -295,19 +294,14 @@ class ClockedSteps:
             "waiting": {v.name: self._part(self._u, v).tobytes().hex() for v in waiting},
             "shown": {v.name: self._part(self._y, v).tobytes().hex() for v in values.place if v.causality == "output"},
         }
-        data = json.dumps(kept).encode()
-        return data + len(data).to_bytes(_LENGTH, "little")
-
-    def saved_size(self, data: bytes) -> int:
-        """Bytes of `saved` at the end of a state."""
-        return _LENGTH + int.from_bytes(data[-_LENGTH:], "little")
+        return json.dumps(kept).encode()
 
     def restore(self, saved: bytes) -> None:
         """Restore a state that `saved` returned. Raises CosimError for anything else."""
         f, values = self.fmu, self.values
         memory, due = self._ffi.buffer(self._ffi.addressof(f, "memory")), self._ffi.sizeof("ClockDue")
         try:
-            kept = json.loads(saved[:-_LENGTH])
+            kept = json.loads(saved)
             memory_was, due_was = bytes.fromhex(kept["memory"]), bytes.fromhex(kept["due"])
             waiting, shown = (
                 {name: np.frombuffer(bytes.fromhex(x)) for name, x in kept[of].items()} for of in ("waiting", "shown")

@@ -41,7 +41,7 @@ from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.model_exchange import Integration, ModelExchange
 from cosim.fmu.model_exchange import refusal as exchange_refusal
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
-from cosim.fmu.saved_states import FmuState, StatePool
+from cosim.fmu.saved_states import FmuState, StatePool, split
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 LARGEST = 2**30  # bytes of a serialized state
@@ -742,7 +742,7 @@ class FmuComponent:
             return
         self._must("SetFMUState", state.pointer)
         if own := self._remembers:
-            own.restore(state.events)
+            own.restore(state.events or b"")
         self._keep_values()
 
     def forget(self, state: FmuState) -> None:
@@ -819,11 +819,9 @@ class FmuComponent:
         self._unpack(data)
 
     def _unpack(self, data: bytes) -> None:
-        if (own := self._remembers) is not None:  # its memory is at the end
-            kept = own.saved_size(data) if isinstance(own, ClockedSteps) else own.saved_size
-            size = max(0, len(data) - kept)
-            own.restore(data[size:])
-            data = data[:size]
+        if own := self._remembers:
+            data, saved = split(data)
+            own.restore(saved)
         self.deserialize(data)
 
     def deserialize(self, data: bytes) -> None:

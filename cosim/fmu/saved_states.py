@@ -40,12 +40,22 @@ class SavedStates:
         self.pool.mark_unused(id(self))
 
 
+_LENGTH = 8  # bytes of the length of what is saved beside the FMU's own state
+
+
+def split(data: bytes) -> tuple[bytes, bytes]:
+    """The state of the FMU and what was saved beside it, from what `FmuState.pack` made of both."""
+    end = max(0, len(data) - _LENGTH)
+    begin = max(0, end - int.from_bytes(data[end:], "little"))
+    return data[:begin], data[begin:end]
+
+
 class FmuState:
-    """The saved state of one FMU: number `number` of `saved`. `events`: of its clocks, or of its integrator."""
+    """The saved state of one FMU: number `number` of `saved`. `events`: of its clocks, events or integrator."""
 
     __slots__ = ("events", "number", "saved")
 
-    def __init__(self, saved: SavedStates, number: int = 0, events: Any = None):
+    def __init__(self, saved: SavedStates, number: int = 0, events: bytes | None = None):
         self.saved, self.number, self.events = saved, number, events
 
     @property
@@ -58,8 +68,8 @@ class FmuState:
         return self.saved.pool.fmus[self.number] is fmu
 
     def pack(self) -> bytes:
-        """The state as bytes. Raises CosimError saying why the FMU does not give them."""
-        more = self.events if isinstance(self.events, bytes) else b""
+        """The state as bytes, see `split`. Raises CosimError saying why the FMU does not give them."""
+        more = b"" if self.events is None else self.events + len(self.events).to_bytes(_LENGTH, "little")
         if self.pointer:
             return self.saved.pool.fmus[self.number].pack_pointer(self.pointer) + more
         packed = self.saved.packed.get(self.number)
