@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from cosim.core.signals import peak, rms
+from cosim import Recording
+from cosim.core.signals import columns, peak, rms
 from cosim.experiments.metrics import response as metrics
 
 RATE = 100.0
@@ -179,3 +180,12 @@ class TestNonFinite:
         ):
             with raises(ValueError, match=f"{value} at sample 12"):
                 call()
+
+
+def test_signals_of_corners_are_columns_in_this_order():
+    recording = Recording(np.arange(3.0), ["f.b", "f.a"], np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]), {})
+    np.testing.assert_array_equal(columns(recording, "f.{}", ["a", "b"]), [[2.0, 1.0], [4.0, 3.0], [6.0, 5.0]])
+    np.testing.assert_array_equal(columns(recording, "g.{}", ["a", "b"], optional=True), np.zeros((3, 2)))
+    for pattern, optional in (("g.{}", False), ("f.{}", True)):
+        with pytest.raises(KeyError, match="was not recorded"):
+            columns(recording, pattern, ["a", "c"], optional=optional)
