@@ -216,8 +216,8 @@ class Batch(Copies):
         self.scalar = {m.name: why for m, why in self._fixed_reasons.items()}
         tables = {m for m in self._fixed_reasons if m.description.native}
         self._followed = self._reached({m for m, _ in (*self._outputs, *self._record)}, backward=True)
-        moving = self._followed & self._reached({m for m, _ in self._seeds})
-        self._probed = (moving & set(self._fixed_reasons)) - tables
+        self._moving = self._followed & self._reached({m for m, _ in self._seeds})
+        self._probed = (self._moving & set(self._fixed_reasons)) - tables
         self._check_memory()
         super().__init__()
         self._pool: ThreadPoolExecutor | None = None

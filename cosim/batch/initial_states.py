@@ -52,6 +52,7 @@ class Copies:
     _alone: dict[SystemComponent, str]
     _seeds: Mapping[tuple[SystemComponent, str], Array]
     _followed: Collection[SystemComponent]
+    _moving: Collection[SystemComponent]
     _probed: Collection[SystemComponent]
     _words: tuple[str, str]
 
@@ -376,7 +377,10 @@ class Copies:
             shown = tuple(sorted({slot for role, slot in places if role == "output"}))
             spare = self._spare.get(m)
             if spare is None or len(spare.whole) < groups:
-                library = lane_library(source, shown, self._target) if spare is None else spare.library
+                still = m not in self._moving
+                library = (
+                    lane_library(source, shown, self._target, still=still) if spare is None else spare.library
+                )
                 whole = aligned(groups, library.cosim_lanes_rows(), self._target.width)
                 spare = self._spare[m] = Lanes(source, library, whole, lanes)
             self._lanes[m] = replace(spare, whole=spare.whole[:groups])

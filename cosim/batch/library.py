@@ -145,9 +145,12 @@ def _over(target: Target, name: str, settings: Sequence[str], included: Sequence
 
 
 @lru_cache(maxsize=256)
-def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
-    """Lanes of an FMU, of which outputs with these slots are read. Raises CosimError without a compiler."""
-    return _loaded_from(*_lane_files(source, outputs, target, ()))
+def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target, *, still: bool = False) -> Any:
+    """Lanes of an FMU, of which outputs with these slots are read, and where nothing may move if it is `still`.
+
+    Raises CosimError without a compiler.
+    """
+    return _loaded_from(*_lane_files(source, outputs, target, (), still=still))
 
 
 def step_library(source: LaneSource) -> Path:
@@ -159,12 +162,12 @@ def step_library(source: LaneSource) -> Path:
 
 
 def _lane_files(
-    source: LaneSource, outputs: tuple[int, ...], target: Target, further: Sequence[str]
+    source: LaneSource, outputs: tuple[int, ...], target: Target, further: Sequence[str], *, still: bool = False
 ) -> tuple[dict[str, bytes], tuple[str, ...], str]:
     """Files of a library, those that are compiled, and its name."""
     included = ["VALUE_equations.h", "lane_profiles.h", "model.c", "lane_component.h", *further]
     plain = bool(target.directions) and not further and not source.one_at_a_time
-    settings = [*source.settings(outputs), f"#define HAS_PLAIN {int(plain)}"]
+    settings = [*source.settings(outputs), f"#define HAS_PLAIN {int(plain)}", f"#define STILL {int(plain and still)}"]
     name, code = _over(target, "component", settings, included)
     files = {n: d for n, d in source.files.items() if n.startswith("musl/") or n.endswith(".h")}
     if target.directions:

@@ -264,10 +264,12 @@ def test_parameters_of_random_profiles_have_no_derivative(built_fmus: BuiltFmus)
 
 def test_a_shorter_random_road_leaves_nothing_of_the_one_before(built_fmus: BuiltFmus) -> None:
     with System(allow_unconnected=True) as system:
+        system.add("speed", built_fmus.path("SpeedProfile", 3))
         system.add("road", built_fmus.path("RoadRandom", 3))
         system.add("car", built_fmus.path("QuarterCarBench", 3))
+        system.connect("speed.x", "road.x")
         system.connect("road.road.fl.height", "car.road.height")
-        seeds = {"car.body.mass": np.ones((1, 8))}
+        seeds = {"speed.start.x": np.ones((1, 8))}
 
         def profile(*lengths: float) -> Array:
             """Heights at all nodes of both tracks, after a reset to each length [m]."""

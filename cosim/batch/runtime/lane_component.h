@@ -235,11 +235,13 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
 
 #if HAS_PLAIN
 /* The same component over plain numbers (library.py): where nothing that it reads depends on a direction, its steps are
- * taken there, on a memory behind this one that begins alike. Both lanes are the same copy. */
+ * taken there, on a memory behind this one that begins alike. Both lanes are the same copy. STILL: nothing ever depends
+ * on one, so its equations over numbers with derivatives, which take long to compile, are not referred to. */
 enum { PLAIN = (SCRATCH + 63) / 64 * 64, BEFORE_VALUES = offsetof(Component, v) / sizeof(lanes) };
 typedef double Pair[2];
 size_t plain_rows(void);
 void plain_prepare(void *memory);
+unsigned plain_begin(void *memory, double t, double h, unsigned of);
 unsigned plain_step(void *memory, double t, double h, unsigned of);
 INLINE size_t plain_bytes(void) { return PLAIN - SCRATCH + plain_rows() * sizeof(Pair); }
 
@@ -261,15 +263,20 @@ static int moves(const lanes *values, int n) {
     return any;
 }
 
+enum { INPUTS = BEFORE_VALUES + N_PARAMETERS, STATES = INPUTS + N_INPUTS, OUTPUTS = STATES + 2 * N_STATES };
+
 static unsigned step_of_any(Component *m, double t, double h, unsigned of) {
-    enum { INPUTS = BEFORE_VALUES + N_PARAMETERS, STATES = INPUTS + N_INPUTS, OUTPUTS = STATES + 2 * N_STATES };
     const uint64_t was_plain = m->sides.plain;
+#if STILL
+    m->sides.plain = 1;
+#else
     m->sides.plain = was_plain ? !moves(U, N_INPUTS) : !moves(m->v, N_VALUES);
     if (was_plain && !m->sides.plain) {
         from_plain(m, 0, BEFORE_VALUES);
         from_plain(m, STATES, 2 * N_STATES + N_OUTPUTS);
     }
     if (!m->sides.plain) return step(m, t, h, of);
+#endif
     if (was_plain) to_plain(m, INPUTS, N_INPUTS);
     else to_plain(m, 0, OUTPUTS + N_OUTPUTS); /* a step without a sample keeps its outputs */
     if (!m->prepared) plain_prepare((char *)m + PLAIN);
@@ -329,11 +336,11 @@ EXPORT void cosim_lanes_prepare(void *memory) {
     memset((char *)m + SCRATCH, 0, programs_bytes());
     fmu_qp_functions.setup((char *)m + SCRATCH);
 #endif
-#if N_FIXED
+#if N_FIXED && !STILL
     const FmuArguments at = arguments(m, 0.0, X);
     prepare(&at, m->fixed);
 #endif
-#if HAS_PROFILES
+#if HAS_PROFILES && !STILL
     take_profiles(m);
 #endif
 #ifdef HAS_SIDES
@@ -341,6 +348,17 @@ EXPORT void cosim_lanes_prepare(void *memory) {
 #endif
 }
 /* Outputs before the first step, as fmu_core.c has them, with start states that follow inputs and parameters. */
+#if STILL
+EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of) {
+    Component *const m = (Component *)memory;
+    to_plain(m, 0, OUTPUTS + N_OUTPUTS);
+    plain_prepare((char *)m + PLAIN);
+    const unsigned failed = plain_begin((char *)m + PLAIN, t, h, 3u) & of;
+    from_plain(m, STATES, 2 * N_STATES + N_OUTPUTS);
+    if (failed) from_plain(m, 0, BEFORE_VALUES);
+    return failed;
+}
+#else
 EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of) {
     Component *const m = (Component *)memory;
     const double time = *(const double *)&m->time;
@@ -365,6 +383,7 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
 #endif
     return failed | not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
 }
+#endif
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
