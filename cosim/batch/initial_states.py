@@ -378,9 +378,7 @@ class Copies:
             spare = self._spare.get(m)
             if spare is None or len(spare.whole) < groups:
                 still = m not in self._moving
-                library = (
-                    lane_library(source, shown, self._target, still=still) if spare is None else spare.library
-                )
+                library = lane_library(source, shown, self._target, still=still) if spare is None else spare.library
                 whole = aligned(groups, library.cosim_lanes_rows(), self._target.width)
                 spare = self._spare[m] = Lanes(source, library, whole, lanes)
             self._lanes[m] = replace(spare, whole=spare.whole[:groups])
