@@ -28,7 +28,7 @@ from cosim.core.description import RECORDABLE
 from cosim.core.errors import CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.core.interrupt import held
 from cosim.core.time import TimeLike, positive, rational, seconds_text
-from cosim.engine.adaptive import for_tolerance, smallest_step
+from cosim.engine.adaptive import for_tolerance
 from cosim.engine.execution import Execution, Record
 from cosim.engine.simulation import Simulation
 from cosim.engine.state import SystemState
@@ -132,10 +132,12 @@ class System(Wiring):
         kept, how = _named(Record.of(record)), execution or Execution()
         how.prepare(self)
         interval = None if kept.interval is None else positive(kept.interval, "the interval of the record")
-        parts = None if how.tolerance is None else smallest_step(list(self.components.values()))
-        schedule = self.schedule(*(period for period in (interval, parts) if period is not None))
-        if parts is not None:
-            schedule = for_tolerance(schedule)
+        schedule = self.schedule(*([] if interval is None else [interval]))
+        tolerance = how.tolerance if schedule.continuous else None
+        if tolerance is not None:
+            begin = rational(self.experiment[0] if start_time is None else start_time, "start_time")
+            until = None if stop_time is None else max(abs(begin), abs(rational(stop_time, "stop_time")))
+            schedule = for_tolerance(schedule, tolerance, until)
         if schedule.unconnected and not self.allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
@@ -152,7 +154,7 @@ class System(Wiring):
             state=state,
             allow_nan=how.allow_nan,
             loop_tolerance=how.loop_tolerance,
-            tolerance=None if parts is None else how.tolerance,
+            tolerance=tolerance,
         )
         if how.check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))

@@ -154,23 +154,14 @@ fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
     return (fmi2Status)fmu_set_as(self, __func__, FMU_BOOLEAN, vr, nvr, value, nvr, read_flag);
 }
 
-static fmi2Status no_strings(FmuInstance *self, const char *function, size_t nvr) {
-    if (nvr == 0) return fmi2OK;
-    return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: %s has no String variables", function, fmu_model.name);
-}
-
 fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[]) {
-    (void)vr;
-    (void)value;
     ENTER(READABLE);
-    return no_strings(self, __func__, nvr);
+    return (fmi2Status)fmu_get_texts(self, __func__, vr, nvr, value, nvr);
 }
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[]) {
-    (void)vr;
-    (void)value;
     ENTER(WRITABLE_DISCRETE);
-    return no_strings(self, __func__, nvr);
+    return (fmi2Status)fmu_set_texts(self, __func__, vr, nvr, value, nvr);
 }
 
 /* ------------------------------------------------------------------ state */

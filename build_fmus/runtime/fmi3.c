@@ -190,6 +190,18 @@ fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference valueR
         self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, read_flag);
 }
 
+fmi3Status fmi3GetString(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                         fmi3String values[], size_t nValues) {
+    ENTER(READABLE);
+    return (fmi3Status)fmu_get_texts(self, __func__, valueReferences, nValueReferences, values, nValues);
+}
+
+fmi3Status fmi3SetString(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                         const fmi3String values[], size_t nValues) {
+    ENTER(WRITABLE_DISCRETE);
+    return (fmi3Status)fmu_set_texts(self, __func__, valueReferences, nValueReferences, values, nValues);
+}
+
 /* Types that no component here has: an empty request is fine, anything else is an error. */
 static fmi3Status no_variables(FmuInstance *self, const char *function, size_t n) {
     if (n == 0) return fmi3OK;
@@ -220,7 +232,6 @@ NO_VARIABLES(UInt16, WRITABLE_DISCRETE)
 NO_VARIABLES(UInt32, WRITABLE_DISCRETE)
 NO_VARIABLES(Int64, WRITABLE_DISCRETE)
 NO_VARIABLES(UInt64, WRITABLE_DISCRETE)
-NO_VARIABLES(String, WRITABLE_DISCRETE)
 
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                          size_t valueSizes[], fmi3Binary values[], size_t nValues) {

@@ -578,6 +578,19 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     return set_with(self, function, type, refs, n_refs, values, count, read);
 }
 
+/* A component has no texts. */
+FmuStatus fmu_get_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+                        const char *values[], size_t count) {
+    (void)refs, (void)values;
+    return n_refs + count ? fmu_fail(self, FMU_ERROR, "%s: %s has no String variables", function, M->name) : FMU_OK;
+}
+
+FmuStatus fmu_set_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+                        const char *const values[], size_t count) {
+    (void)values;
+    return fmu_get_texts(self, function, refs, n_refs, NULL, count);
+}
+
 /* ------------------------------------------------------------------ partial derivatives */
 
 /* Where the derivative of a variable is computed; NULL for what is no unknown. */

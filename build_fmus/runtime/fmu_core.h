@@ -60,6 +60,10 @@ FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, cons
                      void *values, size_t count, FmuWrite write);
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read);
+FmuStatus fmu_get_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+                        const char *values[], size_t count);
+FmuStatus fmu_set_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+                        const char *const values[], size_t count);
 
 /* Partial derivatives of unknowns by knowns, times a seed for each number of a known (directional) or of an unknown
  * (adjoint). */

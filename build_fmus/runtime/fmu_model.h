@@ -22,7 +22,7 @@ typedef struct {
 typedef void (*FmuFunction)(const FmuArguments *at, real *result);
 typedef void (*FmuFunctions)(const FmuArguments *at, real *result, real *second);
 
-typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
+typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN, FMU_STRING } FmuType; /* texts: of systems only */
 typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
 typedef enum { FMU_RK4, FMU_AM2, FMU_ROS2, FMU_SEMI_IMPLICIT } FmuSolver;
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */

@@ -263,7 +263,7 @@ static int take_step(Engine *e, EngineAdaptive *a, double t) {
         }
         s->n_rejected++;
         const double factor = factor_of(a, error, SAFETY, false);
-        if (error < INFINITY) learn(e, a, s->tried, false);
+        if (factor > LEAST_FACTOR) learn(e, a, s->tried, false); /* else it may be a jump, which has no slope */
         if ((result = restore(e, a))) return fail(e, a, result);
         e->n_stepped = 0;
         s->next = s->tried = fitting(a, (int64_t)(factor * (double)s->tried));

@@ -16,8 +16,9 @@ discrete component, so these run at their exact instants.
    there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
-   magnitude so far). If it is above 1, the states are restored, the parabolas go through the values of the step that
-   was tried, and a shorter one is tried. Otherwise it is accepted, and the error decides on the length of the next one,
+   magnitude so far). If it is above 1, the states are restored and a shorter step is tried. The parabolas go through
+   the values of the step that was tried then, unless the shorter one has the least part of its length: a value that
+   jumps has no slope. Otherwise it is accepted, and the error decides on the length of the next one,
    as it grows with the product of the distances to the values of the parabola. A value that is not finite has an
    infinite error, and tells no parabola.
 
@@ -54,11 +55,11 @@ import numpy.typing as npt
 from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
 from cosim.core.errors import FmuWarning, LoopError, ToleranceExceeded, WiringError
-from cosim.core.time import TimeBase, seconds_text
+from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.engine.library import interface
 from cosim.engine.loops import between_steps
 from cosim.engine.saving import EngineStatePool
-from cosim.engine.values import Layout, PortLayout
+from cosim.engine.values import EXACT, Layout, PortLayout
 from cosim.fmu.saved_states import SavedStates
 from cosim.recording.recording import StepEffort
 from cosim.system.components import Group, SystemComponent
@@ -66,7 +67,14 @@ from cosim.system.loops import AlgebraicLoop, declared
 from cosim.system.schedule import Schedule, only_numbers
 
 PARTS = 4096
-"""The smallest step is this part of the smallest step that a continuous component has without a tolerance."""
+"""The smallest step is at most this part of the smallest step that a continuous component has without a tolerance."""
+JUMPS = 1000
+"""It is also at most tolerance / JUMPS of that step: a value that jumps is late by up to the smallest step, and the
+delays of jumps that follow from each other, as those of a relay, add up."""
+RESOLUTION = 2**40
+"""For the sake of JUMPS it is no shorter than this part of the stop time: times are doubles, also those of FMUs."""
+UNKNOWN = 2**16
+"""Where the stop time is not known, so many of the steps without a tolerance take its place."""
 LARGEST = 64
 """The largest step is so many of these."""
 SHARE = 0.03
@@ -80,10 +88,23 @@ States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and o
 State = tuple[Array, npt.NDArray[np.int64], States | None]
 
 
-def smallest_step(components: Sequence[SystemComponent]) -> Fraction | None:
-    """The smallest adaptive step of a system [s]; None if it has no continuous component."""
-    steps = [m.step for m in components if not m.discrete]
-    return _internal_steps(components) or min(steps) / PARTS if steps else None
+def _tick(schedule: Schedule, tolerance: float, until: Fraction | None) -> Fraction:
+    """The base tick of a run to `until` [s], which is the smallest step where there are no internal steps."""
+    internal = _internal_steps(schedule.components)
+    if internal is not None:
+        return gcd([schedule.tick, internal])
+    tick, declared = schedule.tick, _declared(schedule)
+    least = (UNKNOWN * declared if until is None else until) / RESOLUTION
+    while tick > declared / PARTS or (
+        tick > declared * (tolerance / JUMPS) and tick >= 2 * least and tick.denominator < EXACT / 4
+    ):
+        tick /= 2
+    return tick
+
+
+def _declared(schedule: Schedule) -> Fraction:
+    """The smallest step of continuous components without a tolerance [s]."""
+    return min(m.step for m in schedule.continuous)
 
 
 def _internal_steps(components: Sequence[SystemComponent]) -> Fraction | None:
@@ -94,8 +115,10 @@ def _internal_steps(components: Sequence[SystemComponent]) -> Fraction | None:
     return Fraction(math.lcm(*(int(step * whole) for step in found)), whole) if found else None
 
 
-def for_tolerance(schedule: Schedule) -> Schedule:
+def for_tolerance(schedule: Schedule, tolerance: float, until: Fraction | None) -> Schedule:
     """The schedule of a run with a tolerance, where groups and the option `extrapolate` have no meaning.
+
+    `until`: largest time of the run [s], if it is known.
 
     Raises:
         WiringError: a component cannot take steps of any length or go back to a saved state, or a connection or loop
@@ -121,6 +144,7 @@ def for_tolerance(schedule: Schedule) -> Schedule:
     schedule = only_numbers(schedule, "a run with a tolerance", "run the system without a tolerance")
     return replace(
         schedule,
+        tick=_tick(schedule, tolerance, until),
         groups=tuple(Group("", (m,)) for m in schedule.continuous),
         connections=tuple(replace(c, extrapolate=False) for c in schedule.connections),
     )
@@ -132,7 +156,7 @@ def _check_instants(schedule: Schedule) -> None:
     if internal is None:
         return
     fixed = ", ".join(f"'{m.name}'" for m in schedule.continuous if m.description.internal_step is not None)
-    if internal > LARGEST * min(m.step for m in schedule.continuous):
+    if internal > LARGEST * _declared(schedule):
         raise WiringError(
             f"the fixed internal steps (fixedInternalStepSize) of {fixed} have no common multiple below"
             f" {seconds_text(internal)}, which is too long for a step: run the system without a tolerance"
@@ -179,7 +203,7 @@ class AdaptiveSteps:
         self._memory: Array = np.zeros((5, n))  # begin, size, slope, curve, back
         self._memory[1] = [FLOOR * v.nominal for _, v in self._outputs]
         self._steps: npt.NDArray[np.int64] = np.zeros(self._ffi.sizeof("EngineSteps") // 8, dtype=np.int64)
-        declared, internal = min(m.step for m in schedule.continuous), _internal_steps(schedule.components)
+        declared, internal = _declared(schedule), _internal_steps(schedule.components)
         self.struct = a = self._ffi.new("EngineAdaptive*")
         a.n, a.tolerance, a.stop, a.largest = n, SHARE * tolerance, stop, LARGEST * base.count(declared)
         a.internal = 0 if internal is None else base.count(internal)
@@ -281,8 +305,13 @@ class AdaptiveSteps:
     def effort(self) -> StepEffort:
         """How many steps there were, and how long they were."""
         s, second = self.struct.steps, float(self._base.tick)
-        lengths = [second * ticks for ticks in (s.smallest, s.total / max(1, s.n_accepted), s.largest)]
-        return StepEffort(self._tolerance, s.n_accepted, s.n_rejected, s.n_beyond, *lengths)
+        ticks = (s.smallest, s.total / max(1, s.n_accepted), s.largest)
+        lengths = dict(zip(("smallest", "mean", "largest"), (second * n for n in ticks), strict=True))
+        least, why = second * (self.struct.internal or 1), ""
+        if least > _declared(self._schedule) * (self._tolerance / JUMPS):
+            why = "fixed internal steps (fixedInternalStepSize)" if self.struct.internal else "double-precision times"
+        counts = s.n_accepted, s.n_rejected, s.n_beyond
+        return StepEffort(self._tolerance, *counts, **lengths, least=least, limited_by=why)
 
 
 def _direct(

@@ -166,7 +166,7 @@ INLINE int run_component(Engine *e, const EngineComponent *m, double t) {
     const int result = !m->direct    ? (m->fmi ? run_parts(e, m, t) : run_back(e, m, t))
                        : m->fmi == 3 ? run3(e, m, t)
                                      : run2(e, m, t);
-    if (RARELY(environment_looks_changed() & m->foreign)) put_back(e, m);
+    if (m->foreign && RARELY(environment_differs(e->environment))) put_back(e, m);
     if (RARELY(result)) e->component = (int32_t)(m - e->components);
     return result;
 }

@@ -57,7 +57,7 @@ _TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  #
 _KINDS = {"Real": "FLOAT64", "Integer": "INT32"}
 _ENUMERATION = {2: "INT32", 3: "INT64"}
 _ROLES = {"parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "output": "FMU_OUTPUT"}
-_TYPES = {"Float64": "FMU_FLOAT64", "Int32": "FMU_INT32", "Boolean": "FMU_BOOLEAN"}
+_TYPES = {"Float64": "FMU_FLOAT64", "Int32": "FMU_INT32", "Boolean": "FMU_BOOLEAN", "String": "FMU_STRING"}
 _BYTES = 8  # of one value in a buffer, whatever its type
 
 
@@ -307,10 +307,12 @@ class SystemCode:
 
     def _passed(self, c: Connection) -> dict[str, Any]:
         """A parameter that another component calculates."""
-        if c.input.type not in RECORDABLE:
+        text, types = c.input.type not in RECORDABLE, {c.input.fmi_type, c.output.fmi_type}
+        wide = types in ({"Int64"}, {"UInt64"}) and (c.scale, c.offset) == (1.0, 0.0)
+        if text and max(c.input.size, c.output.size) > 1:
             raise WiringError(
-                f"{c.source_name} -> {c.target_name} is a {c.input.fmi_type}, which the FMU of a system does not pass"
-                " on to parameters: set the parameter instead, and take this connection out"
+                f"{c.source_name} -> {c.target_name} is an element of an array of {c.input.fmi_type}, which the FMU of"
+                " a system does not pass on to parameters: set the parameter instead, and take this connection out"
             )
         ends = [
             [
@@ -327,7 +329,7 @@ class SystemCode:
             least, most = INTEGER_RANGE.get(c.input.fmi_type, (0, 1))
             low, high = max(low, float(least)), min(high, float(most))
         numbers = {"scale": c.scale, "offset": c.offset, "min": low, "max": high}
-        return {"name": c.target_name, "source": ends[0], "target": ends[1]} | {
+        return {"name": c.target_name, "source": ends[0], "target": ends[1], "exact": text or wide} | {
             k: c_number(x) for k, x in numbers.items()
         }
 

@@ -14,7 +14,7 @@ from build_fmus.base import escape
 from cosim.export.variables import Exported, feedthrough, units_of
 from cosim.system.schedule import Schedule
 
-_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
+_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "String": "String"}
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,17 @@ def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> 
         values["unit"] = v.unit.name
         if v.relative:
             values["relativeQuantity"] = "true"
-    if e.type != "Boolean":
+    if e.type not in ("Boolean", "String"):
         for key, limit in (("min", v.minimum), ("max", v.maximum)):
             if limit is not None:
                 values[key] = base.text(limit, e.type)
     if e.causality != "output":
-        values["start"] = base.text(e.start, e.type)
+        values["start"] = e.start if e.type == "String" else base.text(e.start, e.type)
     if fmi == 2:
         scalar = etree.SubElement(listed, "ScalarVariable", **common)
         etree.SubElement(scalar, _FMI2_TYPES[e.type], **values)
+    elif e.type == "String":
+        etree.SubElement(etree.SubElement(listed, "String", **common), "Start", value=values["start"])
     else:
         etree.SubElement(listed, e.type, **common, **values)
 

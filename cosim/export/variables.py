@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from build_fmus.base import units
+from build_fmus.base import escape, units
 from build_fmus.base.units import Unit
 from cosim.core.description import WIDE, Variable
 from cosim.core.errors import WiringError
@@ -14,8 +14,12 @@ from cosim.system.components import Connection, SystemComponent
 from cosim.system.names import SystemComponents
 from cosim.system.schedule import Schedule
 
-TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
-_FITS = {"Real", "Float64", "Float32", "Integer", "Int32", "Int16", "UInt16", "Int8", "UInt8", "Boolean"}
+TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean", "string": "String"}
+_NARROW = ("Integer", "Int32", "Int16", "UInt16", "Int8", "UInt8", "Enumeration")
+_FITS = {
+    "input": {"Real", "Float64", "Float32", *_NARROW, "Boolean"},
+    "parameter": {"Real", "Float64", "Float32", *_NARROW, "Boolean", "String"},
+}
 _LARGE = ("UInt32", *WIDE)  # integers that an Int32 may not hold
 
 
@@ -42,13 +46,14 @@ class Exported:
     def description(self) -> str:
         """The variable's own, and what its type is if it is another one here."""
         own, kind = self.variable.description, self.variable.fmi_type
-        said = f"{kind} as Float64, exact up to 2^53" if kind in _LARGE else ""
+        said = f"{kind} as {self.type}" if kind in (*_LARGE, "Enumeration") else ""
+        said += ", exact up to 2^53" if kind in _LARGE else ""
         return f"{own} ({said})" if own and said else own or said
 
     @property
     def tunable(self) -> bool:
         """Whether it is a tunable parameter."""
-        return self.causality == "parameter" and self.variable.variability == "tunable"
+        return self.causality == "parameter" and self.variable.variability == "tunable" and self.type != "String"
 
 
 def choose(
@@ -102,8 +107,9 @@ def _unfit(variable: Variable, causality: str, connection: Connection | None) ->
         return f"it is {variable.causality}"
     if connection is not None:
         return f"it is driven by {connection.source_name}"
-    if variable.fmi_type not in _FITS:
-        return f"its type is {variable.fmi_type}; possible types are {', '.join(sorted(_FITS))}"
+    if variable.fmi_type not in _FITS[causality]:
+        possible = ", ".join(sorted(_FITS[causality]))
+        return f"its type is {variable.fmi_type}; possible types are {possible}; set it in the system before the export"
     if variable.size > 1:
         return f"it is an element of the array {variable.declared}; set it in the system before the export"
     return ""
@@ -111,7 +117,14 @@ def _unfit(variable: Variable, causality: str, connection: Connection | None) ->
 
 def _start(component: SystemComponent, variable: Variable) -> Any:
     value = component.start(variable.name)
-    return 0 if value is None else value
+    if value is None:
+        return "" if variable.fmi_type == "String" else 0
+    if isinstance(value, str) and escape.NO_XML.search(value):
+        raise WiringError(
+            f"{component.name}.{variable.name} starts with {value!r}, which has characters that XML cannot contain: set"
+            " another text, or leave it out of the parameters of the FMU"
+        )
+    return value
 
 
 def units_of(variables: Sequence[Exported]) -> list[Unit]:

@@ -62,7 +62,8 @@ class LoopEffort:
 class StepEffort:
     """Steps of a run with a tolerance: how many were accepted and rejected, and lengths of the accepted ones [s].
 
-    `beyond`: how many of the accepted ones have the smallest length and an error beyond the tolerance, as at jumps.
+    `beyond`: how many of the accepted ones have the smallest possible length, `least` [s], and an error beyond the
+    tolerance, as at jumps. `limited_by`: why `least` is longer than the tolerance needs.
     """
 
     tolerance: float
@@ -72,6 +73,8 @@ class StepEffort:
     smallest: float
     mean: float
     largest: float
+    least: float
+    limited_by: str = ""
 
     def __str__(self) -> str:
         text = (
@@ -81,9 +84,11 @@ class StepEffort:
         )
         if self.beyond:
             text += (
-                f"; {self.beyond} of the smallest length exceed the tolerance, as where a value jumps: what follows"
-                " them may have an error beyond it"
+                f"; {self.beyond} of the smallest possible length, {self.least:.3g} s, exceed the tolerance, as where a"
+                " value jumps, which is late by up to this length"
             )
+            if self.limited_by:
+                text += f": {self.limited_by} allow no shorter one, so what follows may have an error beyond it"
         return text
 
 

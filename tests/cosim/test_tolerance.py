@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from typing import Any
 
@@ -281,25 +282,110 @@ def test_a_value_that_is_not_finite_has_no_small_error(value):
     assert np.isfinite(caught.value.recording.data).all()
 
 
-def test_a_value_that_jumps_and_is_steep_after_that_is_followed():
-    """A step of it, without slopes, exceeds the tolerance however small it is."""
+@pytest.mark.parametrize(("slope", "beyond"), [(1e4, 1), (1e7, 2)])
+def test_a_value_that_jumps_and_is_steep_after_that_is_followed(slope, beyond):
+    """A step of the steeper one, without slopes, exceeds the tolerance however small it is."""
 
     class Ramp(PythonComponent):
         outputs = ("y",)
 
         def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
-            y[0] = 0.0 if t + h < 0.05 else 1.0 + 1e4 * (t + h - 0.05)
+            y[0] = 0.0 if t + h < 0.05 else 1.0 + slope * (t + h - 0.05)
 
     system = System()
     system.add("r", Ramp, step="1 ms")
     system.add("i", Integrator(), step="1 ms")
     system.connect("r.y", "i.u")
     run = system.run(0.06, record=["i.y"], tolerance=1e-4)
-    assert run["i.y"][-1] == pytest.approx(0.01 + 0.5e4 * 0.01**2, rel=1e-4)
-    assert run.steps.beyond == 4  # to locate the jump, and after it
-    assert "; 4 of the smallest length exceed the tolerance" in str(run.steps)
+    assert run["i.y"][-1] == pytest.approx(0.01 + 0.5 * slope * 0.01**2, rel=1e-4)
+    assert run.steps.beyond == beyond  # where it jumps, and after it
+    assert str(run.steps).endswith(
+        f"; {beyond} of the smallest possible length, 5.96e-11 s, exceed the tolerance, as where a value jumps,"
+        " which is late by up to this length"
+    )
     smooth = system.run(0.04, record=["i.y"], tolerance=1e-4).steps
     assert (smooth.beyond, "exceed" in str(smooth)) == (0, False)
+
+
+class Lag(PythonComponent):
+    """A first-order lag, exact for constant inputs."""
+
+    inputs = ("u",)
+    outputs = ("x",)
+    feedthrough = {"x": ()}  # noqa: RUF012
+
+    def begin(self) -> None:
+        self.x = 0.0
+
+    def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
+        y[0] = self.x
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        self.x -= np.expm1(-20.0 * h) * (u[0] - self.x)
+        y[0] = self.x
+
+
+class Relay(PythonComponent):
+    """1 until its input is above 0.4, then -1 until it is below -0.4."""
+
+    inputs = ("x",)
+    outputs = ("u",)
+    feedthrough = {"u": ("x",)}  # noqa: RUF012
+    computes_on_get = True
+
+    def begin(self) -> None:
+        self.last = 1.0
+
+    def start(self, u: Any, y: Any) -> None:
+        y[0] = 1.0 if u[0] < -0.4 else -1.0 if u[0] > 0.4 else self.last
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        self.start(u, y)
+        self.last = y[0]
+
+
+def with_relay(internal: Fraction | None = None) -> System:
+    system = System()
+    system.add("lag", Lag, step="1 ms")
+    system.add("relay", Relay, step="1 ms")
+    system.connect("lag.x", "relay.x")
+    system.connect("relay.u", "lag.u")
+    system["lag"].description.internal_step = internal
+    return system
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
+def test_the_tolerance_is_met_where_a_value_jumps_again_and_again(tolerance):
+    """A relay that switches 24 times: its delays add up."""
+    with with_relay() as system:
+        run = system.run(1.0, record=Record(["lag.x"], "7 ms"), tolerance=tolerance)
+    first, period = -np.log(0.6) / 20, np.log(1.4 / 0.6) / 20
+    switched = np.floor((run.time - first) / period)
+    toward = np.where(switched % 2, 1.0, -1.0)
+    after = toward * (1.0 - 1.4 * np.exp(-20.0 * (run.time - first - switched * period)))
+    true = np.where(switched < 0, 1.0 - np.exp(-20.0 * run.time), after)
+    assert switched[-1] == 22
+    assert np.abs(run["lag.x"] - true).max() / 0.4 < 0.1 * tolerance
+    assert run.steps.limited_by == ""
+    assert run.steps.rejected < 0.5 * run.steps.accepted < 40 * 24 / np.cbrt(tolerance / 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("internal", "stop", "tolerance", "said"),
+    [
+        (Fraction(1, 10000), 0.1, 1e-2, "0.0001 s, exceed .*: fixed internal steps .* allow no shorter one"),
+        (None, 20000, 1e-6, "3.05e-08 s, exceed .*: double-precision times allow no shorter one"),
+    ],
+)
+def test_a_jump_that_cannot_be_located_as_exactly_as_the_tolerance_needs_is_told(internal, stop, tolerance, said):
+    with (
+        with_relay(internal) as system,
+        system.initialize(record=["lag.x"], stop_time=stop, execution=Execution(tolerance=tolerance)) as simulation,
+    ):
+        simulation.advance(0.1)
+        steps = simulation.recording.steps
+    assert re.search(said, str(steps))
+    assert steps.beyond > 0
 
 
 @pytest.mark.parametrize("isolated", [False, True])

@@ -42,12 +42,14 @@ static void read_all(fmi3Instance c, double *sum) {
         double x = 0.0;
         int32_t i = 0;
         bool b = false;
+        const char *text = "";
         const FmuType type = plan.variables[vr].type;
         const fmi3Status status = type == FMU_FLOAT64 ? fmi3GetFloat64(c, &vr, 1, &x, 1)
-                                  : type == FMU_INT32 ? fmi3GetInt32(c, &vr, 1, &i, 1)
-                                                      : fmi3GetBoolean(c, &vr, 1, &b, 1);
+                                  : type == FMU_INT32  ? fmi3GetInt32(c, &vr, 1, &i, 1)
+                                  : type == FMU_STRING ? fmi3GetString(c, &vr, 1, &text, 1)
+                                                       : fmi3GetBoolean(c, &vr, 1, &b, 1);
         EXPECT(status == fmi3OK);
-        *sum += x + i + b;
+        *sum += x + i + b + (double)strlen(text);
     }
 }
 
@@ -62,6 +64,22 @@ static void write_all(fmi3Instance c) {
         EXPECT((fmi3SetFloat64(c, &vr, 1, &x, 1) <= fmi3Warning) == settable);
         EXPECT(fmi3SetFloat64(c, &vr, 1, &bad, 1) == fmi3Error);
     }
+}
+
+/* Texts are taken in initialization: one that is told stays where it is while others are set. */
+static void set_texts(fmi3Instance c) {
+    const char *told[2] = {NULL, NULL}, *given[2] = {"some", "other text"};
+    unsigned vr[2], n = 0;
+    for (unsigned k = 0; k < (unsigned)plan.n_variables && n < 2; k++)
+        if (plan.variables[k].type == FMU_STRING) vr[n++] = k;
+    EXPECT(n == 2);
+    EXPECT(fmi3SetString(c, vr, n, given, n) == fmi3OK);
+    EXPECT(fmi3GetString(c, vr, n, told, n) == fmi3OK);
+    EXPECT(!strcmp(told[0], given[0]) && !strcmp(told[1], given[1]));
+    EXPECT(fmi3SetString(c, vr, n, told, n) == fmi3OK);
+    given[1] = NULL;
+    EXPECT(fmi3SetString(c, vr, n, given, n) == fmi3Error);
+    EXPECT(fmi3GetString(c, vr, n, told, 1) == fmi3Error);
 }
 
 static void states(fmi3Instance c) {
@@ -106,6 +124,7 @@ static void *live(void *unused) {
         EXPECT(advance(c, 0.0, step) == fmi3Error);
         EXPECT(fmi3EnterInitializationMode(c, false, 0.0, 0.0, false, 0.0) == fmi3OK);
         read_all(c, &sum);
+        set_texts(c);
         EXPECT(fmi3ExitInitializationMode(c) == fmi3OK);
         for (int k = 0; k < 10; k++) EXPECT(advance(c, k * step, step) == fmi3OK);
         EXPECT(advance(c, 0.0, step) == fmi3Error);

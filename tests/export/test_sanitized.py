@@ -49,6 +49,9 @@ def unpacked(built_fmus: BuiltFmus, follower: dict[int, Path], tmp_path_factory:
             system.add(f"calculated{fmi}", calculating.build(folder, fmi), step="10 ms")
         system.connect("calculated3.sums[2]", "calculated2.factor")
         system.connect("calculated2.next", "calculated3.n")
+        system.add("calculated", calculating.build(folder, 3), step="10 ms", parameters={"name": "you", "key": b"ab"})
+        for output, parameter in (("greeting", "name"), ("lock", "key"), ("larger", "large")):
+            system.connect(f"calculated.{output}", f"calculated3.{parameter}")
         ticking = pulses.build(folder, early_return=True)  # connected clocks, and one that returns early again
         for name, period, relay in (("again", 0.0, 6), ("ticks", 0.0031, 3), ("told", 0.0, 1), ("other", 0.0041, 3)):
             system.add(name, ticking, step="10 ms", parameters={"period": period, "relay": relay})

@@ -20,7 +20,7 @@ from built import FMUS, BuiltFmus
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
-from foreign import making
+from foreign import calculating, making
 from same import bits
 
 from cosim import CosimError, Fmu, FmuError, PythonComponent, Record, System, WiringError
@@ -308,6 +308,104 @@ def test_what_cannot_be_in_it_is_named(follower, tmp_path, options, raises):
         with raises((WiringError, CosimError)):
             system.export_fmu(path, **options)
         assert not path.exists()
+
+
+TEXTS = ["", "plain", "<a href=\"x\"> & 'b'", "line\nand\ttab", "Größe %s \\ ??/"]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("version", [2, 3])
+def test_texts_are_parameters_of_the_fmu(tmp_path_factory, tmp_path, version, fmi, text):
+    """With the values of the system as start values, as the component gets them, and as the importer changes them."""
+    path = calculating.build(tmp_path_factory.getbasetemp(), version)
+    with System() as system:
+        for name in ("a", "b"):
+            system.add(name, path, step="1 ms")
+        system["a"].set(name=text)
+        fmu = system.export_fmu(tmp_path / "Texts.fmu", fmi=fmi)
+        expected = system.run(0.002, record=["a.seen"])["a.seen"][-1]
+    assert not validate_fmu(fmu)
+    assert Fmu(fmu, strict=True).verdict == Verdict()
+    shown = fmpy.simulate_fmu(fmu, stop_time=0.002, output_interval=0.001)
+    assert shown["a.seen"][-1] == expected
+    with System() as outer:
+        one = outer.add("all", fmu, step="1 ms")
+        inside = {v.name: v for v in one.description.parameters.values()}
+        assert (inside["a.name"].fmi_type, inside["a.name"].start, inside["b.name"].start) == ("String", text, "")
+        assert inside["a.name"].variability == "fixed"
+        one.set({"b.name": text, "a.name": "other"})
+        with outer.initialize(record=["all.b.seen"]) as simulation:
+            assert one.implementation.get([inside["b.name"], inside["a.name"]]) == [text, "other"]
+            assert simulation["all.b.seen"] == expected
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_call_with_a_text_that_a_component_refuses_changes_nothing(tmp_path, fmi):
+    with System() as system:
+        for name in ("a", "b"):
+            system.add(name, calculating.build(tmp_path, 3), step="1 ms")
+        fmu = system.export_fmu(tmp_path / "Texts.fmu", fmi=fmi)
+    description = fmpy.read_model_description(fmu)
+    references = [v.valueReference for v in description.modelVariables if v.name in ("a.name", "b.name")]
+    said = []
+
+    def texts(of):
+        return [text.decode() if isinstance(text, bytes) else text for text in slave.getString(of)]
+
+    slave = (FMU2Slave if fmi == 2 else FMU3Slave)(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(fmu, tmp_path / "files"),
+        modelIdentifier="Texts",
+        **({} if fmi == 2 else {"instanceName": "one"}),
+    )
+    try:
+        logs = fmpy.fmi2.fmi2CallbackLoggerTYPE if fmi == 2 else fmpy.fmi3.fmi3LogMessageCallback
+        logger = logs(lambda *given: said.append(given[-1].decode()))
+        if fmi == 2:
+            callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+            callbacks.logger = logger
+            slave.instantiate(callbacks=callbacks)
+            slave.setupExperiment()
+        else:
+            slave.instantiate(logMessage=logger)
+        slave.enterInitializationMode()
+        put = slave.setString
+        put(references, ["first", "second"])
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            put(references, ["changed", 70 * "x"])
+        assert "b.name" in said[-1]
+        assert texts([*references, references[0]]) == ["first", "second", "first"]
+        slave.exitInitializationMode()
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            put(references[:1], ["late"])
+        assert "a.name cannot be set in state 'step mode'" in said[-1]
+        assert texts(references) == ["first", "second"]
+    finally:
+        slave.freeInstance()
+
+
+def test_parameters_of_other_types(tmp_path, raises):
+    """Enumerations are integers there; what no FMU of a system has is named, unless it was chosen by a pattern."""
+    with System() as system:
+        system.add("a", calculating.build(tmp_path, 3), step="1 ms")
+        system["a"].set(mode=2, large=7, key=b"\x01")
+        fmu = system.export_fmu(tmp_path / "Modes.fmu")
+        for name in ("large", "key", "q[1]"):
+            with raises(WiringError):
+                system.export_fmu(tmp_path / "No.fmu", parameters=[f"a.{name}"])
+        system["a"].set(name="bell \a")
+        with raises(WiringError):
+            system.export_fmu(tmp_path / "No.fmu")
+        system.export_fmu(tmp_path / "Less.fmu", parameters=["a.p"])
+    parameters = Fmu(fmu).description.parameters
+    assert sorted(parameters) == ["a.factor", "a.mode", "a.n", "a.name", "a.p"]
+    assert (parameters["a.mode"].fmi_type, parameters["a.mode"].start) == ("Int32", 2)
+    assert "Enumeration as Int32" in parameters["a.mode"].description
+    for mode in (1, 2):
+        start = {"a.mode": mode} if mode == 1 else {}
+        shown = fmpy.simulate_fmu(fmu, stop_time=0.002, output_interval=0.001, start_values=start)
+        assert shown["a.seen"][-1] == 7 + 1 + 0.25 * (mode - 1)
 
 
 def test_a_platform_without_a_library_is_named(follower, tmp_path):

@@ -1,31 +1,33 @@
-/* A small FMU, FMI 2.0 or 3.0, with calculated parameters: `scaled` is factor * p, `next` is n + 1 and, in FMI 3.0,
- * `sums[i]` is q[i] + p, `greeting` is "hello " and `name`, `lock` is `key` backwards. `y` is p + 1000 n, and `seen` is
- * made of q, `name` and `key`. */
+/* A small FMU, FMI 2.0 or 3.0, with calculated parameters: `scaled` is factor * p, `next` is n + 1, `greeting` is
+ * "hello " and `name`, which refuses long texts, and, in FMI 3.0, `sums[i]` is q[i] + p, `lock` is `key` backwards, and
+ * `larger` is `large` + 1. `y` is p + 1000 n, and `seen` is made of q, `name`, `key`, `mode` and the last digits of
+ * `large`. */
 #include "../fmi_names.h"
 
 #include <math.h>
 #include <stdio.h>
 
-enum { P, FACTOR, SCALED, NUMBER, NEXT, Y, Q, SUMS, NAME, GREETING, KEY, LOCK, SEEN };
+enum { P, FACTOR, SCALED, NUMBER, NEXT, Y, Q, SUMS, NAME, GREETING, KEY, LOCK, SEEN, LARGE, LARGER, MODE };
 enum { MOST = 64 };
 
 typedef struct {
     double p, factor, q[2];
     int32_t n, key_size;
+    int64_t large, mode;
     char name[MOST], greeting[2 * MOST];
     unsigned char key[MOST], lock[MOST];
 } Model;
 
 static Model *fresh(Model *m) {
-    if (m) *m = (Model){.p = 1.0, .factor = 2.0, .n = 3};
+    if (m) *m = (Model){.p = 1.0, .factor = 2.0, .n = 3, .mode = 1};
     return m;
 }
 
 static double seen(const Model *m) {
     double sum = m->q[0] + 10.0 * m->q[1];
-    for (const char *c = m->name; *c; c++) sum = 2.0 * sum + *c;
+    for (const char *c = m->name; *c; c++) sum = 2.0 * sum + (unsigned char)*c;
     for (int i = 0; i < m->key_size; i++) sum = 2.0 * sum + m->key[i];
-    return sum;
+    return sum + (double)(m->large % 1000) + 0.25 * (double)(m->mode - 1);
 }
 
 static size_t count(Reference r) { return r == Q || r == SUMS ? 2 : 1; }
@@ -64,13 +66,20 @@ ACCESS(REAL, double, return get_each(M, vr, n, value), return set_each(M, vr, n,
 ACCESS(INTEGER, Whole, EACH(value[i] = M->n + (vr[i] == NEXT)), EACH(M->n = value[i]))
 #define SAME(C) (C)
 COPIED_STATES(Model, SAME)
-#if FMI == 3
 static Status get_text(Model *m, Reference r, Text *value) {
     snprintf(m->greeting, sizeof m->greeting, "hello %s", m->name);
     *value = r == NAME ? m->name : m->greeting;
-    return fmi3OK;
+    return F(OK);
 }
-ACCESS(String, Text, return get_text(M, vr[0], value), strncpy(M->name, value[0], MOST - 1); return fmi3OK)
+static Status set_text(Model *m, Text value) {
+    if (strlen(value) >= MOST) return F(Error);
+    strcpy(m->name, value);
+    return F(OK);
+}
+ACCESS(String, Text, return get_text(M, vr[0], value), return set_text(M, value[0]))
+#if FMI == 3
+ACCESS(Int64, int64_t, EACH(value[i] = vr[i] == MODE ? M->mode : M->large + (vr[i] == LARGER)),
+    EACH(*(vr[i] == MODE ? &M->mode : &M->large) = value[i]))
 fmi3Status fmi3GetBinary(Instance c, const Reference vr[], size_t n, size_t sizes[], fmi3Binary values[], size_t k) {
     for (int i = 0; i < M->key_size; i++) M->lock[i] = M->key[M->key_size - 1 - i];
     values[0] = vr[0] == KEY ? M->key : M->lock, sizes[0] = M->key_size;

@@ -13,23 +13,29 @@ _NUMBERS = (  # name, type of FMI 3.0, value reference, causality, start, furthe
     ("n", "Int32", 3, "parameter", "3", ""),
     ("next", "Int32", 4, "calculatedParameter", "", ""),
     ("y", "Float64", 5, "output", "", ""),
+    ("name", "String", 8, "parameter", "", ""),
+    ("greeting", "String", 9, "calculatedParameter", "", ""),
+    ("seen", "Float64", 12, "output", "", ""),
 )
 _MORE = (
     ("q", "Float64", 6, "parameter", "0 0", ""),
     ("sums", "Float64", 7, "calculatedParameter", "", ""),
-    ("name", "String", 8, "parameter", "", ""),
-    ("greeting", "String", 9, "calculatedParameter", "", ""),
     ("key", "Binary", 10, "parameter", "", 'mimeType="application/x-key"'),
     ("lock", "Binary", 11, "calculatedParameter", "", 'mimeType="application/x-key"'),
-    ("seen", "Float64", 12, "output", "", ""),
+    ("large", "Int64", 13, "parameter", "0", ""),
+    ("larger", "Int64", 14, "calculatedParameter", "", ""),
+    ("mode", "Enumeration", 15, "parameter", "1", 'declaredType="Mode"'),
 )
-_OLD = {"Float64": "Real", "Int32": "Integer"}
+_OLD = {"Float64": "Real", "Int32": "Integer", "String": "String"}
+_MODES = '<EnumerationType name="Mode"><Item name="off" value="1"/><Item name="on" value="2"/></EnumerationType>'
 
 
 def _variable(version: int, name: str, kind: str, reference: int, causality: str, start: str, more: str) -> str:
     variability = "continuous" if causality == "output" else "fixed"
     common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"'
     begin = f'start="{start}"' if start else ""
+    if version == 2 and (kind, causality) == ("String", "parameter"):
+        begin = 'start=""'
     if version == 2:
         return f"<ScalarVariable {common}><{_OLD[kind]} {begin} {more}/></ScalarVariable>"
     size = '<Dimension start="2"/>' if name in ("q", "sums") else ""
@@ -46,18 +52,19 @@ def build(folder: Path, version: int) -> Path:
     listed = "".join(_variable(version, *v) for v in variables)
     if version == 2:
         save, head = "canGetAndSetFMUstate", 'fmiVersion="2.0" guid="calculating"'
-        outputs, unknowns = '<Unknown index="6"/>', "".join(f'<Unknown index="{i}"/>' for i in (3, 5, 6))
+        outputs, unknowns = ("".join(f'<Unknown index="{i}"/>' for i in of) for of in ((6, 9), (3, 5, 6, 8, 9)))
         structure = f"<Outputs>{outputs}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns>"
     else:
         save, head = "canGetAndSetFMUState", 'fmiVersion="3.0" instantiationToken="calculating"'
         outputs = "".join(f'<Output valueReference="{i}" dependencies=""/>' for i in (5, 12))
-        calculated = (2, 4, 5, 7, 9, 11, 12)
+        calculated = (2, 4, 5, 7, 9, 11, 12, 14)
         structure = outputs + "".join(f'<InitialUnknown valueReference="{i}"/>' for i in calculated)
     units = '<Unit name="kg"><BaseUnit kg="1"/></Unit><Unit name="g"><BaseUnit kg="1" factor="0.001"/></Unit>'
     text = (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {head} modelName="calculating">'
         f'<CoSimulation modelIdentifier="calculating" canHandleVariableCommunicationStepSize="true" {save}="true"/>'
-        f"<UnitDefinitions>{units}</UnitDefinitions><ModelVariables>{listed}</ModelVariables>"
+        f"<UnitDefinitions>{units}</UnitDefinitions>{f'<TypeDefinitions>{_MODES}</TypeDefinitions>' * (version == 3)}"
+        f"<ModelVariables>{listed}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
     source = making.HERE / "calculating.c"

@@ -117,6 +117,7 @@ static void commit(void) {
     if (IS(round)) fesetround(FE_UPWARD);
 #if defined(__x86_64__)
     if (IS(flush)) __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8040);
+    if (IS(traps)) feenableexcept(FE_DIVBYZERO);
 #elif defined(__aarch64__)
     if (IS(flush)) __asm__ volatile("msr fpcr, %0" : : "r"((uint64_t)1 << 24));
 #endif

@@ -6,6 +6,7 @@ What they do to the floating-point environment is put back, and a hang can be en
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 from foreign import hostile
 from same import assert_same
 
-from cosim import Recording, System
+from cosim import CosimError, Recording, System
 from cosim.recording.spool import recover
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -38,6 +39,38 @@ def test_the_floating_point_environment_is_put_back(folder, follower, harmless, 
     with pytest.warns(UserWarning, match=rf"'culprit' .*{what}"):
         found = beside(follower[version], hostile.build(version, folder, phase, deed))
     assert_same(right, found)
+
+
+DIVIDES = """
+import sys
+import numpy as np
+from cosim import PythonComponent, System
+class Divides(PythonComponent):
+    outputs = ("y",)
+    def step(self, t, h, u, y):
+        with np.errstate(divide="ignore"):
+            y[0] = np.isinf(np.array([1.0]) / np.array([0.0]))[0]
+system = System(allow_unconnected=True)
+system.add("culprit", sys.argv[1])
+system.add("neighbour", Divides, step="1 ms")
+print(system.run(0.05, record=["culprit.y", "neighbour.y"])["neighbour.y"][-1])
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="other processors may have no traps")
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("phase", ["step", "get"])
+def test_traps_are_put_back_before_the_next_component_divides_by_zero(folder, version, phase):
+    culprit = hostile.build(version, folder, phase, "traps")
+    run = subprocess.run(
+        [sys.executable, "-c", DIVIDES, culprit], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (run.returncode, run.stdout.strip()) == (0, "1.0"), run.stderr
+    assert "changes the traps of floating-point arithmetic" in " ".join(run.stderr.split())
+    with System(allow_unconnected=True) as system:
+        system.add("culprit", culprit, isolated=True)
+        with pytest.raises(CosimError, match="it changed the traps of floating-point arithmetic"):
+            system.run(0.05, record=["culprit.y"])
 
 
 HANGS = """

@@ -158,7 +158,7 @@ class AdaptiveRule(Rule):
                 break
             self.rejected += 1
             factor = self.factor(n, error, worst, 0.9, follows=False)
-            if solved:
+            if factor > 0.1:
                 self.learn(n, accepted=False)
             for m, state in states.items():
                 m.implementation.restore(state)

@@ -282,17 +282,37 @@ uint32_t component_set_text(Component *m, uint32_t reference, const char *text) 
     return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
 }
 
+uint32_t component_get_text(Component *m, uint32_t reference, const char **text) {
+    if (m->version == 2 ? !m->f2->GetString : !m->f3->GetString) return fmi2Error;
+    *text = NULL;
+    const uint32_t status =
+        CALL(GetString(m->instance, &reference, 1, text), GetString(m->instance, &reference, 1, text, 1));
+    if (!*text) *text = "";
+    return status;
+}
+
+/* A function of an FMU of others that is not in the tables; `call` is a pointer to it, or becomes NULL. */
+static void find(const Component *m, const char *name, void *call) {
+    const ExchangeCall found = m->find ? m->find(m->library, m->version, name) : NULL;
+    memcpy(call, &found, sizeof found);
+}
+
 uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n) {
-    const ExchangeCall found = m->find ? m->find(m->library, m->version, "SetBinary") : NULL;
     fmi3SetBinaryTYPE *call;
-    memcpy(&call, &found, sizeof call);
+    find(m, "SetBinary", &call);
     return call ? SEEN(call(m->instance, &reference, 1, &n, &bytes, 1)) : (uint32_t)fmi3Error;
 }
 
-uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n) {
+uint32_t component_get_bytes(Component *m, uint32_t reference, const unsigned char **bytes, size_t *n) {
+    fmi3GetBinaryTYPE *call;
+    find(m, "GetBinary", &call);
+    return call ? SEEN(call(m->instance, &reference, 1, n, bytes, 1)) : (uint32_t)fmi3Error;
+}
+
+uint32_t component_move_wide(Component *m, Kind kind, uint32_t reference, uint64_t *values, size_t n, bool set) {
     EngineTransfer t;
-    component_values(m, kind, true, &t);
-    return SEEN(t.call3(m->instance, &reference, 1, (void *)(uintptr_t)values, n));
+    component_values(m, kind, set, &t);
+    return SEEN(t.call3(m->instance, &reference, 1, values, n));
 }
 
 bool component_asked_to_end(Component *m, double *reached) {

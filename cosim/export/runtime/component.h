@@ -34,7 +34,7 @@ typedef enum {
     X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
         X(GetReal) X(SetReal) X(DoStep)
 #define FMI2_OPTIONAL_CALLS(X)                                                                                         \
-    X(GetInteger) X(GetBoolean) X(SetInteger) X(SetBoolean) X(SetString)                                               \
+    X(GetInteger) X(GetBoolean) X(GetString) X(SetInteger) X(SetBoolean) X(SetString)                             \
         X(GetRealStatus) X(GetBooleanStatus) X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate)                             \
             X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate) X(GetDirectionalDerivative)
 #define FMI3_CALLS(X)                                                                                                  \
@@ -43,7 +43,7 @@ typedef enum {
         X(SetFloat64) X(DoStep)
 #define FMI3_OPTIONAL_CALLS(X)                                                                                         \
     X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)   \
-        X(GetUInt64) X(GetBoolean) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)         \
+        X(GetUInt64) X(GetBoolean) X(GetString) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16)         \
             X(SetInt32) X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(GetFMUState) X(SetFMUState) \
                 X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)                  \
                     X(GetDirectionalDerivative)
@@ -194,7 +194,11 @@ uint32_t component_set(Component *m, Kind kind, uint32_t reference, const double
 uint32_t component_get(Component *m, Kind kind, uint32_t reference, double *values, size_t n);
 uint32_t component_set_text(Component *m, uint32_t reference, const char *text);
 uint32_t component_set_bytes(Component *m, uint32_t reference, const unsigned char *bytes, size_t n);
-uint32_t component_set_wide(Component *m, Kind kind, uint32_t reference, const uint64_t *values, size_t n);
+/* What they return is valid until the next call of the component. */
+uint32_t component_get_text(Component *m, uint32_t reference, const char **text);
+uint32_t component_get_bytes(Component *m, uint32_t reference, const unsigned char **bytes, size_t *n);
+/* 64-bit integers, bit by bit. */
+uint32_t component_move_wide(Component *m, Kind kind, uint32_t reference, uint64_t *values, size_t n, bool set);
 
 /* Whether the values of an input wait for a tick: gets, or sets, the one that waits, NaN if none does. */
 bool component_later(Component *m, uint32_t reference, double *value, bool set);

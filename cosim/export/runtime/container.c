@@ -79,8 +79,9 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(n_derivatives() * sizeof(EngineDerivative)),
         aligned(n * sizeof(LastStep)),
         aligned(texts_room()),
-        aligned(P->n_passed * sizeof(double)),
+        aligned(P->n_passed * sizeof(uint64_t)),
         networks_room(P->n_connected),
+        aligned((size_t)P->n_variables * sizeof(char *)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -122,6 +123,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->texts = part[21];
     self->passed = part[22];
     self->networks = part[23];
+    self->shown = part[24];
     double *work = part[18];
     EngineDerivative *d = self->derivatives = part[19];
     for (int32_t i = 0; i < P->n_loops; i++) {
@@ -149,7 +151,8 @@ static FmuStatus set_starts(FmuInstance *self, int32_t i) {
         Component *m = &self->components[i];
         const uint32_t status = s->text    ? component_set_text(m, s->reference, s->text)
                                 : s->bytes ? component_set_bytes(m, s->reference, s->bytes, s->n)
-                                : s->wide  ? component_set_wide(m, s->kind, s->reference, s->wide, s->n)
+                                : s->wide  ? component_move_wide(
+                                              m, s->kind, s->reference, (uint64_t *)(uintptr_t)s->wide, s->n, true)
                                            : component_set(m, s->kind, s->reference, s->values, s->n);
         if (status > fmi3Warning) return container_failed(self, i, "setting a start value", status);
     }
@@ -219,6 +222,7 @@ void fmu_free(FmuInstance *self) {
         container_forget_last(self, i);
         component_free(&self->components[i]);
     }
+    for (int32_t i = 0; i < P->n_variables; i++) free(self->shown[i]);
     free(self);
 }
 

@@ -37,7 +37,8 @@ struct FmuInstance {
     State *state;
     double *values, *before; /* before: the values of a moment ago */
     double *old;             /* of variables that are being set: values of the components, then those that are shown */
-    double *passed;                /* values of calculated parameters that were passed on */
+    uint64_t *passed;        /* calculated parameters that were passed on: their numbers, bit by bit, or hashes */
+    char **shown;            /* by variable: its text as it was told last */
     Engine engine;
     EngineComponent *bound;
     Component *components;

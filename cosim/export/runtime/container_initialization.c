@@ -3,31 +3,68 @@
 #include "environment.h"
 #include "fmu_math.h"
 
+#include <string.h>
+
+/* Whether a parameter can have a value. */
+static FmuStatus check_passed(FmuInstance *self, const PlanPassed *p, double x) {
+    const bool whole = p->to.kind != KIND_FLOAT64 && p->to.kind != KIND_FLOAT32;
+    if (isfinite(x) && x >= p->min && x <= p->max && (!whole || x == floor(x))) return FMU_OK;
+    self->state->mode = MODE_ERROR;
+    return fmu_fail(self, FMU_ERROR, "%s would be %g, a value that it cannot have: change the parameters that it is "
+        "calculated from", p->name, x);
+}
+
+/* Set a parameter to the one that another component calculates, unless that is the one that was passed on before. */
+static FmuStatus pass(FmuInstance *self, const PlanPassed *p, uint64_t *before, bool first, bool *changed) {
+    Component *from = &self->components[p->from.component], *to = &self->components[p->to.component];
+    union {
+        double numbers[COMPONENT_LARGEST];
+        uint64_t words[COMPONENT_LARGEST];
+    } of;
+    const bool text = p->to.kind == KIND_STRING, bytes = p->to.kind == KIND_BINARY;
+    const char *said = "";
+    const unsigned char *held = NULL;
+    size_t n = 0;
+    uint32_t status = text    ? component_get_text(from, p->from.reference, &said)
+                      : bytes ? component_get_bytes(from, p->from.reference, &held, &n)
+                      : p->exact
+                          ? component_move_wide(from, p->from.kind, p->from.reference, of.words, p->from.n, false)
+                          : component_get(from, p->from.kind, p->from.reference, of.numbers, p->from.n);
+    if (status > fmi3Warning)
+        return container_failed(self, p->from.component, "getting a calculated parameter", status);
+    uint64_t word = text ? fmu_hash(said, strlen(said)) : bytes ? fmu_hash(held, n) : of.words[p->from.index];
+    double x = 0.0;
+    if (!p->exact) {
+        x = p->scale * of.numbers[p->from.index] + p->offset;
+        memcpy(&word, &x, sizeof word);
+    }
+    if (!first && word == *before) return FMU_OK;
+    *before = word;
+    *changed = true;
+    if (text) status = component_set_text(to, p->to.reference, said);
+    else if (bytes) status = component_set_bytes(to, p->to.reference, held, n);
+    else {
+        if (p->exact) x = p->to.kind == KIND_INT64 ? (double)(int64_t)word : (double)word;
+        const FmuStatus fits = check_passed(self, p, x);
+        if (fits != FMU_OK) return fits;
+        if (p->to.n > 1)
+            status = p->exact ? component_move_wide(to, p->to.kind, p->to.reference, of.words, p->to.n, false)
+                              : component_get(to, p->to.kind, p->to.reference, of.numbers, p->to.n);
+        of.words[p->to.index] = word;
+        if (status <= fmi3Warning)
+            status = p->exact ? component_move_wide(to, p->to.kind, p->to.reference, of.words, p->to.n, true)
+                              : component_set(to, p->to.kind, p->to.reference, of.numbers, p->to.n);
+    }
+    return status > fmi3Warning ? container_failed(self, p->to.component, "setting a parameter", status) : FMU_OK;
+}
+
 /* Set parameters to those that other components calculate, until none changes: one may follow from another. */
 static FmuStatus pass_parameters(FmuInstance *self) {
-    double values[COMPONENT_LARGEST];
     for (uint32_t round = 0; round <= P->n_passed; round++) {
         bool changed = false;
         for (uint32_t k = 0; k < P->n_passed; k++) {
-            const PlanPassed *p = &P->passed[k];
-            Component *from = &self->components[p->from.component], *to = &self->components[p->to.component];
-            uint32_t status = component_get(from, p->from.kind, p->from.reference, values, p->from.n);
-            if (status > fmi3Warning)
-                return container_failed(self, p->from.component, "getting a calculated parameter", status);
-            const double x = p->scale * values[p->from.index] + p->offset;
-            if (round && x == self->passed[k]) continue;
-            const bool whole = p->to.kind != KIND_FLOAT64 && p->to.kind != KIND_FLOAT32;
-            if (!(isfinite(x) && x >= p->min && x <= p->max && (!whole || x == floor(x)))) {
-                self->state->mode = MODE_ERROR;
-                return fmu_fail(self, FMU_ERROR, "%s would be %g, a value that it cannot have: change the parameters "
-                    "that it is calculated from", p->name, x);
-            }
-            changed = true;
-            self->passed[k] = x;
-            status = p->to.n > 1 ? component_get(to, p->to.kind, p->to.reference, values, p->to.n) : fmi3OK;
-            values[p->to.index] = x;
-            if (status <= fmi3Warning) status = component_set(to, p->to.kind, p->to.reference, values, p->to.n);
-            if (status > fmi3Warning) return container_failed(self, p->to.component, "setting a parameter", status);
+            const FmuStatus status = pass(self, &P->passed[k], &self->passed[k], round == 0, &changed);
+            if (status != FMU_OK) return status;
         }
         if (!changed) return FMU_OK;
     }

@@ -1,9 +1,19 @@
 /* Values of a system's variables: see container.h. */
+#include <stdlib.h>
+#include <string.h>
+
 #include "container.h"
 #include "fmu_math.h"
 
 static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
 static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
+
+static FmuStatus check_arrays(FmuInstance *self, const char *function, const void *refs, size_t n_refs,
+    const void *values, size_t count) {
+    const FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
+    if (status != FMU_OK || n_refs == count) return status;
+    return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
+}
 
 static const PlanVariable *lookup(FmuInstance *self, const char *function, FmuType type, unsigned reference) {
     if (reference >= (unsigned)P->n_variables) {
@@ -14,6 +24,11 @@ static const PlanVariable *lookup(FmuInstance *self, const char *function, FmuTy
     if (v->type == type) return v;
     (void)fmu_fail(self, FMU_ERROR, "%s: variable %s is of type %s", function, v->name, fmu_type_name(v->type));
     return NULL;
+}
+
+static FmuStatus check_alive(FmuInstance *self, int32_t component) {
+    if (!self->components[component].dead) return FMU_OK;
+    return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->components[component].name);
 }
 
 static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *value) {
@@ -30,18 +45,15 @@ static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *valu
         if (v->scale != 1.0 || v->shift != 0.0) *value = v->scale * *value + v->shift;
         return FMU_OK;
     }
-    Component *m = &self->components[v->component];
-    if (m->dead)
-        return fmu_fail(self, FMU_ERROR, "component '%s' has failed permanently", P->components[v->component].name);
-    const uint32_t status = component_get(m, v->kind, v->reference, value, 1);
+    const FmuStatus alive = check_alive(self, v->component);
+    if (alive != FMU_OK) return alive;
+    const uint32_t status = component_get(&self->components[v->component], v->kind, v->reference, value, 1);
     return status > fmi3Warning ? container_failed(self, v->component, "getting a value", status) : FMU_OK;
 }
 
 FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
     void *values, size_t count, FmuWrite write) {
-    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
-    if (status == FMU_OK && n_refs != count)
-        status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
     for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
         const PlanVariable *v = lookup(self, function, type, refs[i]);
         if (!v) return FMU_ERROR;
@@ -101,9 +113,7 @@ static void put_back_old(FmuInstance *self, const PlanVariable *v, size_t k) {
 
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read) {
-    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
-    if (status == FMU_OK && n_refs != count)
-        status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
     /* First look at everything, then set it: a call that fails changes nothing. */
     for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
         const PlanVariable *v = lookup(self, function, type, refs[i]);
@@ -130,4 +140,62 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
 FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                   const double *values, size_t count) {
     return fmu_set_as(self, function, type, refs, n_refs, values, count, read_double);
+}
+
+/* ------------------------------------------------------------------ texts: parameters only */
+
+/* The text that a component has, copied: the component may change its own at any call. */
+static FmuStatus show_text(FmuInstance *self, const PlanVariable *v) {
+    const FmuStatus alive = check_alive(self, v->component);
+    if (alive != FMU_OK) return alive;
+    const char *text;
+    const uint32_t status = component_get_text(&self->components[v->component], v->reference, &text);
+    if (status > fmi3Warning) return container_failed(self, v->component, "getting a value", status);
+    char **shown = &self->shown[v - P->variables];
+    if (*shown && strcmp(*shown, text) == 0) return FMU_OK; /* where it was told it stays */
+    char *copy = malloc(strlen(text) + 1);
+    if (!copy) return fmu_fail(self, FMU_ERROR, "%s: out of memory", v->name);
+    free(*shown);
+    *shown = strcpy(copy, text);
+    return FMU_OK;
+}
+
+FmuStatus fmu_get_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+    const char *values[], size_t count) {
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
+        const PlanVariable *v = lookup(self, function, FMU_STRING, refs[i]);
+        status = v ? show_text(self, v) : FMU_ERROR;
+        if (status == FMU_OK) values[i] = self->shown[refs[i]];
+    }
+    return status;
+}
+
+FmuStatus fmu_set_texts(FmuInstance *self, const char *function, const unsigned *refs, size_t n_refs,
+    const char *const values[], size_t count) {
+    const bool kept = self->state->mode != MODE_INSTANTIATED;
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
+        const PlanVariable *v = lookup(self, function, FMU_STRING, refs[i]);
+        status = v ? check_settable(self, function, v, 0.0) : FMU_ERROR;
+        if (status == FMU_OK && !values[i])
+            status = fmu_fail(self, FMU_ERROR, "%s: the value for %s is NULL", function, v->name);
+        if (status == FMU_OK && kept) status = show_text(self, v);
+    }
+    if (status != FMU_OK) return status;
+    size_t done = 0;
+    for (; done < n_refs; done++) {
+        const PlanVariable *v = &P->variables[refs[done]];
+        const uint32_t said = component_set_text(&self->components[v->component], v->reference, values[done]);
+        if (said <= fmi3Warning) continue;
+        status = container_refused(self, v->component, v->name, said);
+        break;
+    }
+    while (status != FMU_OK && kept && done-- > 0) {
+        const PlanVariable *v = &P->variables[refs[done]];
+        if (component_set_text(&self->components[v->component], v->reference, self->shown[refs[done]]) > fmi3Warning)
+            self->state->mode = MODE_ERROR;
+    }
+    self->state->settled = 0;
+    return status;
 }

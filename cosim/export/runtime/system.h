@@ -85,7 +85,8 @@ typedef struct {
     double scale, shift;             /* outputs: shown as scale * value + shift */
 } PlanVariable;
 
-/* A parameter that another component calculates: in initialization `to` becomes scale * `from` + offset. */
+/* A parameter that another component calculates: in initialization `to` becomes scale * `from` + offset. Texts, bytes
+ * and 64-bit integers of the same kind are `exact`: they become what `from` is. */
 typedef struct {
     const char *name;
     struct {
@@ -94,6 +95,7 @@ typedef struct {
         uint32_t reference, n, index;   /* one of n elements */
     } from, to;
     double scale, offset, min, max;
+    bool exact;
 } PlanPassed;
 
 /* Components whose clocks are connected, with `ClockTick` and `ClockWire`. */

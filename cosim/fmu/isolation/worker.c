@@ -51,7 +51,7 @@ static size_t blob_size;
 static uint32_t expected;
 
 static void restore_environment(void) {
-    if (environment_looks_changed()) region.answer->environment |= (uint8_t)environment_restore(expected);
+    if (environment_differs(expected)) region.answer->environment |= (uint8_t)environment_restore(expected);
 }
 
 /* Whether nothing more can be allocated. Also called where a signal has ended the FMU. */
