@@ -516,14 +516,15 @@ static uint32_t leave(ClockedFmu *f) {
     return iterate(f->network);
 }
 
-/* Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change. */
+/* Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change. An FMU
+ * that still announces an event between `now` and `now` + `near` is stepped to it. */
 static uint32_t process_events(ClockedNetwork *n, double near, bool first) {
     for (int32_t k = 0; k < ITERATIONS; k++, first = false) {
         n->n_order = 0;
         for (int32_t i = 0; i < n->n_fmus; i++) {
             ClockedFmu *const f = n->fmus[i];
             const double until = f->memory.now + near;
-            bool active = f->flags[0] || f->memory.next_event <= until;
+            bool active = f->flags[0] || f->memory.next_event <= (k ? f->memory.now : until);
             for (uint32_t c = 0; c < f->setup->n_clocks; c++) {
                 f->ticking[c] = time_based(&f->setup->clocks[c]) && time_of(&f->due[c]) <= until;
                 active |= f->ticking[c];
