@@ -216,6 +216,7 @@ class SystemCode:
             components=components,
             loops=[_loop(p) for p in self.plan.loops],
             tolerance=c_number(self.setup.loop_tolerance),
+            n_running=self.plan.n_running,
             n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked],
             clocks=self.plan.clocks[:-1],
