@@ -585,7 +585,7 @@ def test_exported_systems_begin_loops_at_start_values(tmp_path):
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_loop_among_initial_values_only_is_solved_there(fmi, tmp_path):
-    """Of a = sin p + q / 4, q = 1 - 8 a, which passing values on does not find, as it is declared: in initialization."""
+    """Of a = sin p + q / 4 with q = 1 - 8 a, which passing values on would not find."""
     later = [
         (b'<Output valueReference="2" dependencies="0 1"/>', b'<Output valueReference="2" dependencies=""/>'),
         (b'<Outputs><Unknown index="3" dependencies="1 2"/>', b'<Outputs><Unknown index="3" dependencies=""/>'),
