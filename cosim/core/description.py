@@ -74,6 +74,11 @@ class Variable:
         return self.unit.name if self.unit else ""
 
     @property
+    def is_stepwise(self) -> bool:
+        """Whether it keeps its value between instants at which that may change."""
+        return self.type != "real" or self.variability != "continuous"
+
+    @property
     def limits(self) -> tuple[float, float]:
         """Least and largest value; infinite where it has no limit."""
         least, most = self.minimum, self.maximum

@@ -244,7 +244,8 @@ class BoundEngine:
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
             if ports.fmi.follow is not None:
-                ports.fmi.follow(m, self._pointer("double*", self._setup.values), self._adaptive)
+                steps = self._ffi.NULL if plan.component.discrete else self._adaptive
+                ports.fmi.follow(m, self._pointer("double*", self._setup.values), steps)
 
     def _loop(self, plan: LoopPlan, work: Array, start: Array) -> dict[str, Any]:
         return {

@@ -324,12 +324,23 @@ static uint32_t enter(ClockedFmu *f) {
     return OK;
 }
 
+/* Inputs that another continuous component drives have their extrapolated value at the tick. */
+static void follow(ClockedFmu *f) {
+    const EngineAdaptive *const a = f->adaptive;
+    for (const ClockWire *i = f->followed, *end = i + f->n_followed; i < end; i++) {
+        const double s = f->memory.now - a->since;
+        const double value = a->begin[i->from] + s * (a->slope[i->from] + a->curve[i->from] * (s + a->over));
+        f->values.u[i->to] = i->scale * value + i->offset;
+    }
+}
+
 /* These clocks tick: their inputs are set; `first`: discrete inputs without a clock too. */
 static uint32_t tick(ClockedFmu *f, const uint8_t *clocks, bool first) {
     size_t n = 0;
     for (uint32_t i = 0; i < f->setup->n_clocks; i++)
         if (clocks[i]) f->references[n++] = f->setup->clocks[i].reference;
     if (n) TRY(CALL(f, CLOCKED_SET_CLOCK, SetClock, f->references, n, f->truths));
+    follow(f);
     TRY(set_inputs(f, clocks, first, false));
     for (uint32_t i = 0; i < f->setup->n_clocks; i++) f->due[i].count += clocks[i];
     return OK;

@@ -50,7 +50,8 @@ _OWN = (
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
-_CLOCKS = (_RUNTIME / "clocks.c", CLOCKED_STEPS, CLOCKED_STEPS.with_suffix(".c"))  # where they have clocks
+# where they have clocks
+_CLOCKS = (_RUNTIME / "clocks.c", CLOCKED_STEPS, CLOCKED_STEPS.with_suffix(".c"), _ENGINE / "adaptive.h")
 # where inputs follow inside steps
 _UPDATES = (_RUNTIME / "updates.c", INTERMEDIATE, INTERMEDIATE.with_suffix(".c"), _ENGINE / "adaptive.h")
 _TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  # where they exchange such

@@ -534,7 +534,7 @@ class FmuComponent:
             step_failed=self._step_failed,
             foreign=self.foreign,
             changed=self._tell_changed,
-            follow=self._intermediate.follow if self._intermediate else None,
+            follow=next((own.follow for own in (self._intermediate, self.clocked) if own), None),
         )
 
     def _derivative_call(self) -> int:
