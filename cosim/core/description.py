@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import inf
@@ -72,6 +73,15 @@ class Variable:
     def unit_name(self) -> str:
         """Name of the unit, "" for a variable without a unit."""
         return self.unit.name if self.unit else ""
+
+    @property
+    def start_as_set(self) -> Any:
+        """Its start value in the type in which it is set, None if there is none: of a Binary, the bytes."""
+        if self.fmi_type != "Binary":
+            return self.start
+        with suppress(TypeError, ValueError):
+            return bytes.fromhex(self.start)
+        return None
 
     @property
     def is_stepwise(self) -> bool:

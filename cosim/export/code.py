@@ -512,6 +512,11 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
     for elements in by_reference(given).values():
         one = elements[0]
         if one.fmi_type in TEXTS:
+            if one.size > 1:
+                raise WiringError(
+                    f"'{component.name}': {one.declared} is an array of texts, whose start values the FMU of a system"
+                    " does not set: set none"
+                )
             yield one, bytes(given[one]) if one.fmi_type == "Binary" else str(given[one])
             continue
         whole = [variables[n] for n in component.description.arrays.get(one.declared, [])] if one.size > 1 else [one]

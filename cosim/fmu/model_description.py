@@ -397,10 +397,10 @@ class _Fmi3(_Reader):
             inherited.pop("name", None)
             inherited.pop("description", None)
             attributes = {**inherited, **element.attrib}
-            start = element.find("Start")
-            if start is not None:
-                attributes["start"] = start.get("value", "")
             shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
+            starts = [s.get("value", "") for s in element.iterfind("Start")]
+            if starts:
+                attributes["start"] = starts if shape else starts[0]
             if len(shape) > self.limits.dimensions:
                 remedy = self.limits.remedy("dimensions", len(shape))
                 raise _Unreadable(f"array '{name}' has {len(shape)} dimensions; {remedy}")
@@ -610,7 +610,8 @@ def _expand(variable: Variable, shape: list[int]) -> list[Variable]:
     size = math.prod(shape)
     if not size:  # whatever the other dimensions are
         return []
-    values = str(variable.start).split(None, size)[:size] if variable.start is not None else []
+    start = variable.start  # a list of texts: of elements `Start`
+    values = [] if start is None else (start if isinstance(start, list) else str(start).split(None, size))[:size]
     if len(values) == 1:
         values *= size
     common = {name: getattr(variable, name) for name in Variable.__slots__}  # type: ignore[attr-defined]
