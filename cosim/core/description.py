@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import inf
@@ -72,6 +73,20 @@ class Variable:
     def unit_name(self) -> str:
         """Name of the unit, "" for a variable without a unit."""
         return self.unit.name if self.unit else ""
+
+    @property
+    def start_as_set(self) -> Any:
+        """Its start value in the type in which it is set, None if there is none: of a Binary, the bytes."""
+        if self.fmi_type != "Binary":
+            return self.start
+        with suppress(TypeError, ValueError):
+            return bytes.fromhex(self.start)
+        return None
+
+    @property
+    def is_stepwise(self) -> bool:
+        """Whether it keeps its value between instants at which that may change."""
+        return self.type != "real" or self.variability != "continuous"
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -152,6 +167,9 @@ class Description:
     event_mode: bool = False  # FMI 3.0, Co-Simulation: it can be told when events happen
     early_return: bool = False  # FMI 3.0, Co-Simulation: its steps may end early by themselves
     clocks: list[Clock] = field(default_factory=list)
+    initial_dependencies: dict[str, frozenset[str]] = field(
+        default_factory=dict
+    )  # of outputs on inputs in initialization, where they are declared
     initial_unknowns: frozenset[str] = frozenset()  # declared names of what initialization computes
 
     def __post_init__(self) -> None:

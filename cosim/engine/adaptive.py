@@ -8,12 +8,12 @@ discrete component, so these run at their exact instants.
    solved; loops whose components repeat their steps only at the end of a step, which is then repeated.
 2. The state of each continuous component is saved.
 3. Every input that another continuous component drives is extrapolated along the parabola through its values at the
-   last three communication points, except for integers and Booleans. All components take the step in two halves (the
+   last three communication points, except for discrete values. All components take the step in two halves (the
    smallest step in one), with two constant inputs that have the mean and the first moment of the parabola, so that the
    exchange is of third order: constants in the middle would leave an error of second order that no output shows. Where
    a reader computes outputs with direct dependencies in steps only, the second constant is the value at the end, which
-   these outputs need, and both have the mean. Then 1 is repeated at the end of the step. Where a loop has no solution
-   there, a shorter step is tried.
+   these outputs need, and both have the mean. An input that belongs to a clock has the value of the parabola at each
+   tick. Then 1 is repeated at the end of the step. Where a loop has no solution there, a shorter step is tried.
 4. The error is the largest difference, among the outputs that continuous components read, between the value that has
    arrived and the one that was extrapolated to the end, relative to SHARE * tolerance * max(FLOOR * nominal, largest
    magnitude so far). If it is above 1, the states are restored and a shorter step is tried. The parabolas go through
@@ -229,7 +229,7 @@ class AdaptiveSteps:
             if (c.source, c.output) == (component, variable) and not c.target.discrete
         ]
         last = any(m in self.in_steps for m in readers)
-        return _READ * bool(readers) + _LAST * last + _STEPWISE * (variable.type != "real")
+        return _READ * bool(readers) + _LAST * last + _STEPWISE * variable.is_stepwise
 
     def _pointer(self, of: str, array: npt.NDArray[Any]) -> Any:
         self._keep.append(array)

@@ -54,11 +54,11 @@ class BoundEngine:
             self._new(f"EngineComponent*[{e.n_components}]"),
             self._new(f"EnginePiece[{e.n_components}]"),
         )
-        self._named = setup.loops
+        self._named = *setup.loops, *setup.schedule.initial_loops
         self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
         self._starts = [np.array(loop.start) for loop in plan.loops]
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
-        e.loops, e.n_loops = self._loops, len(plan.loops)
+        e.loops, e.n_loops = self._loops, plan.n_running
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -161,7 +161,9 @@ class BoundEngine:
         for start, loop in zip(self._starts, self._named, strict=True):
             start[:] = loop.first_guess
         pointers = self._address("bool*", chosen), self._address("double*", changes)
+        self._state.n_loops = len(self._named)
         result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
+        self._state.n_loops = self.plan.n_running
         if result not in (self.AT_END, self.UNSETTLED):
             self.raise_failure(result)
         return changes.astype(np.bool_)
@@ -242,7 +244,8 @@ class BoundEngine:
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
             if ports.fmi.follow is not None:
-                ports.fmi.follow(m, self._pointer("double*", self._setup.values), self._adaptive)
+                steps = self._ffi.NULL if plan.component.discrete else self._adaptive
+                ports.fmi.follow(m, self._pointer("double*", self._setup.values), steps)
 
     def _loop(self, plan: LoopPlan, work: Array, start: Array) -> dict[str, Any]:
         return {

@@ -324,12 +324,23 @@ static uint32_t enter(ClockedFmu *f) {
     return OK;
 }
 
+/* Inputs that another continuous component drives have their extrapolated value at the tick. */
+static void follow(ClockedFmu *f) {
+    const EngineAdaptive *const a = f->adaptive;
+    for (const ClockWire *i = f->followed, *end = i + f->n_followed; i < end; i++) {
+        const double s = f->memory.now - a->since;
+        const double value = a->begin[i->from] + s * (a->slope[i->from] + a->curve[i->from] * (s + a->over));
+        f->values.u[i->to] = i->scale * value + i->offset;
+    }
+}
+
 /* These clocks tick: their inputs are set; `first`: discrete inputs without a clock too. */
 static uint32_t tick(ClockedFmu *f, const uint8_t *clocks, bool first) {
     size_t n = 0;
     for (uint32_t i = 0; i < f->setup->n_clocks; i++)
         if (clocks[i]) f->references[n++] = f->setup->clocks[i].reference;
     if (n) TRY(CALL(f, CLOCKED_SET_CLOCK, SetClock, f->references, n, f->truths));
+    follow(f);
     TRY(set_inputs(f, clocks, first, false));
     for (uint32_t i = 0; i < f->setup->n_clocks; i++) f->due[i].count += clocks[i];
     return OK;
@@ -516,14 +527,15 @@ static uint32_t leave(ClockedFmu *f) {
     return iterate(f->network);
 }
 
-/* Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change. */
+/* Process all events at the present time; `first`: at the beginning of a step, where discrete inputs change. An FMU
+ * that still announces an event between `now` and `now` + `near` is stepped to it. */
 static uint32_t process_events(ClockedNetwork *n, double near, bool first) {
     for (int32_t k = 0; k < ITERATIONS; k++, first = false) {
         n->n_order = 0;
         for (int32_t i = 0; i < n->n_fmus; i++) {
             ClockedFmu *const f = n->fmus[i];
             const double until = f->memory.now + near;
-            bool active = f->flags[0] || f->memory.next_event <= until;
+            bool active = f->flags[0] || f->memory.next_event <= (k ? f->memory.now : until);
             for (uint32_t c = 0; c < f->setup->n_clocks; c++) {
                 f->ticking[c] = time_based(&f->setup->clocks[c]) && time_of(&f->due[c]) <= until;
                 active |= f->ticking[c];

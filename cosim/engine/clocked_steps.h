@@ -29,7 +29,7 @@
 #ifndef CLOCKED_STEPS_H
 #define CLOCKED_STEPS_H
 
-#include "engine.h"
+#include "adaptive.h"
 
 /* Functions of the FMU, in the order of `ClockedFmu.call`; `clocked_calls.function` has their names. */
 typedef enum {
@@ -148,6 +148,9 @@ struct ClockedFmu {
     EngineComponent values;     /* u: inputs as the exchange has them; y: outputs as they were read last */
     const EngineTransfer *sets, *gets;
     double *shown;              /* the outputs in the exchange */
+    const EngineAdaptive *adaptive; /* in a run with a tolerance: what drives inputs of clocks */
+    const ClockWire *followed;  /* of n_followed elements: u[to] = scale * (its output `from` at a tick) + offset */
+    size_t n_followed;
     bool *flags;                /* event, (not used), terminate, early */
     double *last;
     ClockDue *due;              /* of n_clocks, as all up to `truths` */

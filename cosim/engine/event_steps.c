@@ -97,10 +97,11 @@ const char *event_steps_why(const EventReport *report) {
     return report->end == EVENT_CALL_FAILED ? functions[report->index] : said[report->end];
 }
 
-/* Where to step from `now`: to the announced event, or to the end of the internal step that holds it. */
+/* Where to step from `now`: to the announced event, or to the end of the internal step that holds it. An event that is
+ * later by less than `near` has been tried at `now`; an FMU that still announces it wants to be there. */
 static double target(const EventSteps *s, double now, double end, double near) {
     double to = s->memory.next_event;
-    if (!s->event_mode || !s->variable_step || !(to > now + near)) return end;
+    if (!s->event_mode || !s->variable_step || !(to > now)) return end;
     if (!(to < end - near)) return end;
     if (s->internal > 0.0) {
         const double n = (to - now - near) / s->internal; /* internal steps until then, rounded up */

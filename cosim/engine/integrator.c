@@ -546,7 +546,7 @@ static uint32_t integrate(Integrator *s, double stop, uint64_t *steps, bool *eve
 static uint32_t advance(Integrator *s, double end, double h) {
     IntegratorMemory *const m = &s->memory;
     uint64_t steps = 0;
-    PASS(update(s, false));
+    PASS(update(s, true)); /* a restored state may have other nominals */
     for (int events = 0; events < EVENTS; events++) {
         bool event = s->next_event <= m->time;
         if (!event && m->time < end) {

@@ -131,6 +131,7 @@ class Plan:
     size: int
     components: tuple[ComponentPlan, ...]
     loops: tuple[LoopPlan, ...]
+    n_running: int  # of the loops, those that are solved at each exchange; the others are so in initialization only
     n_discrete: int
     clocks: tuple[Clock, ...]
     time: tuple[int, int, int]
@@ -151,7 +152,8 @@ def make_plan(setup: Setup) -> Plan:
     return Plan(
         size=len(layout.values),
         components=tuple(_component(layout, m, c, m in seidel) for m, c in zip(schedule.components, own, strict=True)),
-        loops=tuple(_loop(setup, loop, own) for loop in setup.loops),
+        loops=tuple(_loop(setup, loop, own) for loop in (*setup.loops, *schedule.initial_loops)),
+        n_running=len(setup.loops),
         n_discrete=len(schedule.discrete),
         clocks=(*clocks, setup.clocks[-1]),
         time=setup.base.integers(),

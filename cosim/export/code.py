@@ -50,7 +50,8 @@ _OWN = (
 _FOREIGN = _RUNTIME / "foreign.c"
 _EXCHANGE = (_RUNTIME / "model_exchange.c", INTEGRATOR, INTEGRATOR.with_suffix(".c"))  # where components are integrated
 _EVENTS = (_RUNTIME / "events.c", EVENT_STEPS, EVENT_STEPS.with_suffix(".c"))  # where they report events
-_CLOCKS = (_RUNTIME / "clocks.c", CLOCKED_STEPS, CLOCKED_STEPS.with_suffix(".c"))  # where they have clocks
+# where they have clocks
+_CLOCKS = (_RUNTIME / "clocks.c", CLOCKED_STEPS, CLOCKED_STEPS.with_suffix(".c"), _ENGINE / "adaptive.h")
 # where inputs follow inside steps
 _UPDATES = (_RUNTIME / "updates.c", INTERMEDIATE, INTERMEDIATE.with_suffix(".c"), _ENGINE / "adaptive.h")
 _TEXTS = (_RUNTIME / "texts.c", EXACT_VALUES, EXACT_VALUES.with_suffix(".c"))  # where they exchange such
@@ -216,6 +217,7 @@ class SystemCode:
             components=components,
             loops=[_loop(p) for p in self.plan.loops],
             tolerance=c_number(self.setup.loop_tolerance),
+            n_running=self.plan.n_running,
             n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked],
             clocks=self.plan.clocks[:-1],
@@ -512,6 +514,11 @@ def start_values(component: SystemComponent) -> Iterator[tuple[Variable, Any]]:
     for elements in by_reference(given).values():
         one = elements[0]
         if one.fmi_type in TEXTS:
+            if one.size > 1:
+                raise WiringError(
+                    f"'{component.name}': {one.declared} is an array of texts, whose start values the FMU of a system"
+                    " does not set: set none"
+                )
             yield one, bytes(given[one]) if one.fmi_type == "Binary" else str(given[one])
             continue
         whole = [variables[n] for n in component.description.arrays.get(one.declared, [])] if one.size > 1 else [one]

@@ -236,6 +236,19 @@ class ClockedSteps:
         """`bool[4]` and `double*` that steps set."""
         self.fmu.flags, self.fmu.last = self._ffi.cast("bool*", flags), self._ffi.cast("double*", last)
 
+    def follow(self, component: Any, values: Any, adaptive: Any) -> None:
+        """From now on inputs of clocks have at ticks what `adaptive` extrapolates, if it is not NULL."""
+        f, about, found = self.fmu, self.values, []
+        first = component.u - values  # where nothing is copied
+        for v in (v for v in about.place if v.clocks and v.causality == "input" and v not in about.waits):
+            i = about.place[v]
+            slot = component.index[i] if component.n_inputs else first + i
+            if adaptive and adaptive.published <= slot < adaptive.published + adaptive.n:
+                scale = (component.scale[i], component.offset[i]) if component.scale else (1.0, 0.0)
+                found.append((0, 0, slot - adaptive.published, i, 1, *scale))
+        self._followed = self._ffi.new("ClockWire[]", found)
+        f.adaptive, f.followed, f.n_followed = adaptive, self._followed, len(found)
+
     def _name(self, function: int) -> str:
         return str(self._ffi.string(self._calls.function(function)).decode())
 

@@ -383,7 +383,7 @@ class FmuComponent:
         Before initialization an FMU returns no values: they are those that were set last, else its start values.
         """
         one = elements[0]
-        if len(elements) == one.size:
+        if len(elements) >= one.size:  # more, where scalars of one value reference are aliases (FMI 2.0)
             return [None] * one.size
         if self._reads_values:
             return self._get_raw(one.fmi_type, [one.reference], one.size)
@@ -392,8 +392,8 @@ class FmuComponent:
         data: list[Any] = [None] * one.size
         for name in self.description.arrays[one.declared]:
             variable = self.description.variables[name]
-            data[variable.index] = variable.start
-            if variable.start is None and variable not in elements:
+            data[variable.index] = variable.start_as_set
+            if data[variable.index] is None and variable not in elements:
                 raise WiringError(f"'{self.name}': set all of {one.declared}; the FMU has no start value for {name}")
         return data
 
@@ -534,7 +534,7 @@ class FmuComponent:
             step_failed=self._step_failed,
             foreign=self.foreign,
             changed=self._tell_changed,
-            follow=self._intermediate.follow if self._intermediate else None,
+            follow=next((own.follow for own in (self._intermediate, self.clocked) if own), None),
         )
 
     def _derivative_call(self) -> int:

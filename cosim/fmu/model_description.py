@@ -293,6 +293,22 @@ class _Reader:
                     result.dependencies[variable.name] = depends
         return found
 
+    def initial_dependencies(self, elements: Any, key: str, result: Description) -> None:
+        """Read on which inputs outputs depend in initialization."""
+        inputs, outputs = (
+            {
+                str(k): [v.name for v in found]
+                for k, found in self.by_key.items()
+                if found and found[0].causality == kind
+            }
+            for kind in ("input", "output")
+        )
+        for element in elements:
+            of, on = outputs.get(element.get(key), ()), element.get("dependencies")
+            if of and on is not None:
+                names = frozenset(name for k in on.split() for name in inputs.get(k, ()))
+                result.initial_dependencies.update(dict.fromkeys(of, names))
+
     def pair_states(self, pairs: list[tuple[Variable, Variable | None]], result: Description) -> None:
         result.states = [state for _, state in pairs if state is not None]
         result.derivatives = [derivative for derivative, state in pairs if state is not None]
@@ -339,6 +355,7 @@ class _Fmi2(_Reader):
     def read_structure(self, structure: Any, result: Description) -> None:
         self.unknowns(structure.iterfind("Outputs/Unknown"), "index", result)
         derivatives = self.unknowns(structure.iterfind("Derivatives/Unknown"), "index", result)
+        self.initial_dependencies(structure.iterfind("InitialUnknowns/Unknown"), "index", result)
         pairs: list[tuple[Variable, Variable | None]] = []
         for derivative in derivatives:
             position = self.derivative_of.get(derivative.name)
@@ -380,10 +397,10 @@ class _Fmi3(_Reader):
             inherited.pop("name", None)
             inherited.pop("description", None)
             attributes = {**inherited, **element.attrib}
-            start = element.find("Start")
-            if start is not None:
-                attributes["start"] = start.get("value", "")
             shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
+            starts = [s.get("value", "") for s in element.iterfind("Start")]
+            if starts:
+                attributes["start"] = starts if shape else starts[0]
             if len(shape) > self.limits.dimensions:
                 remedy = self.limits.remedy("dimensions", len(shape))
                 raise _Unreadable(f"array '{name}' has {len(shape)} dimensions; {remedy}")
@@ -422,6 +439,7 @@ class _Fmi3(_Reader):
 
     def read_structure(self, structure: Any, result: Description) -> None:
         self.unknowns(structure.iterfind("Output"), "valueReference", result)
+        self.initial_dependencies(structure.iterfind("InitialUnknown"), "valueReference", result)
         if self.clocks:  # otherwise nobody asks
             listed = [
                 self.named(e.get("valueReference"), "valueReference")
@@ -592,7 +610,8 @@ def _expand(variable: Variable, shape: list[int]) -> list[Variable]:
     size = math.prod(shape)
     if not size:  # whatever the other dimensions are
         return []
-    values = str(variable.start).split(None, size)[:size] if variable.start is not None else []
+    start = variable.start  # a list of texts: of elements `Start`
+    values = [] if start is None else (start if isinstance(start, list) else str(start).split(None, size))[:size]
     if len(values) == 1:
         values *= size
     common = {name: getattr(variable, name) for name in Variable.__slots__}  # type: ignore[attr-defined]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from cosim.core.description import Variable
 from cosim.core.errors import CosimError, SspError, WiringError
 from cosim.core.time import TimeLike, positive
 from cosim.fmu.component import FmuComponent
+from cosim.fmu.model_exchange import ModelExchange
 from cosim.ssp.integer_mapping import IntegerTable
 from cosim.ssp.package import Package
 from cosim.ssp.parameters import BoundValue, values_of
@@ -88,7 +89,7 @@ class _Reader:
         name = self.named[path]
         with self.named_in(f"component '{'.'.join(path)}'"):
             fmu, kind = c.fmu, c.own.get("kind")
-            about = self.wiring._component(fmu, self.strict, c.interface)
+            about = self.wiring._component(fmu, self.strict, self.exchange(c) or c.interface)
             given = [p for p in self.steps if glob(p)(name)]
             own = c.own.get("step")
             sampled = about.description.sample_time if (kind or about.description.kind) == "discrete" else None
@@ -110,6 +111,15 @@ class _Reader:
                 )
             self.wiring.add(name, about, step=chosen, offset=c.own.get("offset", "0"), kind=kind)  # type: ignore[arg-type]
         return set(given)
+
+    def exchange(self, c: Component) -> ModelExchange | None:
+        """How a component is integrated, if our annotation says it."""
+        given: dict[str, Any] = {k: c.own[k] for k in ("tolerance", "solver") if k in c.own}
+        if c.interface != "me" or not given:
+            return None
+        with suppress(ValueError):  # what is no number is refused by name
+            given["tolerance"] = float(given.get("tolerance", ""))
+        return ModelExchange(**given)
 
     def system_step(self, path: tuple[str, ...]) -> Fraction | None:
         """What the innermost system around an element says."""

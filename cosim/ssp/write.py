@@ -25,6 +25,7 @@ from cosim.core.time import gcd
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.fmu.model_description import INTERFACES
+from cosim.fmu.model_exchange import ModelExchange
 from cosim.picture.layout import Picture, arrange
 from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSC, SSD, version_of
@@ -489,6 +490,11 @@ class _Exporter:
                 "step": str(m.step),
                 "offset": str(m.offset),
             }
+            implementation = m.implementation
+            assert isinstance(implementation, FmuComponent)
+            if implementation.integrated and implementation.exchange != ModelExchange():
+                how = {"tolerance": implementation.exchange.tolerance, "solver": implementation.exchange.solver}
+                about |= {k: str(v) for k, v in how.items() if v is not None}
             element = etree.SubElement(own, f"{OWN}Component", **about)
             for n in self._only_initial(m):
                 etree.SubElement(element, f"{OWN}Initial", name=n)

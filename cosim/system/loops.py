@@ -74,6 +74,12 @@ def certain(component: SystemComponent, output: str) -> frozenset[str]:
     return declared(component, output) or frozenset()
 
 
+def certain_initially(component: SystemComponent, output: str) -> frozenset[str]:
+    """As `certain`, in initialization: state variables too may depend on inputs there."""
+    found = component.description.initial_dependencies.get(output)
+    return certain(component, output) if found is None else found
+
+
 def _has_given_start(connection: Connection) -> bool:
     """Whether the user has set the start value of its input."""
     return connection.input.name in connection.target.values

@@ -10,7 +10,7 @@ from cosim.core.description import RECORDABLE
 from cosim.core.errors import LoopError, WiringError
 from cosim.core.time import TimeBase, gcd, seconds_text
 from cosim.system.components import Connection, Group, SystemComponent
-from cosim.system.loops import AlgebraicLoop, certain, declared, find_loops, require_solvable
+from cosim.system.loops import AlgebraicLoop, certain, certain_initially, declared, find_loops, require_solvable
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Schedule:
     unconnected: tuple[str, ...]
     loops: tuple[AlgebraicLoop, ...] = ()  # in the order in which they are solved
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
+    initial_loops: tuple[AlgebraicLoop, ...] = ()  # further ones that are solved in initialization only
     ticks: tuple[Connection, ...] = ()  # connections of clocks
     parameters: tuple[Connection, ...] = ()  # of calculated parameters to parameters
 
@@ -86,6 +87,9 @@ class Schedule:
                 f"Algebraic loop, solved for {unknowns} at each exchange:",
                 str(loop),
             ]
+        for loop in self.initial_loops:
+            unknowns = ", ".join(f"{m.name}.{v.name}" for m, v in loop.unknowns)
+            lines += ["", f"Algebraic loop, solved for {unknowns} in initialization only:", str(loop)]
         if self.possible_loops:
             lines += [
                 "",
@@ -137,6 +141,11 @@ def make_schedule(
         connections=connections,
         unconnected=tuple(sorted(unconnected(components, {c.target_name for c in every}))),
         loops=tuple(loops),
+        initial_loops=tuple(
+            loop
+            for loop in find_loops(connections, certain_initially)
+            if loop not in loops and all(v.type == "real" for _, v in loop.unknowns)
+        ),
         possible_loops=tuple(loop for loop in find_loops(connections, declared) if loop not in loops),
         ticks=ticks,
         parameters=parameters,

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from built import BuiltFmus
+from foreign import sloped
 from foreign.making import redescribed
 from lxml import etree
 from probes import Clock
@@ -105,3 +106,12 @@ def test_they_are_shown_and_meant_by_suggestions(aliased: Path) -> None:
     with pytest.raises(WiringError, match=r"no variable 'smothing'.*'smoothing'"):
         about.find("smothing")
     assert "smoothing" not in about.variables
+
+
+def test_two_names_of_one_scalar_are_set_together(tmp_path: Path) -> None:
+    """FMI 2.0: variables of one value reference are aliases."""
+    change = b'name="trouble" valueReference="5"', b'name="trouble" valueReference="4"'
+    path = redescribed(sloped.build(2, tmp_path), tmp_path / "Twice.fmu", change)
+    with System() as system:
+        system.add("m", path, step="10 ms", parameters={"k": 0.5, "trouble": 0.5}, start={"p": 1.0, "q": 0.0})
+        assert system.run(0, record=["m.a"])["m.a"] == pytest.approx([0.5 * np.sin(1.0)])

@@ -127,6 +127,18 @@ def test_early_returns_divide_the_steps_of_all(fmu: Path, tmp_path: Path) -> Non
     assert all(np.array_equal(early[n], isolated[n]) for n in early.names)
 
 
+def test_an_event_right_after_a_communication_point_is_where_it_is(tmp_path: Path) -> None:
+    """By less than what passes for rounding: an FMU that does not process it before its time is stepped to it."""
+    path, period = pulses.build(tmp_path, near="1e-13"), 0.01 + 1e-11
+    with System(allow_unconnected=True) as system:
+        system.add("a", path, step="10 ms", parameters={"period": period})
+        system.add("b", path, step="10 ms")
+        system.connect("a.out", "b.in")
+        found = system.run(0.05, record=["b.count", "b.last"])
+    assert found["b.count"].tolist() == [0, 0, 1, 2, 3, 4]
+    np.testing.assert_allclose(found["b.last"][2:], period * np.arange(1, 5), rtol=0, atol=1e-12)
+
+
 def test_one_that_returns_again_on_its_way_takes_all_others_back(tmp_path: Path) -> None:
     """One that goes back to where b returns early returns before that: all FMUs are at one time at each event."""
     path = pulses.build(tmp_path, early_return=True)

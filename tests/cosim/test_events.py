@@ -279,6 +279,16 @@ def test_exported_systems_say_why_they_do_not_begin_or_step(fmu: Path, folder: P
     refused(ComponentError, *(partial(run_exported, *case) for case in cases))
 
 
+def test_an_event_right_after_a_communication_point_is_not_late(folder: Path) -> None:
+    """By less than what passes for rounding: an FMU that does not process it before its time is stepped to it."""
+    with System(allow_unconnected=True) as system:
+        period = 0.02 + 1e-11
+        system.add("c", eventful.build(folder, near="1e-13"), step="20 ms", parameters={"period": period})
+        found = system.run(0.1, record=["c.count", "c.last"])
+    assert found["c.count"].tolist() == [0, 0, 1, 2, 3, 4]
+    np.testing.assert_allclose(found["c.last"][2:], period * np.arange(1, 5), rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize(("kind", "end"), [("ending", 0.06), ("discards", 0.02)])
 def test_an_exported_system_ends_where_a_component_asks_for_it(
     fmu: Path, tmp_path: Path, kind: str, end: float

@@ -156,7 +156,7 @@ def test_an_order_that_cannot_be_told_gives_the_difference_and_says_so():
     assert "does not fall with the step" in found.advice()
 
 
-@pytest.mark.parametrize(("internal", "fixed"), [("0.02", ()), ("0.05", ("b",))])
+@pytest.mark.parametrize(("internal", "fixed"), [("0.025", ()), ("0.02", ("b",)), ("0.05", ("b",))])
 def test_what_a_fixed_internal_step_hides_is_said(
     tmp_path: Path, internal: str, fixed: tuple[str, ...], sentence
 ) -> None:

@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 from foreign import messages
+from foreign.making import redescribed
 from pages import ROOT
 
 from cosim import ComponentError, CosimError, Execution, System, SystemState, WiringError
 from cosim.batch import Batch
+from cosim.fmu.model_description import parse
 
 EXAMPLES = str(ROOT / "docs" / "examples" / "fmi3")
 
@@ -272,6 +274,29 @@ def test_bytes_are_set_in_event_mode_where_the_fmu_has_it(folder: Path, isolated
             simulation.advance(7)
             assert simulation.text("a.out") == once
     assert found == [(b"a", b"b"), (b"ab", b"ba"), (b"aab", b"bba"), (b"aabb", b"bbaa"), (b"aaabb", b"bbbaa")]
+
+
+def test_other_elements_of_arrays_of_texts_keep_their_start_values(fmus: dict[int, Path], tmp_path: Path) -> None:
+    """Each has an element `Start` of its own; an exported system does not set such arrays."""
+    starts = b'causality="input"><Dimension start="3"/><Start value="a b"/><Start value="c"/><Start value="d"/>'
+    name = b'name="words_in" valueReference="22" '
+    before = name + b'causality="input"><Dimension start="3"/>'
+    with System(allow_unconnected=True) as system:
+        system.add("a", redescribed(fmus[3], tmp_path / "Words.fmu", (before, name + starts)), step="10 ms")
+        system["a"].set(**{"words_in[3]": "e f"})
+        with system.initialize(record=[]) as simulation:
+            assert [simulation.text(f"a.words[{i}]") for i in (1, 2, 3)] == ["a b", "c", "e f"]
+        with pytest.raises(WiringError, match="'a': words_in is an array of texts"):
+            system.export_fmu(tmp_path / "Whole.fmu")
+
+
+def test_other_elements_of_arrays_of_bytes_keep_their_start_values() -> None:
+    """Hexadecimal digits."""
+    text = """<fmiModelDescription fmiVersion="3.0" modelName="B"><CoSimulation modelIdentifier="B"/><ModelVariables>
+        <Binary name="b" valueReference="0" causality="parameter" variability="fixed"><Dimension start="2"/>
+        <Start value="AB"/><Start value="cdef"/></Binary></ModelVariables><ModelStructure/></fmiModelDescription>"""
+    starts = [v.start_as_set for v in parse(text.encode(), "B").variables.values()]
+    assert starts == [b"\xab", b"\xcd\xef"]
 
 
 @pytest.mark.parametrize("isolated", [False, True])

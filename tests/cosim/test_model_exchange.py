@@ -24,7 +24,7 @@ SOLVERS = ("auto", "explicit", "implicit")
 LAG, BALL, TIMED, STIFF, RAMP, NAN, ENDLESS, CHATTER, ENDS, ERROR, NEVER_LATER, DIVERGES, DISCARDS, OSCILLATOR = range(
     14
 )
-UPWARD, NOWHERE = 14, 15
+UPWARD, NOWHERE, NOMINALS = 14, 15, 16
 
 
 @pytest.fixture(scope="session")
@@ -139,7 +139,7 @@ def test_a_stiff_model_is_noticed(fmu):
         assert counts(system)["steps"] > 50 * automatic["steps"]
 
 
-@pytest.mark.parametrize("kind", [BALL, STIFF, OSCILLATOR])
+@pytest.mark.parametrize("kind", [BALL, STIFF, OSCILLATOR, NOMINALS])
 def test_cvode_agrees(fmu, kind):
     options = {"start_values": {"kind": float(kind), "k": 10.0}, "fmi_type": "ModelExchange", "solver": "CVode"}
     theirs = fmpy.simulate_fmu(str(fmu), stop_time=1, output_interval=0.01, relative_tolerance=1e-10, **options)
@@ -182,7 +182,7 @@ def test_both_interfaces_in_one_system(fmu, tmp_path):
 
 
 @pytest.mark.parametrize("isolated", [False, True])
-@pytest.mark.parametrize("kind", [BALL, STIFF, OSCILLATOR])
+@pytest.mark.parametrize("kind", [BALL, STIFF, OSCILLATOR, NOMINALS])
 def test_saved_states_continue_bit_for_bit(fmu, kind, isolated):
     with one(fmu, kind, k=40.0, isolated=isolated) as system:
         simulation = system.initialize()

@@ -9,7 +9,7 @@ from typing import Any
 import awkward
 import numpy as np
 import pytest
-from foreign import exchanged, sloped
+from foreign import clocked, exchanged, sloped
 from masses import COUPLING, NAMES, K, Mass, exact
 from probes import DiscreteProbe, Integrator
 from same import assert_same, outcome
@@ -615,6 +615,29 @@ def test_outputs_of_clocked_fmus_and_of_discrete_inputs_follow(events, tmp_path)
     for name in ("x.y", "f.b"):
         assert np.abs(run[name] - np.exp(-run.time)).max() < 1e-4
     assert run.steps.accepted < 1000
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize(("kind", "period"), [("constant", 1 / 300), ("tunable", 0.01)])
+def test_inputs_of_clocks_have_the_values_of_their_ticks(kind, period, isolated, tmp_path):
+    """The sum of 1 + 2 a.x over the ticks, within steps that are longer; between communication points it stays."""
+    with oscillator() as system:
+        system.add("c", clocked.build(kind, tmp_path), step="10 ms", isolated=isolated)
+        system.connect("a.x", "c.u", linear=(2.0, 1.0))
+        run = system.run(0.5, record=Record(["c.y", "c.ticks"], "1 ms"), tolerance=1e-4)
+    sums = np.append(0.0, np.cumsum(1.0 + 2.0 * exact(period * np.arange(150))["a.x"]))
+    np.testing.assert_allclose(run["c.y"], sums[run["c.ticks"].astype(int)], atol=1e-4 * sums.max())
+
+
+def test_inputs_of_the_clocks_of_discrete_components_have_the_values_of_their_samples(tmp_path):
+    """Three ticks in each."""
+    with oscillator() as system:
+        system.add("c", clocked.build("constant", tmp_path), step="10 ms", kind="discrete")
+        system.connect("a.x", "c.u")
+        run = system.run(0.5, record=["c.y", "c.ticks"], tolerance=1e-4)
+    sums = np.append(0.0, np.cumsum(np.repeat(exact(0.01 * np.arange(51))["a.x"], 3)))
+    assert run["c.ticks"][-1] == 153
+    np.testing.assert_allclose(run["c.y"], sums[run["c.ticks"].astype(int)], atol=1e-4 * sums.max())
 
 
 def test_states_are_saved_in_the_same_memory(built_fmus):

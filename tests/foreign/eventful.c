@@ -2,12 +2,17 @@
  *
  * dz/dt = u * level, where `level` is the discrete input k at the last event; `count` counts events and `last` is the
  * time of the last one. It is strict: whatever the standard does not allow in a state is an Error, k in step mode
- * included. The parameter `kind` says what happens every `period`. */
+ * included. The parameter `kind` says what happens every `period`. Events happen up to NEAR earlier than they are
+ * announced. */
 #include <fenv.h>
 #include <math.h>
 #include <string.h>
 
 #include "../fmi_names.h"
+
+#ifndef NEAR
+#define NEAR 1e-9 /* [s] */
+#endif
 
 /* Kinds; PAUSED: early without an event; ENDLESS, ENDING: with period 0, in the first event iteration. NOWHERE
  * announces NaN after the first event, PASSED always the first event; TWICE announces each event once more when it has
@@ -42,7 +47,7 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
     *terminate = *nominals = *values = false;
     *again = m->v.kind == ENDLESS && (m->v.count > 1 || m->v.period == 0.0);
     m->v.level = m->v.k;
-    if (m->v.now > m->v.next - 1e-9) {
+    if (m->v.now > m->v.next - NEAR) {
         m->v.count++;
         m->v.last = m->v.now;
         if (m->v.kind != PASSED && (m->v.kind != TWICE || m->v.count % 2 == 0)) m->v.next += m->v.period;

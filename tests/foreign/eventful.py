@@ -45,11 +45,17 @@ def description(*, event_mode: bool, variable_step: bool, internal: str, token: 
 
 
 def build(
-    folder: Path, *, event_mode: bool = True, variable_step: bool = True, internal: str = "", token: str = "eventful"
+    folder: Path,
+    *,
+    event_mode: bool = True,
+    variable_step: bool = True,
+    internal: str = "",
+    token: str = "eventful",
+    near: str = "1e-9",
 ) -> Path:
     """The FMU for this machine, in a folder. With the token "refuses" it has no event mode, whatever it declares."""
     sources = [making.HERE / "eventful.c", making.others(folder, "eventful", 3)]
-    library = making.compile_library(folder, "eventful", 3, sources)
+    library = making.compile_library(folder, f"eventful{near}", 3, sources, f"-DNEAR={near}")
     text = description(event_mode=event_mode, variable_step=variable_step, internal=internal, token=token)
-    name = f"Eventful{int(event_mode)}{int(variable_step)}{internal}{token}.fmu"
+    name = f"Eventful{int(event_mode)}{int(variable_step)}{internal}{token}{near}.fmu"
     return making.pack(folder / name, making.contents(3, "eventful", text, library))

@@ -18,6 +18,7 @@
  *  14  x' = -x, exact in every rounding mode; getting derivatives leaves the mode "upward" behind
  *      (with u != 0: enables the trap of divisions by zero instead, where the processor is x86-64)
  *  15  the next time event is at NaN from t = 0.5 on
+ *  16  as 13 without indicator; from a time event at 0.5 on the nominal values of the states are 1000
  *
  * `last` is the time of the last event, `steps` counts completed steps of the integrator. */
 #include <fenv.h>
@@ -48,14 +49,16 @@ static void rates(Model *m) {
         case 11: y[DX] = t < 1.0 ? 1.0 / ((1.0 - t) * (1.0 - t)) : INFINITY; break;
         case 12: y[DX] = 1.0 - x; break;
         case 14: y[DX] = -x; break;
-        case 13: y[DX] = v, y[DV] = -k * k * x; break;
+        case 13:
+        case 16: y[DX] = v, y[DV] = -k * k * x; break;
         default: break;
     }
 }
 
-static Status update(Model *m, Flag *again, Flag *end, Flag *states, Flag *defined, double *next) {
+static Status update(
+    Model *m, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined, double *next) {
     const double count = m->value[COUNT];
-    *again = *end = *states = false;
+    *again = *end = *nominals = *states = false;
     switch ((int)kind(m)) {
         case 1:
             if (m->value[X] <= 0.0 && m->value[V] < 0.0) m->value[X] = 0x1p-1022, m->value[V] *= -0.8, *states = true;
@@ -67,15 +70,16 @@ static Status update(Model *m, Flag *again, Flag *end, Flag *states, Flag *defin
         case 6: *again = m->time >= 0.5; break;
         case 7: m->sign = m->value[X] > 0.0 ? 1.0 : -1.0; break;
         case 8: *end = m->time >= 0.5; break;
+        case 16: *nominals = m->time >= 0.5 && count == 0.0, m->value[COUNT] = m->time >= 0.5; break;
         case 13:
             if ((m->value[X] > 0.0) != (m->sign > 0.0)) m->sign = -m->sign, m->value[COUNT] += 1.0;
             break;
         default: break;
     }
     if (m->value[COUNT] != count) m->value[LAST] = m->time;
-    if (kind(m) == 6.0 || kind(m) == 8.0 || kind(m) == 10.0) m->next = 0.5;
+    if (kind(m) == 6.0 || kind(m) == 8.0 || kind(m) == 10.0 || kind(m) == 16.0) m->next = 0.5;
     if (kind(m) == 15.0) m->next = m->time < 0.5 ? 0.5 : NAN;
-    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0) && m->time < 0.5) ||
+    *defined = kind(m) == 2.0 || ((kind(m) == 6.0 || kind(m) == 8.0 || kind(m) == 16.0) && m->time < 0.5) ||
                kind(m) == 10.0 || kind(m) == 15.0;
     *next = m->next;
     return F(OK);
@@ -130,7 +134,8 @@ Status F(SetContinuousStates)(Instance c, const double x[], size_t n) {
     return m->value[X] = x[0], m->value[V] = x[1], F(OK);
 }
 Status F(GetNominalsOfContinuousStates)(Instance c, double x[], size_t n) {
-    return x[0] = x[1] = 1.0, F(OK);
+    const Model *m = c;
+    return x[0] = x[1] = kind(m) == 16.0 && m->value[COUNT] > 0.0 ? 1000.0 : 1.0, F(OK);
 }
 Status F(GetEventIndicators)(Instance c, double z[], size_t n) {
     const Model *m = c;
@@ -169,16 +174,14 @@ COPIED_STATES(Model, )
 #if FMI == 2
 Status fmi2GetDerivatives(Instance c, double dx[], size_t n) { return derivatives(c, dx, n); }
 Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) {
-    i->nominalsOfContinuousStatesChanged = false;
-    return update(c, &i->newDiscreteStatesNeeded, &i->terminateSimulation, &i->valuesOfContinuousStatesChanged,
-        &i->nextEventTimeDefined, &i->nextEventTime);
+    return update(c, &i->newDiscreteStatesNeeded, &i->terminateSimulation, &i->nominalsOfContinuousStatesChanged,
+        &i->valuesOfContinuousStatesChanged, &i->nextEventTimeDefined, &i->nextEventTime);
 }
 #else
 Status fmi3GetContinuousStateDerivatives(Instance c, double dx[], size_t n) { return derivatives(c, dx, n); }
 Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined,
     double *next) {
-    *nominals = false;
-    return update(c, again, end, states, defined, next);
+    return update(c, again, end, nominals, states, defined, next);
 }
 #endif
 #ifdef SLOPE /* directional derivatives that are all the same */

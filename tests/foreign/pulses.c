@@ -6,11 +6,15 @@
  * what x was then. With relay 3 to 5 no event is announced: a step returns early where `out` ticks; with 4 at a time
  * before the step, with 5 without progress, and with 6 also after half of a step between 1 and 9 ms.
  * At `end` it asks for the end of the simulation, as `how` says. It is strict: x is set and y is read only while their
- * clocks are active. */
+ * clocks are active. Events happen up to NEAR earlier than they are announced. */
 #include <math.h>
 #include <string.h>
 
 #include "../fmi_names.h"
+
+#ifndef NEAR
+#define NEAR 1e-9 /* [s] */
+#endif
 
 enum { X, Y, COUNT, LAST, GOT, PERIOD, RELAY, IN_CLOCK, OUT_CLOCK, END, HOW, TIME = 100 }; /* value references */
 enum { WHOLE, DISCARDED, EARLY, IN_EVENT_MODE }; /* how */
@@ -44,7 +48,7 @@ Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock 
 Status fmi3GetClock(Instance c, const Reference vr[], size_t n, fmi3Clock value[]) {
     IN(BIT(EVENT));
     if (m->v.relay == 1 && m->v.in && !m->v.told) m->v.out = true, m->v.y = m->v.x + 1.0;
-    if (m->v.now > m->v.next - 1e-9 && !m->v.told) m->v.out = true, m->v.y += 1.0;
+    if (m->v.now > m->v.next - NEAR && !m->v.told) m->v.out = true, m->v.y += 1.0;
     for (size_t i = 0; i < n; i++) value[i] = m->v.out && !m->v.told;
     m->v.told |= m->v.out;
     return fmi3OK;
@@ -55,7 +59,7 @@ Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate,
     *nominals = *values = false;
     *terminate = m->v.how == IN_EVENT_MODE && m->v.now > m->v.end - 1e-9;
     if (m->v.in) m->v.count++, m->v.last = m->v.now, m->v.got = m->v.x;
-    if (m->v.now > m->v.next - 1e-9) m->v.next += m->v.period;
+    if (m->v.now > m->v.next - NEAR) m->v.next += m->v.period;
     *again = m->v.out = m->v.relay == 2 && m->v.in;
     if (m->v.out) m->v.y = m->v.x + 1.0;
     m->v.in = m->v.told = false;
@@ -83,7 +87,7 @@ Status fmi3DoStep(Instance c, double t, double h, Flag no_set_prior, Flag *event
     Flag *terminate, Flag *early, double *last) {
     STEPS_FROM(t);
     *event = *terminate = *early = false;
-    if (m->v.next < t + h - 1e-9) {
+    if (m->v.next < t + h - NEAR) {
         if (m->v.relay < 3 || !m->v.early)
             return error(m, "a step to %.12g, over the event at %.12g", t + h, m->v.next);
         *early = true;

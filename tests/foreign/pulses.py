@@ -36,13 +36,13 @@ ENDING = """
   </ModelVariables>"""
 
 
-def build(folder: Path, *, early_return: bool = False, ends: bool = False) -> Path:
+def build(folder: Path, *, early_return: bool = False, ends: bool = False, near: str = "1e-9") -> Path:
     """The FMU for this machine, in a folder; its steps may end early. `ends`: with the parameters `end` and `how`."""
     sources = [making.HERE / "pulses.c", making.others(folder, "pulses", 3)]
-    library = making.compile_library(folder, "pulses", 3, sources)
+    library = making.compile_library(folder, f"pulses{near}", 3, sources, f"-DNEAR={near}")
     able = f'hasEventMode="true" mightReturnEarlyFromDoStep="{str(early_return).lower()}"'
     text = DESCRIPTION.replace('hasEventMode="true"', able)
     if ends:
         text = text.replace("\n  </ModelVariables>", ENDING)
-    name = f"Pulses{int(early_return)}{int(ends)}.fmu"
+    name = f"Pulses{int(early_return)}{int(ends)}{near}.fmu"
     return making.pack(folder / name, making.contents(3, "pulses", text, library))

@@ -37,7 +37,7 @@ class AdaptiveRule(Rule):
         self.connections = [c for c in self.schedule.connections if not c.target.discrete]
         self.read = {(c.source, c.output) for c in self.connections}
         self.last = {(c.source, c.output) for c in self.connections if c.target in self.exchange.adaptive.in_steps}
-        self.held = {key for key in self.outputs if key[1].type != "real"}
+        self.held = {key for key in self.outputs if key[1].is_stepwise}
         self.loops = list(self.exchange.loops)
         self.refreshed = self.in_order()
         self.size = {(m, v): FLOOR * v.nominal for m, v in self.outputs}
@@ -122,7 +122,7 @@ class AdaptiveRule(Rule):
             int((t - self.begin) / self.tick) / int((self.end - self.begin) / self.tick),
         )
         for key in self.outputs:
-            change = self.computed[key] - self.at[key] if key[1].type == "real" else 0.0
+            change = self.computed[key] - self.at[key] if not key[1].is_stepwise else 0.0
             bend = self.bend(key, change / h, h) * h * h
             self.published[key] = self.at[key] + share * (change - bend * (1.0 - share))
 

@@ -20,7 +20,7 @@ from foreign import messages
 from same import assert_same
 from systems import EVERY, experiment_system
 
-from cosim import ComponentError, Recording, SspError, SspWarning, System
+from cosim import ComponentError, ModelExchange, Recording, SspError, SspWarning, System
 
 VERSIONS = ("1.0", "2.0")
 pytestmark = pytest.mark.filterwarnings(
@@ -696,3 +696,27 @@ def test_a_component_is_integrated_where_the_file_says_so(built_fmus: BuiltFmus,
         again = system.run(0.5, record=["car.body.z"])["car.body.z"]
     assert np.array_equal(again, found["me"])
     assert not np.array_equal(again, found["cs"])
+
+
+def test_the_options_of_an_integrator_travel(built_fmus: BuiltFmus, tmp_path: Path) -> None:
+    how, path = ModelExchange(tolerance=1e-3, solver="implicit"), tmp_path / "Me.ssp"
+    with System(allow_unconnected=True) as system:
+        system.add("car", built_fmus.path("QuarterCarBench", 2), step="2 ms", interface=how, start={"body.z": 0.01})
+        found = system.run(0.5, record=["car.body.z"])["car.body.z"]
+        system.export_ssp(path)
+    with System.from_ssp(path) as system:
+        system.allow_unconnected = True
+        assert np.array_equal(system.run(0.5, record=["car.body.z"])["car.body.z"], found)
+    text = zipfile.ZipFile(path).read(SSD).decode()
+    for before, after, said in (
+        ('"0.001"', '"small"', "tolerance .*small"),
+        ('"implicit"', '"best"', "no solver 'best'"),
+    ):
+        wrong = p.package(tmp_path / "Wrong.ssp", {SSD: text.replace(before, after), **_resources(path)})
+        with pytest.raises(SspError, match=f"component 'car': .*{said}"):
+            System.from_ssp(wrong)
+
+
+def _resources(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {n: archive.read(n) for n in archive.namelist() if n.startswith("resources/")}
