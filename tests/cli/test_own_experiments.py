@@ -19,7 +19,7 @@ from built import FMUS, ROOT, BuiltFmus, one_at_a_time, share_objects
 from build_fmus.builder import Options
 from cosim import System
 from cosim.experiments import bench, gpc, handling, hmmwv, preview_lq, ride, three_axle, trench
-from cosim.experiments.own_files import KINDS, bases, own_fmus
+from cosim.experiments.own_files import KINDS, own_fmus, unfit
 from cosim.study import FmuSet, Runner
 from fmu_sources import cli
 from fmu_sources.cli import UserFiles
@@ -201,7 +201,8 @@ EXPERIMENTS = {
         },
     ),
 }
-PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
+VEHICLES = {n: load_vehicle(n) for n in vehicle_names()}
+PAIRS = [(e, n) for e in EXPERIMENTS for n, vehicle in VEHICLES.items() if not unfit(e, vehicle)]
 COSTLY = {
     ("gpc", "hmmwv_modified"),
     ("gpc", "hmmwv_tires"),
@@ -234,17 +235,15 @@ def test_the_page_says_what_fits() -> None:
     page = (ROOT / "docs" / "how-to" / "vehicles-and-roads.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([a-z_-]+)` \| ([^|]*) \|", page, re.MULTILINE)
     names = {first: tuple(re.findall(r"`([a-z_]+)`", second.split(";")[0])) for first, second in rows}
-    kinds = {load_vehicle(n).kind for n in vehicle_names()}
-    assert {k: set(names[k]) for k in kinds} == {
-        k: {n for n in vehicle_names() if load_vehicle(n).kind == k} for k in kinds
-    }
+    kinds = {v.kind for v in VEHICLES.values()}
+    assert {k: set(names[k]) for k in kinds} == {k: {n for n, v in VEHICLES.items() if v.kind == k} for k in kinds}
     for experiment, taken in KINDS.items():
         assert tuple(n for n in names[experiment] if n in kinds) == taken
 
 
 def own_names(experiment: str, base: str) -> list[str]:
     """Names of the FMUs of `built`."""
-    needs = EXPERIMENTS[experiment].needs[load_vehicle(base).kind]
+    needs = EXPERIMENTS[experiment].needs[VEHICLES[base].kind]
     return [n.format(catalog_suffix(Path(f"on_{base}"))) for n in needs]
 
 

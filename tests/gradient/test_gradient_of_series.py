@@ -19,6 +19,7 @@ from cosim.core.signals import Array
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import Case as GpcCase
 from cosim.gradient import Final, Gradient, GradientError, Mean, Metric, Peak, QuadraticCost, Rms
+from cosim.gradient.gradient import DIRECTIONS
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
@@ -108,6 +109,7 @@ def test_series_stand_beside_parameters(built_fmus: BuiltFmus) -> None:
         series = {n: [f"{n}[{k}]" for k in range(1, ROWS + 1)] for n in ("driver.force", "driver.road")}
         expected = ["car.body.mass", *series["driver.force"], "car.body.z", *series["driver.road"]]
         assert list(back.parameters) == [*expected, "car.suspension.damping", "car.tire.damping"]
+        assert len(back.parameters) > 2 * DIRECTIONS  # forward, copies of more directions
         np.testing.assert_array_equal(back.at[1 : ROWS + 1], FORCES)
         ride = back["ride"]
         assert list(ride) == [*names[:-1], "car.suspension.damping", "car.tire.damping"]
