@@ -16,9 +16,8 @@ from cosim import System
 from cosim.gradient import Final, Mean, Metric
 
 
-@pytest.mark.parametrize("mode", ["forward", "adjoint"])
 @pytest.mark.parametrize("size", [1e-14, 1.0])
-def test_a_small_derivative_goes_all_the_way_at_once(tmp_path: Path, mode: str, size: float) -> None:
+def test_a_small_derivative_goes_all_the_way_at_once(tmp_path: Path, size: float) -> None:
     """Through components without states, of which the first is passed twice."""
     first = Component("First", kind="continuous", description="two ways", source="none")
     level = first.parameter("level", 3.0, "1", "level", source="none")
@@ -35,5 +34,6 @@ def test_a_small_derivative_goes_all_the_way_at_once(tmp_path: Path, mode: str, 
         for source, target in (("first.there", "gain.u"), ("gain.y", "first.back"), ("first.further", "last.u")):
             system.connect(source, target)
         metrics: Mapping[str, Metric] = {"mean": Mean("last.y"), "end": Final("last.y")}
-        found = system.gradient(metrics, "first.level", stop_time="50 ms", mode=mode)
-    np.testing.assert_allclose(found.jacobian[:, 0], 4.0 * size, rtol=1e-12)
+        for mode in ("forward", "adjoint"):
+            found = system.gradient(metrics, "first.level", stop_time="50 ms", mode=mode)
+            np.testing.assert_allclose(found.jacobian[:, 0], 4.0 * size, rtol=1e-12, err_msg=mode)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import casadi as ca
@@ -40,23 +41,23 @@ def law(folder: Path, rows: np.ndarray, backend: Backend) -> System:
     return system
 
 
-@pytest.mark.parametrize("mode", ["forward", "adjoint"])
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("wanted", [0.0, 0.5], ids=["at rest", "with a multiplier"])
-def test_an_equation_holds_whatever_its_multiplier(tmp_path: Path, backend: Backend, mode: str, wanted: float) -> None:
+def test_an_equation_holds_whatever_its_multiplier(tmp_path: Path, backend: Backend) -> None:
+    """At rest, and with a multiplier."""
     with law(tmp_path, ROWS, backend) as system:
-        system["law"].set({"wanted[1]": wanted})
-        found = system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
-        np.testing.assert_allclose(found.jacobian, found.trust().near, atol=1e-6)
+        for wanted, mode in product((0.0, 0.5), ("forward", "adjoint")):
+            system["law"].set({"wanted[1]": wanted})
+            found = system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
+            np.testing.assert_allclose(found.jacobian, found.trust().near, atol=1e-6, err_msg=f"{wanted}, {mode}")
 
 
-@pytest.mark.parametrize("mode", ["forward", "adjoint"])
 @pytest.mark.parametrize("seed", range(3))
-def test_equations_that_depend_on_each_other_have_no_derivative(tmp_path: Path, mode: str, seed: int) -> None:
+def test_equations_that_depend_on_each_other_have_no_derivative(tmp_path: Path, seed: int) -> None:
     """Also where their dependence is only found up to rounding."""
     rng = np.random.default_rng(seed)
     rows = rng.normal(size=(2, 3))
     with law(tmp_path, np.vstack([rows, rng.normal(size=2) @ rows]), Osqp(rho=1.0, eps=1e-10)) as system:
         system["law"].set({"wanted[1]": 0.5, "total[1]": 0.1})
-        with pytest.raises(GradientError, match="is not finite"):
-            system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
+        for mode in ("forward", "adjoint"):
+            with pytest.raises(GradientError, match="is not finite"):
+                system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
