@@ -71,8 +71,8 @@ FmuStatus fmu_allowed(FmuInstance *self, unsigned modes, const char *function) {
 }
 
 const char *fmu_type_name(FmuType type) {
-    static const char *const names[] = {"Float64 (Real)", "Int32 (Integer)", "Boolean", "String"};
-    return names[type];
+    if (type == FMU_STRING) return "String";
+    return type == FMU_FLOAT64 ? "Float64 (Real)" : type == FMU_INT32 ? "Int32 (Integer)" : "Boolean";
 }
 
 FmuStatus fmu_check_arrays(FmuInstance *self, const char *function, const void *refs, size_t n_refs, const void *values,

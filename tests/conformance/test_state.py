@@ -174,9 +174,13 @@ def test_instances_leave_no_memory_behind(fmu: Library) -> None:
                 free(handle)
 
         cycle(500)
-        before = resident()
-        cycle(10_000)
-        assert resident() - before < MEMORY
+        for _ in range(3):  # the rest of this process may grow meanwhile, but not each time
+            before = resident()
+            cycle(10_000)
+            grown = resident() - before
+            if grown < MEMORY:
+                break
+        assert grown < MEMORY
 
 
 def resident() -> int:
