@@ -128,16 +128,8 @@ def defined_names(
     folder: Path, c_files: Sequence[str], include: Sequence[Path], toolchain: Toolchain, cache: ObjectCache
 ) -> list[str]:
     """Names that C files define for each other, but for the functions of FMI."""
-    quick = _Unoptimized(toolchain.platform, toolchain.command, f"{toolchain.version} -O0")
-    objects = [cache.object(quick, folder / name, include) for name in c_files]
+    objects = [cache.object(toolchain, folder / name, include) for name in c_files]
     return sorted(n for path in objects for n in defined(path) if not _FMI.fullmatch(n))
-
-
-class _Unoptimized(Toolchain):
-    """A compiler that takes a fifth of the time or less; its objects define the same names."""
-
-    def _run(self, arguments: list[str]) -> None:
-        super()._run([*arguments, "-O0"])
 
 
 def part_of(name: str, fmu: FmuFile) -> Part:
