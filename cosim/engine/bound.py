@@ -58,7 +58,7 @@ class BoundEngine:
         self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
         self._starts = [np.array(loop.start) for loop in plan.loops]
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
-        e.loops, e.n_loops = self._loops, plan.n_running
+        e.loops, e.n_loops, e.n_initial = self._loops, plan.n_running, len(plan.loops) - plan.n_running
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -161,9 +161,7 @@ class BoundEngine:
         for start, loop in zip(self._starts, self._named, strict=True):
             start[:] = loop.first_guess
         pointers = self._address("bool*", chosen), self._address("double*", changes)
-        self._state.n_loops = len(self._named)
         result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
-        self._state.n_loops = self.plan.n_running
         if result not in (self.AT_END, self.UNSETTLED):
             self.raise_failure(result)
         return changes.astype(np.bool_)

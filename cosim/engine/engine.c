@@ -289,7 +289,7 @@ int engine_exchange(Engine *e, const EngineComponent *m, double t) {
 }
 
 static bool is_in_loop(const Engine *e, int32_t component) {
-    for (int32_t i = 0; i < e->n_loops; i++)
+    for (int32_t i = 0; i < e->n_loops + e->n_initial; i++)
         for (int32_t k = 0; k < e->loops[i].n_components; k++)
             if (e->loops[i].components[k] == component) return true;
     return false;
@@ -307,7 +307,8 @@ static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
 
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     e->environment = environment_bits();
-    for (int32_t i = 0; i < e->n_loops; i++) begin_loop(e, &e->loops[i], settles);
+    const int32_t n_loops = e->n_loops + e->n_initial;
+    for (int32_t i = 0; i < n_loops; i++) begin_loop(e, &e->loops[i], settles);
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
         for (int32_t i = 0; i < e->n_components; i++) {
@@ -316,7 +317,7 @@ int engine_settle(Engine *e, const bool *settles, double *before, size_t n_value
             if (result) return result;
             engine_publish(e);
         }
-        for (int32_t i = 0; i < e->n_loops; i++) {
+        for (int32_t i = 0; i < n_loops; i++) {
             const int result = engine_solve(e, i);
             if (result) return result;
             engine_publish(e);

@@ -189,7 +189,7 @@ typedef struct {
     EnginePiece *computed;      /* of n_components: where the outputs are that continuous ones compute */
     int32_t n_computed;
     EngineLoop *loops;          /* in the order in which they are solved */
-    int32_t n_loops;
+    int32_t n_loops, n_initial; /* those of each exchange, and behind them those of initialization only */
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool check_finite;          /* an output that is NaN or infinite ends the run */

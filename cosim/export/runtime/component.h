@@ -34,7 +34,7 @@ typedef enum {
     X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)      \
         X(GetReal) X(SetReal) X(DoStep)
 #define FMI2_OPTIONAL_CALLS(X)                                                                                         \
-    X(GetInteger) X(GetBoolean) X(GetString) X(SetInteger) X(SetBoolean) X(SetString)                             \
+    X(GetInteger) X(GetBoolean) X(GetString) X(SetInteger) X(SetBoolean) X(SetString)                                  \
         X(GetRealStatus) X(GetBooleanStatus) X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate)                             \
             X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate) X(GetDirectionalDerivative)
 #define FMI3_CALLS(X)                                                                                                  \

@@ -78,9 +78,7 @@ FmuStatus container_settle(FmuInstance *self) {
     if (s->settled) return FMU_OK;
     const FmuStatus passed = pass_parameters(self);
     if (passed != FMU_OK) return passed;
-    self->engine.n_loops = P->n_loops;
     const int result = engine_settle(&self->engine, NULL, self->before, P->n_values);
-    self->engine.n_loops = P->n_running;
     container_say_changes(self);
     if (result == ENGINE_CALL_FAILED) return container_call_failed(self, self->engine.component);
     if (result == ENGINE_NO_SOLUTION) return container_not_solved(self);
