@@ -17,7 +17,7 @@ from cosim.core.errors import CallFailed, CosimError, FmuError
 from cosim.core.signals import Array
 from cosim.engine.library import engine_transfers, interface, library
 from cosim.fmu.calls import WARNING
-from cosim.fmu.transfers import Arrangement, arrangements, slots
+from cosim.fmu.transfers import Arrangement, arrangements, slots, sources
 
 _KINDS = {"triggered": 1, "constant": 2, "fixed": 2, "tunable": 3, "changing": 4, "countdown": 5}  # `ClockKind`
 _EXACT = 2**53
@@ -239,10 +239,8 @@ class ClockedSteps:
     def follow(self, component: Any, values: Any, adaptive: Any) -> None:
         """From now on inputs of clocks have at ticks what `adaptive` extrapolates, if it is not NULL."""
         f, about, found = self.fmu, self.values, []
-        first = component.u - values  # where nothing is copied
-        for v in (v for v in about.place if v.clocks and v.causality == "input" and v not in about.waits):
-            i = about.place[v]
-            slot = component.index[i] if component.n_inputs else first + i
+        inputs = (i for v, i in about.place.items() if v.clocks and v.causality == "input" and v not in about.waits)
+        for i, slot in sources(component, values, inputs).items():
             if adaptive and adaptive.published <= slot < adaptive.published + adaptive.n:
                 scale = (component.scale[i], component.offset[i]) if component.scale else (1.0, 0.0)
                 found.append((0, 0, slot - adaptive.published, i, 1, *scale))

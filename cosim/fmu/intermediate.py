@@ -21,7 +21,7 @@ from cosim.engine.library import interface, library
 from cosim.fmu.calls import Intermediate
 from cosim.fmu.isolation import IsolatedLibrary
 from cosim.fmu.model_exchange import Instance
-from cosim.fmu.transfers import by_reference, slots
+from cosim.fmu.transfers import by_reference, slots, sources
 
 
 def followed(about: Description) -> list[Variable]:
@@ -125,8 +125,7 @@ class IntermediateUpdates:
         """From now on they follow what an `EngineComponent*` extrapolates from `values`, or what `adaptive` does."""
         steps, ffi = self._steps, self._ffi
         steps.values, steps.scale, steps.offset = values, component.scale, component.offset
-        first = component.u - values  # where nothing is copied
-        where = {i: component.index[i] if component.n_inputs else first + i for i in self._places}
+        where = sources(component, values, self._places)
         lines = {line.input: line for line in component.extrapolations[0 : component.n_extrapolations]}
         steps.adaptive, steps.update.begins = adaptive, adaptive != ffi.NULL
         if adaptive != ffi.NULL:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +58,12 @@ def arrangements(
 def slots(size: int) -> int:
     """Places of a value in the master's buffers: one, and one for four of its `size` bytes, if it has any."""
     return 1 + (size + 3) // 4
+
+
+def sources(component: Any, values: Any, inputs: Iterable[int]) -> dict[int, int]:
+    """Which of `values` these inputs of an `EngineComponent*` read, by their numbers."""
+    first = component.u - values  # where nothing is copied
+    return {i: component.index[i] if component.n_inputs else first + i for i in inputs}
 
 
 def _arranged(
