@@ -76,7 +76,7 @@ class Variable:
 
     @property
     def start_as_set(self) -> Any:
-        """Its start value in the type in which it is set, None if there is none: of a Binary, the bytes."""
+        """The start value as it is set: bytes for a Binary, None if there is none."""
         if self.fmi_type != "Binary":
             return self.start
         with suppress(TypeError, ValueError):
