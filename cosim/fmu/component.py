@@ -8,7 +8,8 @@ import os
 import warnings
 import weakref
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NoReturn
@@ -251,10 +252,23 @@ class FmuComponent:
 
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
-            self._call("Terminate")
+            status = self._call("Terminate")
             self._warn_of_crash("Terminate")
+            if status > fmi.WARNING and not self._library.lost():
+                self._warn_of_end(status)
             if self._intermediate is not None:
                 self._intermediate.warn_if_unused(self.name)
+
+    def _warn_of_end(self, status: int) -> None:
+        """Warn that it did not terminate: all results are there, but not what an FMU does itself at its end."""
+        name = STATUS_NAMES[status] if status < len(STATUS_NAMES) else str(status)
+        said = "".join(f"\n    {line}" for line in self._recent_log())
+        warnings.warn(
+            f"component '{self.name}': {fmi.full_name(self.fmu.major, 'Terminate')} returned {name}; the results of the"
+            f" run are complete, but files that the FMU writes at its end may not be{said}",
+            FmuWarning,
+            stacklevel=3,
+        )
 
     def close(self) -> None:
         """Free the instance, and close its library if it was the last one.
@@ -748,6 +762,17 @@ class FmuComponent:
     def forget(self, state: FmuState) -> None:
         state.saved.pool.forget(state.saved)
 
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Calls that change its state, which is restored after them, unless it returns Fatal."""
+        state = self.save()
+        try:
+            yield
+        finally:
+            if not self._dead:
+                self.restore(state)
+                self.forget(state)
+
     def _save_pointer(self, pointer: Any) -> None:
         self._must("GetFMUState", pointer)
 
@@ -910,12 +935,8 @@ class FmuComponent:
             return by_derivatives(self.derivative, inputs, outputs)
         if not about.can_save or self.in_event_mode:
             raise CosimError("its FMU offers neither directional derivatives nor saved states")
-        state = self.save()
-        try:
+        with self.kept():
             return by_perturbation(self, inputs, outputs)
-        finally:
-            self.restore(state)
-            self.forget(state)
 
     def derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
         """Derivatives d unknowns / d known by the FMU's directional derivatives.

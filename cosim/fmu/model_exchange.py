@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, Protocol
 
@@ -112,11 +112,7 @@ class Instance(Protocol):
 
     def get(self, variables: Sequence[Variable]) -> list[Any]: ...
 
-    def save(self) -> Any: ...
-
-    def restore(self, state: Any) -> None: ...
-
-    def forget(self, state: Any) -> None: ...
+    def kept(self) -> AbstractContextManager[None]: ...
 
     def _set_values(self, values: Mapping[Variable, Any]) -> None: ...
 
@@ -257,23 +253,22 @@ class Integration:
         component, ffi, n = self._component, self._ffi, len(self._about.states)
         x, slopes = ffi.new("double[]", n), ffi.new("double[]", n)
         variables = [*self._about.states, *inputs]
-        state, report = component.save(), bytes(ffi.buffer(self._report))
+        report = bytes(ffi.buffer(self._report))
         try:
-            self.begin(self._memory.time)  # its event iteration
-            component._must(self._names[8])
-            component._must(self._names[2], x, n)
-            present = [*x, *map(float, component.get(inputs))]
+            with component.kept():
+                self.begin(self._memory.time)  # its event iteration
+                component._must(self._names[8])
+                component._must(self._names[2], x, n)
+                present = [*x, *map(float, component.get(inputs))]
 
-            def shown(point: Sequence[float]) -> Array:
-                component._must(self._names[1], ffi.new("double[]", point[:n]), n)
-                component._set_values(dict(zip(inputs, point[n:], strict=True)))
-                component._must(self._names[3], slopes, n)
-                return np.array([*slopes, *component.get(outputs)], dtype=float)
+                def shown(point: Sequence[float]) -> Array:
+                    component._must(self._names[1], ffi.new("double[]", point[:n]), n)
+                    component._set_values(dict(zip(inputs, point[n:], strict=True)))
+                    component._must(self._names[3], slopes, n)
+                    return np.array([*slopes, *component.get(outputs)], dtype=float)
 
-            yield shown, present, [max(abs(at), v.nominal) for at, v in zip(present, variables, strict=True)]
+                yield shown, present, [max(abs(at), v.nominal) for at, v in zip(present, variables, strict=True)]
         finally:
-            component.restore(state)
-            component.forget(state)
             ffi.buffer(self._report)[:] = report
 
     def saved(self) -> bytes:

@@ -229,7 +229,9 @@ void fmu_free(FmuInstance *self) {
 void fmu_set_mode(FmuInstance *self, FmuMode mode) {
     if (mode == MODE_TERMINATED && self->state->mode == MODE_STEP)
         for (int32_t i = 0; i < P->n_components; i++)
-            if (!self->components[i].dead) (void)component_terminate(&self->components[i]);
+            if (!self->components[i].dead && component_terminate(&self->components[i]) > fmi3Warning)
+                (void)fmu_fail(self, FMU_WARNING, "component '%s': Terminate failed; the results are complete, but "
+                    "files that it writes at its end may not be", P->components[i].name);
     self->state->mode = (int32_t)mode;
 }
 

@@ -1,0 +1,62 @@
+"""Functions of FMUs that return what is no success: the run says which one, at what time, and keeps what it has."""
+
+from __future__ import annotations
+
+import pytest
+from foreign import failing
+
+from cosim import CosimError, FmuWarning, System
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("failing")
+
+
+def one(path, function, status, *, after=0, **how):
+    """A system of one FMU, whose function returns a status from the call after `after` others on."""
+    system = System()
+    parameters = {"function": failing.FUNCTIONS.index(function), "status": STATUSES.index(status), "after": after}
+    system.add("m", path, step="10 ms", parameters=parameters, **how)
+    return system
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["in process", "isolated"])
+@pytest.mark.parametrize("status", ["Discard", "Error", "Fatal"])
+@pytest.mark.parametrize("interface", ["cs", "me"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_failing_end_is_told_and_keeps_the_results(folder, version, interface, status, isolated):
+    path = failing.build(version, folder)
+    with one(path, "nothing", "OK", interface=interface) as system:
+        whole = system.run(0.1, record=["m.x"])
+    system = one(path, "Terminate", status, interface=interface, isolated=isolated)
+    with (
+        system,
+        pytest.warns(FmuWarning, match=rf"component 'm': fmi{version}Terminate returned {status}; the results"),
+    ):
+        recording = system.run(0.1, record=["m.x"])
+    assert (recording["m.x"] == whole["m.x"]).all()
+
+
+def test_an_exported_system_tells_a_failing_end(folder, caplog):
+    path = folder / "System.fmu"
+    with one(failing.build(3, folder), "Terminate", "Error") as system:
+        system.export_fmu(path)
+    with System() as system:
+        system.add("whole", path, step="10 ms")
+        system.run(0.1, record=["whole.m.x"])
+    assert "component 'm': Terminate failed; the results are complete" in caplog.text
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("function", ["GetDerivatives", "SetContinuousStates", "UpdateDiscreteStates"])
+def test_differences_for_a_linear_model_name_the_call_that_is_fatal(folder, version, function):
+    named = {"GetDerivatives": "Derivatives", "UpdateDiscreteStates": "DiscreteStates"}.get(function, function)
+    system = one(failing.build(version, folder), function, "Fatal", after=1, interface="me")
+    text = rf"component 'm': fmi{version}\w*{named} returned Fatal"
+    with system, pytest.raises(CosimError, match=text):
+        system.linearize()
