@@ -15,7 +15,7 @@ from build_fmus.base.checks import did_you_mean, glob, number, unknown
 from build_fmus.base.escape import NO_XML
 from build_fmus.base.units import KNOWN, UnitMismatchError, conversion
 from cosim.core.component import Component, PythonComponent
-from cosim.core.description import LONGEST_TEXT, RECORDABLE, TEXTS, WIDE, Description, Variable
+from cosim.core.description import LONGEST_TEXT, RECORDABLE, TEXTS, WIDE, Description, Variable, split_index
 from cosim.core.errors import FmuWarning, WiringError
 from cosim.core.time import TimeLike, positive, rational, seconds_text
 from cosim.fmu.component import FmuComponent
@@ -105,8 +105,9 @@ class Wiring:
         implementation = self._component(fmu if source is None else source.added, strict, interface)
         if structure := structural(name, implementation.description, {**(parameters or {}), **(start or {})}):
             assert isinstance(implementation, FmuComponent)  # nothing else has structural parameters
-            implementation.restructure(structure)
-            own = implementation.description.canonical
+            own, variables = implementation.description.canonical, implementation.description.variables
+            if changed := {n: v for n, v in structure.items() if v != variables[n].start}:
+                implementation.restructure(changed)
             parameters, start = (
                 {n: v for n, v in (values or {}).items() if own(n) not in structure} for values in (parameters, start)
             )
@@ -212,6 +213,12 @@ class Wiring:
         outputs, inputs = elements(from_component, output), elements(to_component, input_)
         if len(outputs) != len(inputs):
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
+        shapes = [split_index(v[-1].name)[1] for v in (outputs, inputs) if len(v) > 1]
+        if len(shapes) == 2 and len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1]:
+            sizes = [" x ".join(map(str, shape)) for shape in shapes]
+            raise WiringError(
+                f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect their elements one by one"
+            )
         made = [
             self._connection(
                 (from_component, o),

@@ -57,6 +57,26 @@ def test_one_file_has_several_sizes_in_a_system(fmu: Path) -> None:
     assert [found[f"more.sum[{i}]"][-1] for i in (1, 2, 3, 4)] == [1.0, 4.0, 10.0, 20.0]
 
 
+def test_matrices_of_other_shapes_are_not_connected(fmu: Path, tmp_path: Path) -> None:
+    """They may have the same number of elements."""
+    square = b'<Dimension valueReference="0"/>'
+    more = tmp_path / "Matrices.fmu"
+    size = b'<UInt64 name="m" valueReference="51" causality="structuralParameter" variability="fixed" start="3"/>'
+    with System(allow_unconnected=True) as system:
+        first = b'<Float64 name="u"'
+        making.redescribed(fmu, more, (square, square + b'<Dimension valueReference="51"/>'), (first, size + first))
+        system.add("a", more, step=1, parameters={"n": 4, "m": 2})
+        system.add("b", more, step=1, parameters={"n": 2, "m": 4})
+        with pytest.raises(WiringError, match=r"a\.sum has 4 x 2 elements, b\.u has 2 x 4: connect their elements one"):
+            system.connect("a.sum", "b.u")
+        assert len(system.connect("a.sum", "a.u")) == 8
+
+
+def test_the_size_of_the_fmu_itself_changes_nothing(fmu: Path, tmp_path: Path) -> None:
+    with sums(fmu, 3) as system:
+        assert system.export_fmu(tmp_path / "System.fmu").is_file()
+
+
 def test_states_belong_to_one_size(fmu: Path) -> None:
     with sums(fmu, 4) as system, system.initialize() as simulation:
         simulation.advance(1)
