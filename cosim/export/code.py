@@ -141,7 +141,11 @@ class SystemCode:
             key = (str(fmu.path), fmu.description.token)
             other = next((o.name for o, p in parts.items() if p is found.get(key)), None)
             if other and m.description.only_once:
-                raise WiringError(f"'{other}' and '{m.name}' are instances of {fmu.path}, which allows one per process")
+                option = surface.hint(f" (without=['{m.name}'])", f" (--without {m.name})")
+                raise WiringError(
+                    f"'{other}' and '{m.name}' are instances of {fmu.path}, which allows one per process: leave one of"
+                    f" them out of the export{option}"
+                )
             if key not in found:
                 found[key] = part_of(c_identifier(fmu.description.identifier, [p.name for p in found.values()]), fmu)
             parts[m] = found[key]

@@ -162,6 +162,14 @@ class Archive:
             found = [(p[1], p[2]) for p in parts if len(p) == 3 and p[0] == "binaries" and p[2]]
         return sorted(pair for pair in found if pair[1].endswith((".so", ".dll", ".dylib")))
 
+    def has_sources(self) -> bool:
+        """Whether it has files of C or C++ below `sources/`."""
+        if self.is_folder:
+            names = [p.name for p in (self.path / "sources").rglob("*")]
+        else:
+            names = [n for n in self.names if n.startswith("sources/")]
+        return any(n.lower().endswith((".c", ".cc", ".cpp", ".cxx")) for n in names)
+
     def unpack(self, folder: Path, without: tuple[str, ...] = ()) -> None:
         """Put a copy of everything into `folder`, except for the folders in `without` (`"sources/"`) of an archive."""
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 import tempfile
@@ -238,10 +239,11 @@ class FmuFile:
                 else "it has no binaries"
             )
         )
-        raise FmuError(
-            f"{self.path} has no binary for this platform ({self.binary}); {built}. Build or export it for this"
-            " platform"
-        )
+        remedy = "Build or export it for this platform"
+        if self._archive.has_sources():
+            built += ", but source code"
+            remedy += f", or compile its source code (fmpy compile {shlex.quote(str(self.path))})"
+        raise FmuError(f"{self.path} has no binary for this platform ({self.binary}); {built}. {remedy}")
 
     def library(self) -> Library:
         """The loaded library, with one more user: call its `release()` when done.

@@ -78,7 +78,7 @@ def read(
         raise FmuError(
             f"{where}: it does not offer {NAMES[tags[0]]}, but {' and '.join(kinds)}; choose"
             " another interface or export it again"
-            if kinds and interface
+            if kinds and interface and kinds != ["Scheduled Execution"]
             else f"{where}: neither a Co-Simulation nor a Model Exchange FMU (it offers"
             f" {' and '.join(kinds) or 'nothing'}); export it again for Co-Simulation"
         )

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from foreign.making import redescribed
+from foreign.making import pack, redescribed
 from probes import Clock
 from rich.console import Console
 
-from cosim import ComponentError, CosimError, Fmu, FmuError, System, describe, wiring
+from cosim import ComponentError, CosimError, Fmu, FmuError, System, WiringError, describe, wiring
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -158,7 +158,35 @@ def test_fmus_this_master_cannot_run(foreign, tmp_path, refused):
         (b'valueReference="0"', b'valueReference="x"'),
     )
     paths = [redescribed(foreign["AddOne2"], tmp_path / f"bad{i}.fmu", c) for i, c in enumerate(changes)]
-    refused(FmuError, *(partial(System().add, "a", path, step=1) for path in paths))
+    refused(
+        FmuError,
+        *(partial(System().add, "a", path, step=1) for path in paths),
+        partial(System().add, "a", paths[1], step=1, interface="cs"),
+    )
+
+
+def test_an_fmu_with_source_code_alone_says_how_to_compile_it(foreign, tmp_path):
+    with zipfile.ZipFile(foreign["AddOne2"]) as archive:
+        description = archive.read("modelDescription.xml")
+    for name, text in (("sources/code.c", "but source code"), ("sources/readme.txt", "it has no binaries. Build")):
+        path = pack(tmp_path / "bad.fmu", {"modelDescription.xml": description, name: b""})
+        folder = tmp_path / name
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+        for place in (path, folder):
+            with pytest.raises(FmuError, match=text):
+                System().add("a", place, step=1)
+
+
+def test_a_system_with_two_instances_of_an_fmu_that_allows_one_is_not_exported(foreign, tmp_path):
+    change = b'OnlyOncePerProcess="false"', b'OnlyOncePerProcess="true"'
+    path = redescribed(foreign["AddOne2"], tmp_path / "Once.fmu", change)
+    with System(allow_unconnected=True) as system:
+        for name in ("first", "second"):
+            system.add(name, path, step=1)
+        system.run(1)  # each instance has a library of its own
+        with pytest.raises(WiringError, match=r"which allows one per process: .*without=\['second'\]"):
+            system.export_fmu(tmp_path / "System.fmu")
 
 
 def test_the_binaries_of_an_fmu_without_one_for_this_platform_are_named(foreign, tmp_path):
