@@ -188,8 +188,9 @@ class _Reader:
             if experiment.get("stepSize"):
                 step = _seconds(experiment.get("stepSize"), "DefaultExperiment: stepSize")
                 result.default_step = step if step > 0 else None  # some tools write 0 for "none"
-            if experiment.get("stopTime"):
-                result.default_stop = _seconds(experiment.get("stopTime"), "DefaultExperiment: stopTime")
+            with suppress(TimeError):  # a hint, too
+                stop = experiment.get("stopTime")
+                result.default_stop = _seconds(stop, "DefaultExperiment: stopTime") if stop else None
             if experiment.get("tolerance"):
                 result.tolerance = _number(experiment.get("tolerance"), "DefaultExperiment: tolerance")
                 if not 0 < result.tolerance < math.inf:
@@ -585,7 +586,7 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         reference=_integer(element, "valueReference", what, high=2**32 - 1),
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
-        nominal=(abs(_number(attributes["nominal"], f"{what}: nominal")) or 1.0) if "nominal" in attributes else 1.0,
+        nominal=_nominal(attributes.get("nominal", "1"), what),
         mime_type=attributes.get("mimeType", OCTETS) if fmi_type == "Binary" else "",
         max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY)
         if "maxSize" in attributes
@@ -593,6 +594,12 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         clocks=_references(element.get("clocks"), what),
         follows=known.updates and fmi_type == "Float64" and _flag(element, "intermediateUpdate"),
     )
+
+
+def _nominal(text: str, what: str) -> float:
+    """A size of a variable; 1 instead of zero, infinity and NaN, which are none."""
+    size = abs(_number(text, f"{what}: nominal"))
+    return size if 0 < size < math.inf else 1.0
 
 
 def _value(kind: str, text: str | None, what: str) -> Any:

@@ -8,6 +8,7 @@ the file alone, so the verdict is kept by the hash of the file and of everything
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
@@ -255,6 +256,8 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
     experiment = root.find("DefaultExperiment")
     if experiment is not None and experiment.get("stepSize") and about.default_step is None:
         yield Finding(experiment.sourceline, "DefaultExperiment: stepSize is not above 0; it is ignored")
+    if experiment is not None and experiment.get("stopTime") and about.default_stop is None:
+        yield Finding(experiment.sourceline, "DefaultExperiment: stopTime is not a time; it is ignored")
 
 
 def _names(elements: Iterable[Any]) -> dict[str, list[int]]:
@@ -276,6 +279,8 @@ def _of_variable(
         if outside is not None:
             yield f"start is {outside.start:g}, outside of its range {low:g} to {high:g}"
     typed = element if major == "3" else element[0] if len(element) else element
+    if (nominal := typed.get("nominal")) is not None and not math.isfinite(float(nominal)):
+        yield f"nominal is {float(nominal):g}; 1 is used"
     if (declared := typed.get("declaredType")) is not None and declared not in known["type"]:
         yield f"type {one_line(declared, 80)!r} is not among the TypeDefinitions"
     if first.unit is not None and first.unit.name not in known["unit"]:

@@ -20,7 +20,7 @@ import pytest
 from awkward import archive, description, library
 from rich.console import Console
 
-from cosim import Fmu, FmuError, System, TimeError, WiringError, describe, wiring
+from cosim import Fmu, FmuError, FmuWarning, System, TimeError, WiringError, describe, wiring
 from cosim.core.time import rational
 from cosim.fmu.calls import platform_folder
 
@@ -126,6 +126,13 @@ def test_what_is_odd_but_harmless_is_read(tmp_path):
     assert about.default_step is None
     assert about.tolerance is None
     assert about.arrays == {"z": ["z[1]"]}
+
+
+@pytest.mark.parametrize("stop", ["INF", "NaN", "1e300"])
+def test_a_stop_time_that_is_no_time_is_ignored(tmp_path, stop):
+    path = archive(tmp_path / "a.fmu", description(2, experiment=f'stopTime="{stop}"'))
+    with pytest.warns(FmuWarning, match="DefaultExperiment: stopTime is not a time; it is ignored"):
+        assert Fmu(path).description.default_stop is None
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,8 @@ def findings(path):
         ('min="0" max="1" start="1.5"', "start is 1.5, outside of its range 0 to 1"),
         ('start="-1" min="0"', "start is -1, outside of its range 0 to inf"),
         ('declaredType="Length"', "type 'Length' is not among the TypeDefinitions"),
+        ('nominal="INF"', "nominal is inf; 1 is used"),
+        ('nominal="NaN"', "nominal is nan; 1 is used"),
         ('unit="furlong"', "unit 'furlong' is not among the UnitDefinitions"),
         ('colour="red"', "attribute 'colour': The attribute 'colour' is not allowed"),
     ],
