@@ -139,6 +139,8 @@ _EXCHANGE3 = (
     + """
 Component fmi3InstantiateModelExchange(const char*, const char*, const char*, bool, bool, void*, void*);
 Status fmi3CompletedIntegratorStep(Component, bool, bool*, bool*);
+Status fmi3GetNumberOfContinuousStates(Component, size_t*);
+Status fmi3GetNumberOfEventIndicators(Component, size_t*);
 """
 )
 

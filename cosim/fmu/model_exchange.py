@@ -118,6 +118,8 @@ class Instance(Protocol):
 
     def _must(self, function: str, *arguments: Any) -> None: ...
 
+    def _query(self, function: str, *arguments: Any) -> bool: ...
+
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
 
     def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
@@ -190,9 +192,23 @@ class Integration:
         if self._isolated is not None:
             status = self._isolated.integrate(self._packed, t)
         else:
+            self._check_counts()
             status = self._library.cosim_integrator_begin(self._integrator, t)
         if status > WARNING:
             self.fail(status, "its first event iteration")
+
+    def _check_counts(self) -> None:
+        """Raise FmuError where an FMU of FMI 3.0 has other numbers of values, all of which it would read and write."""
+        for function, what, listed in (
+            ("GetNumberOfContinuousStates", "continuous states", self._setup.n),
+            ("GetNumberOfEventIndicators", "event indicators", self._setup.n_indicators),
+        ):
+            found = self._ffi.new("size_t*", listed)
+            if self._setup.version == 3 and self._component._query(function, found) and found[0] != listed:
+                raise FmuError(
+                    f"component '{self._component.name}': fmi3{function} returns {found[0]}, and ModelStructure lists"
+                    f" {listed} {what}; export the FMU again"
+                )
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state by central differences; the state is restored after it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from foreign import failing
 
-from cosim import CosimError, FmuWarning, System
+from cosim import CosimError, FmuError, FmuWarning, System
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -60,3 +60,11 @@ def test_differences_for_a_linear_model_name_the_call_that_is_fatal(folder, vers
     text = rf"component 'm': fmi{version}\w*{named} returned Fatal"
     with system, pytest.raises(CosimError, match=text):
         system.linearize()
+
+
+def test_an_fmu_with_other_numbers_of_indicators_than_its_description_is_refused(folder):
+    """It would write beyond the memory that it gets."""
+    system = one(failing.build(3, folder, indicators=2), "nothing", "OK", interface="me")
+    text = "fmi3GetNumberOfEventIndicators returns 2, and ModelStructure lists 1 event indicators"
+    with system, pytest.raises(FmuError, match=text):
+        system.run(0.1)

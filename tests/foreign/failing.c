@@ -128,6 +128,11 @@ Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) { return memset(i, 0,
 Status fmi2GetRealStatus(Instance c, const fmi2StatusKind kind, double *value) { return fmi2Discard; }
 Status fmi2GetBooleanStatus(Instance c, const fmi2StatusKind kind, Flag *value) { return fmi2Discard; }
 #else
+#ifndef INDICATORS
+#define INDICATORS 1
+#endif
+Status fmi3GetNumberOfContinuousStates(Instance c, size_t *n) { return *n = 1, F(OK); }
+Status fmi3GetNumberOfEventIndicators(Instance c, size_t *n) { return *n = INDICATORS, F(OK); }
 COUNTED(GetContinuousStateDerivatives, GET_DERIVATIVES, double, x[0] = *at(m, DX))
 Status fmi3UpdateDiscreteStates(
     Instance c, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined, double *next) {

@@ -64,10 +64,11 @@ def description(version: int, *, derivatives: bool = False) -> str:
     )
 
 
-def build(version: int, folder: Path, *, derivatives: bool = False) -> Path:
-    """The FMU for this machine, in a folder."""
-    sources = [making.HERE / "failing.c", making.others(folder, f"failing{version}", version)]
-    library = making.compile_library(folder, f"failing{version}", version, sources)
+def build(version: int, folder: Path, *, derivatives: bool = False, indicators: int = 1) -> Path:
+    """The FMU for this machine, in a folder. `indicators`: how many it has in its code; one is in its description."""
+    name = f"failing{version}" + f"_{indicators}" * (indicators != 1)
+    sources = [making.HERE / "failing.c", making.others(folder, name, version)]
+    library = making.compile_library(folder, name, version, sources, f"-DINDICATORS={indicators}")
     text = description(version, derivatives=derivatives)
-    path = folder / f"Failing{version}{'d' * derivatives}.fmu"
+    path = folder / f"{name.title()}{'d' * derivatives}.fmu"
     return making.pack(path, making.contents(version, "failing", text, library))
