@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from build_fmus.base import extras
 from build_fmus.base.checks import Array, unknown
 from cosim import Execution
 from cosim.core.content_checks import Scalar, label_of
@@ -25,10 +24,18 @@ from cosim.study.pages import provenance
 from cosim.study.runner import Runner
 from cosim.study.slopes import LocalSlopes
 from cosim.study.sweep import Sweep, SweepTable
+from cosim.study.sweep_statistics import (
+    CONFIDENCE,
+    morris_effects,
+    numeric,
+    quantile_interval,
+    rank_correlations,
+    sobol_indices,
+    values_of,
+)
 from cosim.study.swept import swept
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-CONFIDENCE = 0.95
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
@@ -147,38 +154,7 @@ def _label(metric: Metric) -> str:
     return label_of(metric.text, metric.unit)
 
 
-def _values(table: SweepTable, key: str, metric: Metric) -> Array:
-    return table.metrics[key] * metric.factor
-
-
 # -------------------------------------------------------------------------------------------------------- distributions
-
-
-def quantile_interval(values: Array, q: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
-    """A quantile of the distribution of values (n,), and the order statistics that enclose it with this confidence.
-
-    They hold for any distribution, and are infinite if n is too small.
-
-    Source:
-        David and Nagaraja, Order Statistics, 7.1.
-    """
-    ordered = np.sort(values)
-    n = len(ordered)
-    tail = (1 - confidence) / 2
-    low, high = binomial_quantile(tail, n, q) - 1, binomial_quantile(1 - tail, n, q)
-    return (
-        float(np.quantile(ordered, q)),
-        float(ordered[low]) if low >= 0 else -math.inf,
-        float(ordered[high]) if high < n else math.inf,
-    )
-
-
-def binomial_quantile(p: float, n: int, q: float) -> int:
-    """Least number of successes, each of chance q, that n trials do not exceed with a chance of p or more."""
-    from scipy import special  # not scipy.stats, which takes 40 MB
-
-    k = math.ceil(special.bdtrik(p, n, q))
-    return k - 1 if k > 0 and special.bdtr(k - 1, n, q) >= p else k
 
 
 def _about_bounds(method: str) -> str:
@@ -202,7 +178,7 @@ def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapp
     bounded = method in SAMPLED
     rows: list[list[Scalar]] = []
     for key, metric in metrics.items():
-        values = _values(table, key, metric)
+        values = values_of(table, key, metric)
         values = values[np.isfinite(values)]
         if len(values):
             for q in QUANTILES:
@@ -211,7 +187,7 @@ def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapp
                 rows.append([metric.heading, q, found, *shown, len(values)])
     panels = []
     for key, metric in drawn.items():
-        values = np.sort(_values(table, key, metric))
+        values = np.sort(values_of(table, key, metric))
         values = values[np.isfinite(values)]
         if len(values):
             share = (np.arange(len(values)) + 0.5) / len(values)
@@ -251,26 +227,17 @@ def _thinned(values: Array) -> Any:
 # scatter
 
 
-def _numeric(table: SweepTable) -> dict[str, Array]:
-    """Axes of numbers; of texts the number of the value in its list."""
-    found = {}
-    for a in table.sweep.design.axes:
-        column = table.axes[a.name]
-        if any(isinstance(v, str) for v in column):
-            order = list(dict.fromkeys(a.values))
-            column = [order.index(v) for v in column]
-        found[a.name] = np.asarray(column, dtype=float)
-    return found
-
-
 def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Section:
-    axes, units = _numeric(table), table.sweep.units
+    axes, units = numeric(table), table.sweep.units
     panels = [
         Panel(
-            "", label_of(name, units[name]), _label(m), [Series("runs", x[i], _values(table, k, m)[i], mode="markers")]
+            "",
+            label_of(name, units[name]),
+            _label(m),
+            [Series("runs", x[i], values_of(table, k, m)[i], mode="markers")],
         )
         for k, m in drawn.items()
-        for i in [_thinned(_values(table, k, m))]
+        for i in [_thinned(values_of(table, k, m))]
         for name, x in axes.items()
     ]
     figures = [
@@ -293,7 +260,7 @@ def _parallel(
 
     Each column is scaled from its smallest to its largest value.
     """
-    columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
+    columns = [*axes.values(), *(values_of(table, k, m) for k, m in drawn.items())]
     scaled = np.column_stack([_scaled(c) for c in columns])
     chosen = ranked[:: max(1, len(ranked) // LINES)]
     tenth = set(ranked[: max(1, len(ranked) // 10)])
@@ -329,59 +296,6 @@ def _scaled(values: Array) -> Array:
 
 # -----------------------------------------------------------------------------------------------------------
 # sensitivity
-
-
-def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, float, float]]:
-    """Sobol indices of a metric of a sweep by the method "saltelli".
-
-    Each is (parameter, first-order index, its half width of 95 % confidence, total index, its half width).
-
-    Source:
-        Saltelli et al., Computer Physics Communications 181, 2010.
-    """
-    with extras.needed("sensitivity", "Sobol indices"):
-        from SALib.analyze import sobol
-
-    found = sobol.analyze(
-        table.sweep.design.problem, table.metrics[key], calc_second_order=False, seed=table.sweep.design.seed
-    )
-    columns = [np.asarray(found[c], dtype=float).tolist() for c in ("S1", "S1_conf", "ST", "ST_conf")]
-    return list(zip([a.name for a in table.sweep.design.axes], *columns, strict=True))
-
-
-def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]]:
-    """Elementary effects of a metric of a sweep by the method "morris", over the whole range of each parameter.
-
-    Each is (parameter, mean of the magnitudes of elementary effects, their standard deviation).
-
-    Source:
-        Campolongo et al., Environmental Modelling and Software 22, 2007.
-    """
-    with extras.needed("sensitivity", "elementary effects (Morris)"):
-        from SALib.analyze import morris
-
-    design = table.sweep.design
-    found = morris.analyze(design.problem, design.cube(), table.metrics[key], num_levels=8, seed=design.seed)
-    return [(a.name, float(found["mu_star"][i]), float(found["sigma"][i])) for i, a in enumerate(design.axes)]
-
-
-def rank_correlations(table: SweepTable, key: str) -> list[tuple[str, float]]:
-    """(parameter, Spearman's rank correlation with a metric); NaN where one of them does not vary."""
-    values = table.metrics[key]
-    fine = np.isfinite(values)
-    found = []
-    for name, x in _numeric(table).items():
-        a, b = ranks(x[fine]), ranks(values[fine])
-        varies = len(a) > 1 and np.ptp(a) > 0 and np.ptp(b) > 0
-        found.append((name, float(np.corrcoef(a, b)[0, 1]) if varies else math.nan))
-    return found
-
-
-def ranks(values: Array) -> Array:
-    """Ranks (n,) from 1; values that are alike have the mean of theirs."""
-    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
-    mean: Array = np.cumsum(counts) - (counts - 1) / 2
-    return mean[which]
 
 
 def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes | None = None) -> Section:
@@ -485,7 +399,7 @@ def _worst(
     said = metrics.get(worst.metric, undeclared(worst.metric)).text
     shown = {k: m for k, m in metrics.items() if k == worst.metric or k in list(metrics)[:MOST_METRICS]}
     rows: list[list[Scalar]] = [
-        [i, *_cells(sweep, i), *(float(_values(table, k, m)[i]) for k, m in shown.items())] for i in runs
+        [i, *_cells(sweep, i), *(float(values_of(table, k, m)[i]) for k, m in shown.items())] for i in runs
     ]
     rows = [[None if isinstance(c, float) and not math.isfinite(c) else c for c in row] for row in rows]
     columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in shown.values())]))

@@ -75,7 +75,7 @@ GROUPS = (
     ),
     Group(
         "sweep",
-        ("cosim/study/sweep_report.py", "cosim/study/design.py"),
+        tuple(f"cosim/study/{n}.py" for n in ("sweep_report", "sweep_statistics", "design")),
         ("tests/study/test_sweep_pages.py", "tests/study/test_design.py"),
     ),
     Group("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),

@@ -32,7 +32,8 @@ from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED
 from cosim.study.sweep import RunningStats, history, prepare, run_sweep
 from cosim.study.sweep_command import running_table
-from cosim.study.sweep_report import sobol_indices, sweep_report
+from cosim.study.sweep_report import sweep_report
+from cosim.study.sweep_statistics import sobol_indices
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

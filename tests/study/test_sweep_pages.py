@@ -21,15 +21,14 @@ from cosim.study.experiment import Metric
 from cosim.study.runner import Runner
 from cosim.study.slopes import LocalSlopes, Slopes
 from cosim.study.sweep import run_sweep
-from cosim.study.sweep_report import (
-    Worst,
+from cosim.study.sweep_report import Worst, sweep_report
+from cosim.study.sweep_statistics import (
     binomial_quantile,
     morris_effects,
     quantile_interval,
     rank_correlations,
     ranks,
     sobol_indices,
-    sweep_report,
 )
 
 NAN = math.nan
