@@ -317,6 +317,7 @@ class System(Wiring):
         settle: TimeLike,
     ) -> Matrices:
         from cosim.linear import linearization as linear
+        from cosim.linear.sampled_model import common_period, sampled_model
 
         sampled, after = discrete is not False, rational(settle, "settle")
         if after < 0:
@@ -324,14 +325,14 @@ class System(Wiring):
         schedule = self.schedule()
         chosen_in = linear.choose_inputs(self.components, schedule, sampled, inputs)
         chosen_out = linear.choose_outputs(self.components, schedule, sampled, outputs)
-        period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
+        period = common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
         if sampled:
             schedule = self.schedule(period)
         self.end_simulation()
         interval = period if sampled else None
         with self._begin(schedule, record=chosen_out, record_interval=interval) as simulation:
             if sampled:
-                return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
+                return sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
             simulation.advance(after)
             return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -10,7 +9,7 @@ from collections.abc import Callable, Sequence
 from cosim.check.bench import Bench, Values, attempt, moved, same, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Unknown, Var
-from cosim.check.rules import Found, NotApplicable, check, names, note, warning
+from cosim.check.rules import Found, NotApplicable, check, names, note
 
 _STRUCTURE2, _STRUCTURE3 = (
     "2.2.8 Definition of the Model Structure (dependencies)",
@@ -77,8 +76,8 @@ def initial(bench: Bench) -> Found:
             for v, u in of.items()
             if not (aliases[m.key(known)] & set(u.depends or ()))
             and v.key != known.key
-            and not _close(before[v], after[v])
-            and _close(before[v], again[v])
+            and not are_close(before[v], after[v])
+            and are_close(before[v], again[v])
         ]
         if found:
             text = (
@@ -89,12 +88,12 @@ def initial(bench: Bench) -> Found:
             yield note(text) if known.causality == "parameter" else text
 
 
-def _other(x: Sequence[float]) -> list[float]:
+def other_values(x: Sequence[float]) -> list[float]:
     """Values near these, none of them the same."""
     return [v + 1e-3 * max(abs(v), 1e-3) for v in x]
 
 
-def _close(a: Sequence[float], b: Sequence[float]) -> bool:
+def are_close(a: Sequence[float], b: Sequence[float]) -> bool:
     """Equal but for what an iterative solution inside an FMU may leave, of the largest of them."""
     size = max((abs(float(x)) for x in (*a, *b) if math.isfinite(x)), default=0.0)
     return all(
@@ -110,7 +109,7 @@ def _aliases(bench: Bench) -> dict[int | None, set[int | None]]:
     return {bench.model.key(v): sets[v.key] for v in bench.model.variables}
 
 
-def _evaluating(bench: Bench) -> Instance:
+def evaluating(bench: Bench) -> Instance:
     """A Model Exchange instance, a step from its start, so that it lies off special points."""
     a = bench.instance().require()
     try:
@@ -191,7 +190,7 @@ def dependencies(bench: Bench) -> Found:
     if not unknowns or not knowns:
         raise NotApplicable("no dependencies are declared" if not unknowns else "there is nothing to vary")
     aliases = _aliases(bench)
-    with _evaluating(bench) as a:
+    with evaluating(bench) as a:
         read = list(unknowns)
         reported: set[tuple[str, str]] = set()
         for what, known, element in tried(knowns, 2 * MOST):
@@ -206,8 +205,8 @@ def dependencies(bench: Bench) -> Found:
                 if aliases[m.key(known)] & set(u.depends or ()) or v.key == known.key:
                     continue
                 if (
-                    not _close(before[v], after[v])
-                    and _close(before[v], again[v])
+                    not are_close(before[v], after[v])
+                    and are_close(before[v], again[v])
                     and (v.name, known.name) not in reported
                 ):
                     reported.add((v.name, known.name))
@@ -226,7 +225,7 @@ def dependencies(bench: Bench) -> Found:
 def directional(bench: Bench) -> Found:
     bench.require(bench.interface.directional, "it does not support directional derivatives")
     if bench.kind == "me":
-        with _evaluating(bench) as a:
+        with evaluating(bench) as a:
             yield from _columns(bench, a, list(_unknowns(bench)), _known(bench), "")
         return
     m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
@@ -325,7 +324,7 @@ def adjoint(bench: Bench) -> Found:
     unknowns = [v for v in unknowns if v.key not in both]  # a state that is an output is both
     if not unknowns or not knowns:
         raise NotApplicable("there is nothing to differentiate")
-    with _evaluating(bench) as a:
+    with evaluating(bench) as a:
         n, k = sum(v.size for v in unknowns), sum(v.size for v in knowns)
         x, y = [math.cos(i + 1.0) for i in range(k)], [math.sin(i + 1.0) for i in range(n)]
         forward, backward = a.directional(unknowns, knowns, x), a.directional(unknowns, knowns, y, adjoint=True)
@@ -394,161 +393,3 @@ def _wrong_rate(x: Vector, dx: Vector, h: float) -> bool:
         smooth += 1
         wrong += abs(moved_ - mean) > 0.3 * size + bend
     return smooth >= 5 and wrong >= 0.8 * smooth
-
-
-# ------------------------------------------------------------------------------------------------------ model exchange
-
-
-@check(
-    "exchange.states",
-    "state and derivative vectors have the variables and the order of ModelStructure",
-    fmi2="2.2.8 Definition of the Model Structure (Derivatives); 3.2.2 Evaluation of Model Equations",
-    fmi3="2.4.8 Model Structure (ContinuousStateDerivative); 3.2.1",
-    advice="Return states and derivatives in the order of ModelStructure.",
-    kinds=("me",),
-)
-def state_vector(bench: Bench) -> Found:
-    m = bench.model
-    states, derivatives = m.states, m.listed("Derivative")
-    bench.require(bool(derivatives), "it has no continuous states")
-    readable = set(bench.fmu.readable(m.variables))
-    if len(states) != len(derivatives) or not {*states, *derivatives} <= readable:
-        raise NotApplicable("not all states can be read as variables")
-    with _evaluating(bench) as a:
-        x, dx = a.get_states(), a.get_derivatives()
-        for what, vector, variables in (("state", x, states), ("derivative", dx, derivatives)):
-            read = a.get(variables)
-            flat = [(v, value) for v in variables for value in read[v]]
-            wrong = [
-                (v, value, got)
-                for (v, value), got in zip(flat, vector, strict=True)
-                if not same(float(value), got, 1e-6)
-            ]
-            if wrong:
-                v, value, got = wrong[0]
-                more = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
-                yield f"{what} {v.name!r} is {value:.9g} as a variable and {got:.9g} in the vector{more}"
-                return
-        # What is set is what is there.
-        new = _other(x)
-        if attempt(a.set_states, new) and not all(same(p, q) for p, q in zip(a.get_states(), new, strict=True)):
-            yield "states are not read back as they were set"
-
-
-@check(
-    "exchange.pure",
-    "derivatives depend on time, states and inputs only, in whatever order these are set",
-    fmi2="3.2.1 Providing Independent Variables and Re-initialization of Caching",
-    fmi3="3.2.1 Providing Independent Variables and Re-initialization of Caching",
-    advice=(
-        "Invalidate cached values whenever time, states or inputs are set; change nothing else when something is"
-        " evaluated."
-    ),
-    kinds=("me",),
-)
-def pure(bench: Bench) -> Found:
-    bench.require(bench.model.n_states > 0, "it has no continuous states")
-    with _evaluating(bench) as a:
-        x, before = a.get_states(), a.get_derivatives()
-        twice = a.get_derivatives()
-        if not _close(before, twice):
-            yield "derivatives differ when they are read twice"
-            return
-        other = _other(x)
-        attempt(a.set_states, other)
-        attempt(a.get_derivatives)
-        t = a.time
-        attempt(a.must, "SetTime", t + bench.step)
-        attempt(a.get_derivatives)
-        a.must("SetTime", t)
-        a.set_states(x)
-        if not _close(before, a.get_derivatives()):
-            yield "derivatives differ after other states and times were tried and the first ones set again"
-            return
-    bench.several()
-
-    def at_new_states(a: Instance, evaluated: bool) -> Vector | None:
-        a.initialize()
-        x = a.get_states()
-        if evaluated:
-            a.get_derivatives()
-        return attempt(lambda: a.set_states(_other(x)) and a.get_derivatives())  # type: ignore[no-any-return]
-
-    # States that are set count, whether anything was evaluated before or not.
-    found = [bench.alone(at_new_states, evaluated) for evaluated in (False, True)]
-    if found[0] is not None and found[1] is not None and not _close(found[0], found[1]):
-        yield "derivatives at new states depend on whether they were evaluated at old ones before"
-
-
-@check(
-    "exchange.nominals",
-    "nominal values of the states are above 0 and agree with the description",
-    fmi2="3.2.2 Evaluation of Model Equations (nominals)",
-    fmi3="2.3.3 State: Initialization Mode (fmi3GetNominalsOfContinuousStates)",
-    advice="Return 1 where no nominal value is known.",
-    kinds=("me",),
-)
-def nominals(bench: Bench) -> Found:
-    m = bench.model
-    bench.require(m.n_states > 0, "it has no continuous states")
-    with bench.instance() as a:
-        a.initialize()
-        found = a.get_nominals()
-    declared = [(s, s.nominal if s.nominal is not None else 1.0) for s in m.states for _ in range(s.size)]
-    for (s, expected), nominal in zip(declared, found, strict=False):
-        if not (nominal > 0 and math.isfinite(nominal)):
-            yield f"the nominal value of {s.name!r} is {nominal:g}; it must be above 0"
-            return
-        if s.nominal is not None and not same(nominal, expected, 1e-6):
-            yield warning(f"the nominal value of {s.name!r} is {nominal:g}, in the description {expected:g}")
-            return
-
-
-@check(
-    "exchange.counts",
-    "the numbers of states and event indicators agree with the description, and their values are finite",
-    fmi2="3.2.2 Evaluation of Model Equations (event indicators)",
-    fmi3="2.3.2 State: Instantiated (fmi3GetNumberOf...); 2.4.8 Model Structure",
-    advice="List every state derivative and every event indicator.",
-    kinds=("me",),
-)
-def counts(bench: Bench) -> Found:
-    m = bench.model
-    with bench.instance() as a:
-        if bench.version == "3" and not m.structural:
-            for function, what, expected in (
-                ("GetNumberOfContinuousStates", "continuous states", m.n_states),
-                ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
-            ):
-                n = c.c_size_t()
-                a.must(function, c.byref(n))
-                if n.value != expected:
-                    yield f"{function} returns {n.value}; ModelStructure lists {expected} {what}"
-        a.initialize()
-        for what, vector in (
-            ("event indicator", a.get_indicators()),
-            ("state", a.get_states()),
-            ("derivative", a.get_derivatives()),
-        ):
-            wrong = [i for i, value in enumerate(vector) if not math.isfinite(value)]
-            if wrong:
-                yield f"{what} number {wrong[0] + 1} is {vector[wrong[0]]} at the start"
-
-
-@check(
-    "exchange.together",
-    "Co-Simulation and Model Exchange begin with the same outputs",
-    fmi2="2.2.7 Definition of Model Variables (start)",
-    fmi3="2.3.3 State: Initialization Mode",
-    advice="One model, two interfaces: initialization is the same for both.",
-    kinds=("me",),
-    worst="warning",
-)
-def together(bench: Bench) -> Found:
-    if "cs" not in bench.model.interfaces or "cs" not in bench.fmu.libraries:
-        raise NotApplicable("it has one interface only")
-    outputs = [v for v in bench.watched() if v.causality == "output" and v.is_number]
-    found = [Bench(bench.fmu, kind).alone(lambda a: a.enter_initialization().get(outputs)) for kind in ("cs", "me")]
-    wrong = [v.name for v in found[0] if not _close(found[0][v], found[1][v])]
-    if wrong:
-        yield f"in initialization mode {names(wrong)} {'differ' if len(wrong) > 1 else 'differs'} between the two"

@@ -18,7 +18,7 @@ from typing import Any
 from build_fmus.base import safe_files
 from build_fmus.base.checks import did_you_mean
 from build_fmus.base.interpreters import PYTHON, environment
-from cosim.check import archive, binary, description_rules, layered, worker
+from cosim.check import archive, binary, description_rules, layered, structure_rules, worker
 from cosim.check.binary import claimed
 from cosim.check.description_rules import File
 from cosim.check.model import Model, read
@@ -33,7 +33,17 @@ from cosim.fmu.find import find
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 
-__all__ = ["Options", "Workers", "archive", "binary", "check", "description_rules", "layered", "worker"]
+__all__ = [
+    "Options",
+    "Workers",
+    "archive",
+    "binary",
+    "check",
+    "description_rules",
+    "layered",
+    "structure_rules",
+    "worker",
+]
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LIFE = "states.life"  # without which nothing else can be run
 WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")

@@ -33,7 +33,7 @@ from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from build_fmus.base.checks import plain
-from cosim.check import derivatives, references, runs, saved, states, values  # noqa: F401 (registers the checks)
+from cosim.check import derivatives, model_exchange_rules, references, runs, saved, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
 from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
 from cosim.check.model import Model

@@ -20,7 +20,8 @@ from cosim.ssp.integer_mapping import IntegerTable
 from cosim.ssp.package import Package
 from cosim.ssp.parameters import BoundValue, values_of
 from cosim.ssp.signals import Change, Place, Signals, change, trace
-from cosim.ssp.structure import Component, Structure, System, read
+from cosim.ssp.structure import Component, Structure, System
+from cosim.ssp.structure_reader import read
 from cosim.system.components import SystemComponent, indices
 from cosim.system.names import elements
 from cosim.system.wiring import Wiring

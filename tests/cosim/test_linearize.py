@@ -12,7 +12,7 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import CosimError, Fmu, LoopError, PythonComponent, Record, System, TimeError, WiringError
-from cosim.linear import linearization
+from cosim.linear import sampled_model
 
 STIFFNESS, MASS = 50.0, 2.0
 
@@ -280,7 +280,7 @@ def test_a_plant_on_a_kink_is_refused(small, version, raises):
 
 
 def test_work_is_bounded(small, monkeypatch, raises):
-    monkeypatch.setattr(linearization, "LARGEST", 20)
+    monkeypatch.setattr(sampled_model, "LARGEST", 20)
     with raises(CosimError):
         Fmu(small["law3"]).linearize(period="8 ms")
 
