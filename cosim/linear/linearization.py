@@ -22,8 +22,7 @@ same schedule takes every unit deviation through the period.
 
 A state of a discrete component that never changes is a constant of the operating point, and one that acts on nothing (a
 counter of samples) is a matter of the period: both are left out. A component with a kink or jump at the operating point
-is refused (continuous FMUs: `cosim.fmu.kinks`), and one with more than `sampled_model.LARGEST` numbers in its matrices before they
-are computed.
+is refused (continuous FMUs: `cosim.fmu.kinks`), and one with too many numbers in its matrices before they are computed.
 """
 
 from __future__ import annotations
