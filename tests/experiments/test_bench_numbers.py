@@ -16,7 +16,7 @@ from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS
 from cosim.experiments.bench.published import LONG, RANDOM, SHORT, at, over_height, over_stretches
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import METRICS, Case, force, measure, passive, recorded, signals, stop_time, wire
+from cosim.experiments.bench.runs import METRICS, Case, force, measure, recorded, signals, stop_time, wire
 from cosim.export.web.page import WebPage
 from cosim.report import Report
 from cosim.study import FmuSet, Results, Runner, web
@@ -138,7 +138,7 @@ def test_labels() -> None:
     case = Case("mpc-moves", "bump", 0.2, 30.0, encoders=True)
     assert case.label == "mpc-moves-bump-200ms-30mm-encoders"
     assert Case("lqr", "random", offset=20.0).label == "lqr-random-from-20s"
-    assert passive(case) == Case("passive", "bump", 0.2, 30.0)
+    assert case.passive() == Case("passive", "bump", 0.2, 30.0)
 
 
 def test_what_is_set_for_a_case(fmus: FmuSet) -> None:

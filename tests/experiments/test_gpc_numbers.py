@@ -37,7 +37,7 @@ from cosim.experiments.gpc.published import (
 )
 from cosim.experiments.gpc.report import _curve, report
 from cosim.experiments.gpc.results import Results, Study, select
-from cosim.experiments.gpc.runs import METRICS, Case, measure, passive, recorded, signals, wire
+from cosim.experiments.gpc.runs import METRICS, Case, measure, recorded, signals, wire
 from cosim.report import Report
 from cosim.study import FmuSet, Row, Runner
 from cosim.study import Results as Runs
@@ -151,7 +151,7 @@ def test_cases(raises) -> None:
     case = Case("curb", 72.0, "explicit", R=5e-7, seed=3, hold=True, solver_parts=2)
     assert case.label == "curb-72kmh-explicit-R5e-07-seed3-solver-in-2-hold"
     assert Case().label == "sine-50kmh-preview"
-    assert passive(case) == Case("curb", 72.0, "passive", solver_parts=2)
+    assert case.passive() == Case("curb", 72.0, "passive", solver_parts=2)
     assert runs.structure(case) == ("curb", "explicit", 1, False, "height", 8, 1, 0.0, "wheel", 0.0, 0.0)
     assert runs.compared({"response": 1.2}, {"response": 4.0}) == {"improvement": pytest.approx(0.7)}
     assert Case(seed=2**31 - 1).seed == 2**31 - 1

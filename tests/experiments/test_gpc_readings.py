@@ -101,9 +101,7 @@ def test_a_field_is_set_where_it_means_something() -> None:
     explicit = assume(everything, Case("sine", 50.0, "explicit"))
     assert (explicit.hold, explicit.disturbance, explicit.roll_off) == (True, "slope", 20.0)
     assert assume(everything, Case("sine", 50.0, "preview")).horizon == 16
-    assert gpc.runs.passive(replace(explicit, solver_parts=2)) == Case(
-        "sine", 50.0, "passive", solver_parts=2, **of_the_car
-    )
+    assert replace(explicit, solver_parts=2).passive() == Case("sine", 50.0, "passive", solver_parts=2, **of_the_car)
 
 
 def test_one_profile_lies_under_both_sides(fmus: FmuSet) -> None:

@@ -19,7 +19,7 @@ from cosim.experiments.preview_lq import EXPERIMENT, published
 from cosim.experiments.preview_lq.claims import CLAIMS, relative, relative_index
 from cosim.experiments.preview_lq.published import PRINTED, corrected, over_preview, plateau
 from cosim.experiments.preview_lq.report import report
-from cosim.experiments.preview_lq.runs import CONTROLLERS, WEIGHTED_CONTROLLERS, Case, passive
+from cosim.experiments.preview_lq.runs import CONTROLLERS, WEIGHTED_CONTROLLERS, Case
 from cosim.experiments.steps import HALVED, halved
 from cosim.report import write_report
 from cosim.study import FmuSet, Results, Runner, run_study
@@ -259,7 +259,7 @@ def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
     remarks = EXPERIMENT.measures.remarks
     assert remarks(run) == ["horizon_truncated: preview or memory end before the horizon that was requested"]
     assert remarks(runner.run(Case(), stop_time=0.05)) == []
-    assert remarks(runner.run(passive(Case()), stop_time=0.05)) == []
+    assert remarks(runner.run(Case().passive(), stop_time=0.05)) == []
 
 
 @pytest.mark.parametrize("weights", ["comfort", "road-holding"])

@@ -21,7 +21,7 @@ from cosim.experiments.preview_lq.claims import CLAIMS, matched
 from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY, Design
 from cosim.experiments.preview_lq.published import PRINTED, PRINTED_EIGENVALUES, corrected, over_preview
 from cosim.experiments.preview_lq.report import report
-from cosim.experiments.preview_lq.runs import METRICS, Case, measure, passive, recorded, signals, stop_time, wire
+from cosim.experiments.preview_lq.runs import METRICS, Case, measure, recorded, signals, stop_time, wire
 from cosim.experiments.preview_lq.web import live
 from cosim.experiments.steps import halved
 from cosim.report import Report
@@ -141,7 +141,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
             set_[c] = {n: dict(system[n].values) for n in ("speed", "road", "car", "controller")}
         assert runner.system(as_published) is system
         assert runner.system(Case(exchange_parts=2)) is not system
-        assert "controller" not in runner.system(passive(case)).components
+        assert "controller" not in runner.system(case.passive()).components
         steps = [runner.system(c)["car"].step for c in (as_published, Case(exchange_parts=2))]
     plateau, left, plain = set_.values()
     assert float(steps[0]) == 2 * float(steps[1]) == 0.001
@@ -169,10 +169,10 @@ def test_lengths_labels_and_laws() -> None:
     case = Case("left", "a/my.toml", "preview", 0.05, 60.0, "sine", hold_tail=True)
     assert dataclasses.replace(case, weights="my.toml").label == "left-my-preview-50ms-60kmh-sine-hold"
     assert Case().label == "both-comfort-preview"
-    assert passive(case) == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
+    assert case.passive() == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
     laws = {w: Case(weights=w).controller_fmu for w in ("comfort", "road-holding", "comfort-5ms", "a/my_own.toml")}
     assert list(laws.values()) == ["PreviewLqComfort", "PreviewLqRoadHolding", "PreviewLqComfort5ms", "PreviewLqMyOwn"]
-    assert passive(case).controller_fmu is None
+    assert case.passive().controller_fmu is None
 
 
 # ------------------------------------------------------------------------------------------------------------ designs

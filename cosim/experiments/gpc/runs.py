@@ -17,7 +17,7 @@ from cosim import Recording, StopWhen, System
 from cosim.core.signals import columns, peak, rms
 from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
-from cosim.experiments.options import speed_option
+from cosim.experiments.options import Controlled, speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
 from cosim.study import FmuSet, Metric, Row, Run, option
@@ -52,7 +52,7 @@ _MEASURING = (lambda c: c.controller in ("explicit", "preview"), "the explicit a
 
 
 @dataclass(frozen=True, kw_only=True)
-class OpenCase(Stepped):
+class OpenCase(Controlled):
     """What the paper leaves open; the defaults are the reading of the main study."""
 
     hold: bool = option(
@@ -152,6 +152,10 @@ class Case(OpenCase):
     )
     seed: int = option(0, within=(0, 2**31 - 1), help="seed of the identification run", label="seed{}")
 
+    def passive(self) -> Case:
+        """What a run is compared with: no controller, so no weight and no identification either."""
+        return dataclasses.replace(super().passive(), R=R_PUBLISHED, seed=0)
+
 
 OPEN = tuple(f for f in dataclasses.fields(OpenCase) if f.name not in Stepped.__dataclass_fields__)
 """Fields of a case that the paper leaves open."""
@@ -164,13 +168,6 @@ def assume(assumed: Assumed, case: Case) -> Case:
     rules = {f.name: f.metadata["option"].only for f in OPEN}
     kept = {name: value for name, value in assumed if rules[name] is None or rules[name][0](case)}
     return dataclasses.replace(case, **kept)
-
-
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    parts: dict[str, Any] = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
-    assumed = tuple((f.name, getattr(case, f.name)) for f in OPEN)
-    return assume(assumed, Case(case.road, case.speed_kmh, "passive", **parts))
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring

@@ -79,6 +79,7 @@ def short_preview(study: Results) -> list[float]:
 class PreviewLqView(View):
     """Inputs and weights, as Table 3 names them: "ride comfort, both sides", "ride comfort", "left side"."""
 
+    made = Case
     quantities: ClassVar[Quantities] = {
         "share of the benefit": lambda view, time, place: view.benefit(float(time), place),
         "rise by a short preview": lambda view, tail, place: (
@@ -94,10 +95,6 @@ class PreviewLqView(View):
         """Those whose names have all words of `at`."""
         wanted = set() if at == "everywhere" else set(at.split(", "))
         return [p for p in PARTS if wanted <= {INPUT_NAMES[p[0]], WEIGHT_NAMES[p[1]]}]
-
-    def case(self, subject: str, place: Place) -> Case:
-        """The run of a controller."""
-        return Case(*place, subject)
 
     def benefit(self, time: float, place: Place) -> float:
         """What a preview [s] brings of what 0.2 s bring [%]."""

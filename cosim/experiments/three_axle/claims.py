@@ -20,6 +20,7 @@ def place_text(place: Place) -> str:
 class ThreeAxleView(View):
     """Speeds and depths of Table 5.1, or single runs."""
 
+    made = Case
     quantities: ClassVar[Quantities] = {"steady error": lambda view, subject, _: view.steady_error(subject)}
     words: Mapping[str, float] = {"horizon": HORIZON, "limit": LIMIT}
 
@@ -30,10 +31,6 @@ class ThreeAxleView(View):
             return [c for c in every if CONTROLLERS[c.controller] == "MpcThreeAxle"]
         named: dict[str, list[Any]] = {"the run that is shown": [SHOWN], "all runs together": [at]}
         return named.get(at) or list(places(self.study))
-
-    def case(self, subject: str, place: Place | Case) -> Case:
-        """The run of a controller at a speed and depth."""
-        return place if isinstance(place, Case) else Case(*place, subject)
 
     def label(self, place: Any) -> str:
         """Speed and depth."""

@@ -97,6 +97,7 @@ def _where(every: Sequence[Key], good: Sequence[Key]) -> str:
 class TrenchView(View):
     """Lengths and speeds of trenches, or single runs."""
 
+    made = Case
     quantities: ClassVar[Quantities] = {
         "improvement": lambda view, _, key: view.improvements.get(key),
         "mean score": lambda view, subject, _: view.mean_score(subject == "6 and 9 km/h"),
@@ -128,10 +129,6 @@ class TrenchView(View):
             "every crossing under control": [c for c in (*matrix("mpc"), *between()) if c in self.study],
         }
         return found[at]
-
-    def case(self, subject: str, place: Key | Case) -> Case:
-        """The run of the passive vehicle or of a controller."""
-        return place if isinstance(place, Case) else Case(*place, subject)
 
     def label(self, place: Any) -> str:
         """Length and speed."""

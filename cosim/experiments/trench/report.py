@@ -14,7 +14,7 @@ import numpy as np
 from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost_of_limits, normalized, reduction_percent
 from cosim.experiments.trench import EXPERIMENT, claims, linear, published
 from cosim.experiments.trench.published import BOLD, GRID, LENGTHS, SPEEDS, SYSTEMS, Key, matrix, refined, some
-from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, configure, measure, passive, signals, wire
+from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, configure, measure, signals, wire
 from cosim.report import (
     Animation,
     Figure,
@@ -98,8 +98,8 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
 
 def playback(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Playback:
     """A run of the vehicle. Both sides meet the trench alike, so the right one has the series of the left one."""
-    with wire(fmus, passive(case)) as system:
-        configure(system, passive(case))
+    with wire(fmus, case.passive()) as system:
+        configure(system, case.passive())
         looks = infer_scene(system)
         car = system["car"]
         constant = {f"car.{n}": car.start(n) for n in car.description.parameters}

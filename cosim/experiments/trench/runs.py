@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -12,8 +12,8 @@ import numpy as np
 from cosim import StopWhen, System
 from cosim.core.signals import columns, peak
 from cosim.experiments.metrics.crossing import LABELS, LIMITS, PSD_RATE, Crossing, cost, crossing, failures, psd
-from cosim.experiments.options import AtSpeed, speed_option
-from cosim.experiments.steps import Stepped, exchange_step
+from cosim.experiments.options import AtSpeed, Controlled, speed_option
+from cosim.experiments.steps import exchange_step
 from cosim.recording.peaks import keep_peaks
 from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
@@ -49,7 +49,7 @@ TOUCH = 1.0  # N, body force that counts as contact
 
 
 @dataclass(frozen=True)
-class Case(AtSpeed, Stepped):
+class Case(AtSpeed, Controlled):
     """One run. None: as in the vehicle file."""
 
     length: float = option(1.6, unit="m", within=(0.2, 2.5), help="length of the trench", label="{:g}m", always=True)
@@ -85,11 +85,6 @@ class Case(AtSpeed, Stepped):
         only=(lambda c: c.controller in UNSEEING, f"a controller without preview ({', '.join(UNSEEING)})"),
         help="pitch reference and forced ranges of the crossing algorithm, though the controller sees no trench",
     )
-
-
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    return replace(case, controller="passive", guided=True)
 
 
 def step(case: Case) -> Fraction:
