@@ -36,7 +36,7 @@ from cosim.experiments.gpc.published import (
     plan,
 )
 from cosim.experiments.gpc.report import _curve, report
-from cosim.experiments.gpc.results import Results, Study, select
+from cosim.experiments.gpc.results import Results, select
 from cosim.experiments.gpc.runs import METRICS, Case, measure, recorded, signals, wire
 from cosim.report import Report
 from cosim.study import FmuSet, Row, Runner
@@ -326,13 +326,8 @@ def made() -> Runs:
 
 
 @pytest.fixture(scope="module")
-def study(made: Runs) -> Study:
-    return Study.of(made)
-
-
-@pytest.fixture(scope="module")
-def results(study: Study) -> Results:
-    return Results(study)
+def results(made: Runs) -> Results:
+    return Results(made)
 
 
 @pytest.fixture(scope="module")
@@ -555,43 +550,50 @@ def test_matching_goes_round_weights_that_diverge() -> None:
 # ------------------------------------------------------------------------------------------------------ rows of a study
 
 
-def test_rows_of_a_study(study: Study) -> None:
-    assert (study.seeds, study.speeds) == (SEEDS, SPEEDS_KMH)
-    parts = (study.sweep, study.comparison, study.unmatched, study.open_loop, study.refinement, study.histories)
+def test_rows_of_a_study(results: Results) -> None:
+    assert (results.seeds, results.speeds) == (SEEDS, SPEEDS_KMH)
+    parts = (
+        results.sweep,
+        results.comparison,
+        results.unmatched,
+        results.open_loop,
+        results.refinement,
+        results.histories,
+    )
     assert [len(p) for p in parts] == [8 * 4 * 8, 25 * (1 + 3 * 8), 25 * 2 * 8, 6, 3 * 4 * 4, 3 * 4]
-    assert len(study.rows) == 256 + 625 + 400 + 6 + 48
-    assert [r["speed_kmh"] for r in study.open_loop] == [42.5, 45.0, 47.5, 52.5, 55.0, 57.5]
-    assert {(r["solver_parts"], r["exchange_parts"]) for r in study.comparison} == {(1, 1)}
+    assert len(results.rows) == 256 + 625 + 400 + 6 + 48
+    assert [r["speed_kmh"] for r in results.open_loop] == [42.5, 45.0, 47.5, 52.5, 55.0, 57.5]
+    assert {(r["solver_parts"], r["exchange_parts"]) for r in results.comparison} == {(1, 1)}
     for part in parts:
         laws = [list(runs.CONTROLLERS).index(r["controller"]) for r in part]
         order = [(r["road"], r["speed_kmh"], law, r["R"], r["seed"]) for r, law in zip(part, laws, strict=True)]
         assert order == sorted(order)
-    assert not study.failures
+    assert not results.failures
 
 
 def test_rows_of_a_smaller_study() -> None:
-    small = Study.of(made_up_runs(seeds=(4, 2), speeds=(30.0,)))
+    small = Results(made_up_runs(seeds=(4, 2), speeds=(30.0,)))
     assert (small.seeds, small.speeds) == ((4, 2), (30.0,))
     assert len(small.sweep) == 8
     assert {r["seed"] for r in small.refinement if r["controller"] != "passive"} == {4}
 
 
 def test_rows_of_a_study_with_a_failed_search(made: Runs) -> None:
-    broken = Study.of(failed(made, Comparison("curb", 70.0, 3)))
+    broken = Results(failed(made, Comparison("curb", 70.0, 3)))
     assert broken.failures == {"comparison-curb-70kmh-seed3": "ComponentError: it broke"}
     assert (len(broken.comparison), len(broken.unmatched)) == (625 - 3, 400 - 2)
     with pytest.raises(
         LookupError, match=r"no run \('curb', 70.0, 'preview', 3\); comparison-curb-70kmh-seed3: ComponentError: it"
     ):
-        Results(broken).published("curb", 70.0, "preview", 3)
+        broken.published("curb", 70.0, "preview", 3)
 
 
 def test_rows_of_a_study_with_a_failed_run(made: Runs, raises) -> None:
-    broken = Study.of(failed(made, Case("sine", 50.0, "passive")))
+    broken = Results(failed(made, Case("sine", 50.0, "passive")))
     assert broken.failures == {"sine-50kmh-passive": "ComponentError: it broke"}
     assert (len(broken.comparison), len(broken.refinement)) == (625 - 1, 48 - 1)
     with raises(LookupError):
-        Results(Study()).passive("sine", 1.0)
+        Results(Runs([], [])).passive("sine", 1.0)
 
 
 # ------------------------------------------------------------------------------------------------------ numbers read
@@ -644,8 +646,8 @@ def test_distributions_over_seeds(results: Results) -> None:
 
 
 def test_single_numbers(results: Results) -> None:
-    speeds = sorted((*SPEEDS_KMH, *OPEN_LOOP_SPEEDS_KMH))
-    assert results.open_loop() == {v: pytest.approx(4 - abs(v - 50) / 20) for v in speeds}
+    found = {r["speed_kmh"]: r["response"] for r in results.open_loop}
+    assert found == {v: pytest.approx(4 - abs(v - 50) / 20) for v in OPEN_LOOP_SPEEDS_KMH}
     assert results.open_loop_peak() == 50.0
     assert [results.worst_speed(road) for road in ("sine", "perryman3", "curb")] == [50.0, 40.0, 40.0]
     assert results.largest_move() == pytest.approx(12e-4)
@@ -653,7 +655,7 @@ def test_single_numbers(results: Results) -> None:
     assert [(r["road"], r["speed_kmh"], r["controller"], r["seed"]) for r in results.diverged()] == [
         DIVERGED
     ] * 2  # matched or not
-    halved = {(r["road"], r["controller"], words): moves for r, words, moves in results.refinement()}
+    halved = {(r["road"], r["controller"], words): moves for r, words, moves in results.moves()}
     assert len(halved) == 3 * 4 * 3
     both = {"response": -1.0, "force": -2.0, "power": -3.0, "peak_force": -4.0, "rms_az": -5.0, "rms_pitch": -6.0}
     assert halved["perryman3", "preview", "both halved"] == pytest.approx({k: 1e-4 * x for k, x in both.items()})
@@ -670,8 +672,8 @@ def test_a_finer_run_that_diverges_moves_without_limit() -> None:
             r for r in paper.refinement if (r["road"], r["controller"], r["exchange_parts"]) == ("curb", "preview", 1)
         ]
         next(r for r in curb if r["solver_parts"] == words["solver_parts"])["diverged"] = True
-        assert Results(paper).largest_move() == math.inf
-    assert Results(Study()).largest_move() == math.inf
+        assert paper.largest_move() == math.inf
+    assert Results(Runs([], [])).largest_move() == math.inf
 
 
 # ------------------------------------------------------------------------------------------------------ tables
@@ -978,7 +980,9 @@ def test_only_runs_at_the_published_weight_or_above_count_as_diverged() -> None:
         for s in (0, 3)
         for d in (True, False)
     ]
-    found = Results(Study(sweep=rows)).diverged()
+    results = Results(Runs([], []))
+    results.sweep = rows
+    found = results.diverged()
     assert [(r["R"], r["seed"]) for r in found] == [(1e-7, 0), (1e-7, 3), (1e-6, 0), (1e-6, 3)]
 
 

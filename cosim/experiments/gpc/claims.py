@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from cosim.experiments.gpc.published import WEIGHTS
-from cosim.experiments.gpc.results import Results, Study
+from cosim.experiments.gpc.results import Results
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, ClaimList, Distribution, Finding, RunFailed
 from cosim.study.judges import Comparison, Side, Tally, View, compare, quotient
@@ -48,15 +48,15 @@ class Judge(View):
 
     held, compared = 3 / 4, 1 / 2
 
-    def __init__(self, study: Study, fitted: str = "") -> None:
-        self.results = Results(study)
+    def __init__(self, results: Results, fitted: str = "") -> None:
+        self.results = results
         self.words = {
             "vehicle": fitted,
             "excitation": IdentificationSettings().excitation / 1e3,
             "limit": FORCE_LIMIT / 1e3,
             "converged": 100 * CONVERGED,
         }
-        self.speeds = study.speeds
+        self.speeds = results.speeds
 
     @cached_property
     def move(self) -> float:
@@ -194,7 +194,7 @@ def force_limit(j: Judge) -> Finding:
 
 def no_divergence(j: Judge) -> Finding:
     """Whether every run with a published weight or a larger one comes to its end."""
-    diverged, rows = j.results.diverged(), j.results.study.rows
+    diverged, rows = j.results.diverged(), j.results.rows
     if not rows:
         raise RunFailed("no run came to an end")
     first = next(iter(diverged), {})

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.claims import CLAIMS, R_TEXT, Judge, number
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SINE_SPEED, WEIGHTS
-from cosim.experiments.gpc.results import METRICS, Results, Study, select
+from cosim.experiments.gpc.results import METRICS, Results, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
 from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, curve
 from cosim.report.model import Look
@@ -21,7 +21,6 @@ from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.models.corners import CORNERS
 
-NAN = float("nan")
 _NAMES = {"sine": "sine", "perryman3": "Perryman 3", "curb": "curb"}  # in tables
 _TITLES = {"sine": "Sine road", "perryman3": "Perryman 3 road (synthetic)", "curb": "Curb"}
 _LOOKS: dict[str, Look] = {
@@ -59,9 +58,9 @@ class View(NamedTuple):
 
 
 def _view(runs: Runs, fmus: FmuSet) -> View:
-    study = Study.of(runs)
-    judge = Judge(study, _fitted(_parameters(fmus)))
-    return View(Results(study), CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
+    results = Results(runs)
+    judge = Judge(results, _fitted(_parameters(fmus)))
+    return View(results, CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
 
 
 def _fitted(parameters: Iterable[Parameter]) -> str:
@@ -131,7 +130,7 @@ def _main_result(view: View) -> Content:
 
 @report.section("Runs of the study")
 def _about(view: View) -> Content:
-    study = view.results.study
+    study = view.results
     yield f"""A nonlinear HMMWV ({view.car}) crosses three roads at {len(study.speeds)} speeds, passive and under three
     GPC controllers, each identified {len(study.seeds)} times with another random excitation. Car, roads and controllers
     are native FMUs; the co-simulation master exchanges at 1 kHz, the controllers act at 100 Hz. Figures and claims of
@@ -153,7 +152,7 @@ def _curve(
         found = [results.figures(r)[key] for s in results.seeds if (r := rows(v, s)) is not None]
         found = [scale * x for x in found if math.isfinite(x)]
         d = Distribution(found) if found else None
-        points.append((v, *((d.median, d.low, d.high) if d else (NAN, NAN, NAN))))
+        points.append((v, *((d.median, d.low, d.high) if d else (math.nan, math.nan, math.nan))))
     x, y, low, high = (list(column) for column in zip(*points, strict=True))
     if not any(map(math.isfinite, y)):
         return None
@@ -242,7 +241,7 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
 
 
 def _history(results: Results, road: str, named: str, figure: int) -> Figure:
-    histories = select(results.study.histories, road=road)
+    histories = select(results.histories, road=road)
     panels = []
     for key, title, label in (
         ("az", "Vertical acceleration", "body.az [m/s2]"),
@@ -348,7 +347,7 @@ def _refinement(view: View) -> Content:
     first one, and results move a little more than with both halved. A claim whose figure could be moved across the edge
     of its band by the largest number of this table would be open."""
     rows: list[list[Any]] = []
-    for r, words, moves in view.results.refinement():
+    for r, words, moves in view.results.moves():
         cells = [None if k not in moves or math.isnan(moves[k]) else float(f"{100 * moves[k]:.2g}") for k in METRICS]
         rows.append([_NAMES[r["road"]], r["speed_kmh"], r["controller"], words, *cells])
     yield Table(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cosim.experiments import gpc
 from cosim.experiments.gpc.claims import CLAIMS, Judge
 from cosim.experiments.gpc.published import SEEDS
-from cosim.experiments.gpc.results import Study
+from cosim.experiments.gpc.results import Results as Numbers
 from cosim.experiments.gpc.runs import Assumed
 from cosim.experiments.gpc_readings import (
     COMBINATIONS,
@@ -73,7 +73,7 @@ class Judged:
 def _claims(results: Results, gains: Sequence[StaticGain]) -> Claims:
     """The claims in the reading of these tasks, on their seeds."""
     tasks = gpc.EXPERIMENT.placed(needs([t.seed for t in gains]))
-    judge = Judge(Study.of(seen(results, reading(gains[0].assumed), tasks)))
+    judge = Judge(Numbers(seen(results, reading(gains[0].assumed), tasks)))
     return CLAIMS.judge(judge, judge.singles(), "identifications")
 
 
