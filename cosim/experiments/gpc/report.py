@@ -12,7 +12,7 @@ from cosim.experiments.gpc.claims import CLAIMS, R_TEXT, Judge, number
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.results import METRICS, Results, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
-from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, curve
+from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, over_time
 from cosim.report.model import Look
 from cosim.study import Content, Distribution, FmuSet, Row, StudyReport, parameters
 from cosim.study import Results as Runs
@@ -242,16 +242,17 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
 
 def _history(results: Results, road: str, named: str, figure: int) -> Figure:
     histories = select(results.histories, road=road)
-    panels = []
-    for key, title, label in (
-        ("az", "Vertical acceleration", "body.az [m/s2]"),
-        ("pitch", "Pitch, nose down", "pitch [deg]"),
-        ("roll", "Roll, left side up", "roll [deg]"),
-        ("force", "Actuator force, front left", "force.fl [kN]"),
-    ):
-        shown = [h for h in histories if not (key == "force" and h["controller"] == "passive")]
-        curves = [curve(h["controller"], h, key, 1e-3 if key == "force" else 1.0) for h in shown]
-        panels.append(Panel(title, "time [s]", label, curves))
+    shown = {h["controller"]: dict(h) for h in histories}
+    del shown["passive"]["force"]
+    panels = over_time(
+        shown,
+        [
+            ("Vertical acceleration", "body.az [m/s2]", "az", 1.0),
+            ("Pitch, nose down", "pitch [deg]", "pitch", 1.0),
+            ("Roll, left side up", "roll [deg]", "roll", 1.0),
+            ("Actuator force, front left", "force.fl [kN]", "force", 1e-3),
+        ],
+    )
     first = histories[0]
     weights = ", ".join(f"{h['controller']} R = {h['R']:.2g}" for h in histories if h["controller"] != "passive")
     return Figure(

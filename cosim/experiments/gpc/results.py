@@ -7,17 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from typing import Any
 
-from cosim.experiments.gpc.published import (
-    HISTORIES,
-    OPEN_LOOP_SPEEDS_KMH,
-    REFINEMENTS,
-    WEIGHTS,
-    Comparison,
-    History,
-    on,
-    refinements,
-    swept,
-)
+from cosim.experiments.gpc import published
+from cosim.experiments.gpc.published import HISTORIES, REFINEMENTS, WEIGHTS, Comparison, History
 from cosim.experiments.gpc.runs import CONTROLLERS, R_PUBLISHED, ROADS, Case
 from cosim.experiments.metrics import response as metrics
 from cosim.study import Distribution, Row, RunFailed
@@ -61,13 +52,13 @@ class Results:
             return sorted([*more, *({**values(c), **runs[c]} for c in cases if c in ran)], key=_order)
 
         compared = found(Comparison)
-        passive = (Case(road, v, "passive") for road in ROADS for v in on(road, self.speeds))
-        refined = (c for s in self.seeds[:1] for road, v in HISTORIES for c in refinements(road, v, s).values())
-        self.sweep = rows(swept(v, w, s) for v, s, w in product(self.speeds, self.seeds, WEIGHTS))
+        passive = (Case(road, v, "passive") for road in ROADS for v in published.on(road, self.speeds))
+        refined = [published.refinements(*at, s).values() for s in self.seeds[:1] for at in HISTORIES]
+        self.sweep = rows(published.swept(v, w, s) for v, s, w in product(self.speeds, self.seeds, WEIGHTS))
         self.comparison = rows(passive, (r for c in compared for r in c["compared"]))
         self.unmatched = rows((), (r for c in compared for r in c["unmatched"]))
-        self.open_loop = rows(Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH)
-        self.refinement = rows(refined)
+        self.open_loop = rows(Case("sine", v, "passive") for v in published.OPEN_LOOP_SPEEDS_KMH)
+        self.refinement = rows(c for cases in refined for c in cases)
         self.histories = rows((), (r for h in found(History) for r in h))
         self._passive = {(r["road"], r["speed_kmh"]): r for r in select(self.comparison, controller="passive")}
         self._matched = {_key(r): r for r in self.comparison if r["controller"] != "passive"}

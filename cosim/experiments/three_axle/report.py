@@ -59,29 +59,25 @@ def _of_the_predictive(fmus: FmuSet) -> list[Parameter]:
         Parameter("MPC control horizon", len(mpc["moves"]), "-", "003 Table 4.4"),
         Parameter("MPC weight of the slack", mpc["slack_weight"], "-", "assumed"),
     ]
-    tables = {"scale": "4.3", "max": "4.5", "rate_max": "4.5", "weight": "4.7", "rate_weight": "4.7", "ecr": "4.6"}
-    words = {
-        "scale": "scale",
-        "max": "bound",
-        "rate_max": "bound of the change per sample",
-        "weight": "weight",
-        "rate_weight": "weight of the change",
-        "ecr": "softness of the bound",
+    kinds = {  # words, table
+        "scale": ("scale", "4.3"),
+        "max": ("bound", "4.5"),
+        "rate_max": ("bound of the change per sample", "4.5"),
+        "weight": ("weight", "4.7"),
+        "rate_weight": ("weight of the change", "4.7"),
+        "ecr": ("softness of the bound", "4.6"),
     }
     for signal in (*case["inputs"], *case["outputs"]):
         name = signal["name"]
         if any(f".{k}" in name for k in SIX_CORNERS[1::2]):
             continue
         unit = car.find(name, "ThreeAxleRide").unit_name or "-"
-        for key, table in tables.items():
+        for key, (words, table) in kinds.items():
             if key in signal and (key != "ecr" or "max" in signal):
-                source = (
-                    f"003 Table {table}"
-                    if name != "body.z"
-                    else "assumed" + "; 0 unless the height is held" * (key == "weight")
-                )
+                assumed = "assumed" + "; 0 unless the height is held" * (key == "weight")
+                source = assumed if name == "body.z" else f"003 Table {table}"
                 in_unit = unit if key in ("scale", "max", "rate_max") else "-"
-                rows.append(Parameter(f"MPC {name}, {words[key]}", signal[key], in_unit, source))
+                rows.append(Parameter(f"MPC {name}, {words}", signal[key], in_unit, source))
     return rows
 
 
