@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from altered import altered, failed
 
-from cosim.experiments.metrics.crossing import cost_of_limits
+from cosim.experiments.metrics.crossing import LIMITS, cost
 from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
 from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, LENGTHS, SPECTRUM, SPEEDS, matrix, refined
@@ -572,7 +572,7 @@ def test_figures_draw_what_they_say(page: Report) -> None:
 
 def test_map_of_the_cost(page: Report) -> None:
     (made,) = (f for f in page.figures if isinstance(f, Map))
-    assert made.reference == pytest.approx((cost_of_limits() - 1000) / 1350)
+    assert made.reference == pytest.approx((cost(LIMITS) - 1000) / 1350)
     assert made.value_range == (0.0, max(1.0, made.reference or 0.0))
     assert (list(made.x), list(made.y)) == ([1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0], [1.0, 3.0, 6.0, 9.0])
     layers = {layer.name: np.asarray(layer.values) for layer in made.layers}

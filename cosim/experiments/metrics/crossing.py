@@ -155,13 +155,11 @@ def failures(run: Crossing, *, arrived: bool, belly_contact: bool, limits: Cross
 
 
 def cost(run: Crossing, weights: Mapping[str, float] = WEIGHTS) -> float:
-    """Weighted sum, weights in per cent. Kale, section 5.6 and Tables 5.9 to 5.11."""
+    """Weighted sum, weights in per cent; of `LIMITS` it is the reference of figure 5.41.
+
+    Kale, section 5.6 and Tables 5.9 to 5.11.
+    """
     return sum(w * getattr(run, n) for n, w in weights.items())
-
-
-def cost_of_limits() -> float:
-    """Cost of a crossing that just meets every limit: the reference of Kale, figure 5.41."""
-    return cost(LIMITS)
 
 
 def normalized(value: float, costs: Iterable[float]) -> float:
@@ -179,13 +177,11 @@ def normalized(value: float, costs: Iterable[float]) -> float:
     return (value - low) / (high - low)
 
 
-def improvement_percent(controlled: float, passive: float) -> float:
-    """100 (1 - controlled / passive) of normalized costs; nan where the passive one is 0. Kale, Table 5.11."""
-    return reduction_percent(controlled, passive)
-
-
 def reduction_percent(controlled: float, passive: float) -> float:
-    """By how many per cent a quantity is lower than that of the passive vehicle. Kale, Tables 5.6 to 5.8."""
+    """By how many per cent a quantity is lower than that of the passive vehicle; nan where that is 0.
+
+    Kale, Tables 5.6 to 5.8; of normalized costs it is the improvement of Table 5.11.
+    """
     return math.nan if passive == 0.0 else 100.0 * (1.0 - controlled / passive)
 
 

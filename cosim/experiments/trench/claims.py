@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cosim.experiments.metrics.crossing import LABELS, LIMITS, improvement_percent, normalized, scores
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, normalized, reduction_percent, scores
 from cosim.experiments.trench import published
 from cosim.experiments.trench.published import GRID, SYSTEMS, Key, between, matrix, refined
 from cosim.experiments.trench.runs import Case
-from cosim.study import Band, ClaimList, Finding, Results, Row
+from cosim.study import Band, ClaimList, Finding, Results
 from cosim.study.judges import Quantities, View, compare
 
 # ------------------------------------------------------------------------------------------------- what runs come to
-
-
-def ran(study: Results, cases: Iterable[Case]) -> list[Row]:
-    """Metrics of the cases that belong to a study, which may have left some out."""
-    return [study[c] for c in cases if c in study]
-
-
-def passes(rows: Iterable[Row]) -> int:
-    """How many met Table 5.3 without belly contact."""
-    return sum(r["passed"] for r in rows)
 
 
 def verdict(study: Results, key: Key, controller: str) -> bool | None:
@@ -53,7 +43,7 @@ def score(study: Results) -> dict[Key, float]:
 def improvements(study: Results) -> dict[Key, float]:
     """By how many per cent control lowers the normalized cost (Table 5.11), where the passive one is above 0."""
     controlled, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
-    return {k: improvement_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
+    return {k: reduction_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
 
 
 # --------------------------------------------------------------------------------------------------------- verdicts

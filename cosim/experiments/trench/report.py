@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost_of_limits, normalized, reduction_percent
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost, normalized, reduction_percent
 from cosim.experiments.trench import EXPERIMENT, claims, linear, published
 from cosim.experiments.trench.published import BOLD, GRID, LENGTHS, SPEEDS, SYSTEMS, Key, matrix, refined, some
 from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, configure, measure, signals, wire
@@ -333,7 +333,7 @@ def _costs(study: Results) -> Content:
         "Weights of Table 5.10. Normalized over all 72 runs; scores from 5, the lowest cost of the controlled runs, to"
         " 1, the highest.",
     )
-    limit = normalized(cost_of_limits(), claims.costs(study))
+    limit = normalized(cost(LIMITS), claims.costs(study))
     yield Map(
         "figure-5-40",
         "Normalized cost over length and speed (figures 5.40 and 5.41)",
@@ -450,10 +450,10 @@ def _changed(study: Results, text: str, named: tuple[str, str, str], lines: Mapp
 
 
 def _summary(study: Results, cases: Iterable[Case]) -> dict[str, Any]:
-    rows = claims.ran(study, cases)
+    rows = [study[c] for c in cases]
     bad = [f"{c.length:g}/{c.speed_kmh:g}" for c in cases if not study[c]["passed"]]
     return {
-        "passed": claims.passes(rows),
+        "passed": sum(r["passed"] for r in rows),
         "of": len(rows),
         **{why: sum(why in r["failures"] for r in rows) for why in ("stuck", "belly contact")},
         "largest pitch [deg]": max(r["pitch"] for r in rows),
