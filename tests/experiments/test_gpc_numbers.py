@@ -684,20 +684,6 @@ def test_comparison(page: Report) -> None:
     assert [(r["speed [km/h]"], r["controller"]) for r in rows] == [
         (v, law) for v in SPEEDS_KMH for law in ("passive", "implicit", "explicit", "preview")
     ]
-    columns = [
-        "speed [km/h]",
-        "controller",
-        "R [1/N2]",
-        "matched",
-        "J [-]",
-        "improvement [-]",
-        "lowest [-]",
-        "highest [-]",
-        "force [N]",
-        "power [W]",
-        "peak force [N]",
-    ]
-    assert [list(r) for r in rows[16:20]] == [columns] * 4
     assert [list(r.values()) for r in rows[16:20]] == [
         [50.0, "passive", None, None, 4.0, *[0.0] * 6],
         [50.0, "implicit", 1.78e-7, "8 of 8", 1.72, 0.57, 0.5, 0.64, 6697.5, 3847.5, 9298.0],
@@ -710,9 +696,6 @@ def test_comparison(page: Report) -> None:
     assert (curb[29]["controller"], curb[29]["matched"]) == ("implicit", "7 of 8")
     rows = made_up.table(page, "comparison-perryman3")
     assert (rows[11]["controller"], rows[11]["matched"], rows[11]["highest [-]"]) == ("preview", "6 of 8", 0.42)
-    titles = {t.id: t.title for t in page.tables}
-    assert titles["comparison-perryman3"] == "Runs on the Perryman 3 road (synthetic), medians over the seeds"
-    assert titles["comparison-curb"] == "Runs on the curb, medians over the seeds"
 
 
 def test_spread_over_seeds(page: Report) -> None:
@@ -737,36 +720,19 @@ def test_spread_over_seeds(page: Report) -> None:
     )
     assert list(rows[24 + 8].values())[4:] == [0.31, 1600.0, 800.0, 3200.0]
     assert list(rows[48 + 2].values()) == ["curb", 72.0, "implicit", 2, *[None] * 4]
-    assert next(t.title for t in page.tables if t.id == "seeds") == "R = 1e-7, 8 identification seeds"
 
 
 def test_refinement(page: Report) -> None:
     rows = made_up.table(page, "refinement")
-    metrics_ = [
-        "response [%]",
-        "force [%]",
-        "power [%]",
-        "peak force [%]",
-        "r.m.s. acceleration [%]",
-        "r.m.s. pitch [%]",
-    ]
-    assert list(rows[0]) == ["road", "speed [km/h]", "controller", "refinement", *metrics_]
     assert len(rows) == 3 * 4 * 3
     cells = {tuple(r.values())[:4]: list(r.values())[4:] for r in rows}
     assert cells["curb", 72.0, "explicit", "solver step halved"] == [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
     assert cells["curb", 72.0, "passive", "exchange halved"] == [-0.02, None, None, None, -0.1, -0.12]
     assert cells["Perryman 3", 50.0, "preview", "both halved"] == [-0.01, -0.02, -0.03, -0.04, -0.05, -0.06]
-    assert next(t.caption for t in page.tables if t.id == "refinement").startswith("R = 1e-7, seed 0;")
 
 
 def test_distributions(page: Report) -> None:
     tables = {t.id.removeprefix("distributions-"): t for t in page.tables if t.id.startswith("distributions-")}
-    assert {k: t.title.removeprefix("Distributions behind the claims on ") for k, t in tables.items()} == {
-        "weights": "the control weight",
-        "sine": "the sine road",
-        "perryman3": "the Perryman 3 road (synthetic)",
-        "curb": "the curb",
-    }
     claims = {k: set(dict.fromkeys(row[0] for row in t.rows)) for k, t in tables.items()}
     assert claims == {
         "weights": {"weight-power", "weight-force"},
@@ -800,20 +766,13 @@ def test_distributions(page: Report) -> None:
 
 # ------------------------------------------------------------------------------------------------------ figures
 
-LABELS = {
-    "Response objective (22a)": "J (g, deg) [-]",
-    "Response improvement (23)": "improvement [-]",
-    "Actuator force (22b)": "force [kN]",
-    "Actuator power (22c)": "power [W]",
-    "Force-normalized effectiveness (24a)": "improvement per force [1/kN]",
-    "Power-normalized effectiveness (24b)": "improvement per power [1/kW]",
-}
-PANELS = dict(zip(LABELS, ("response", "improvement", "force", "power", "per_force", "per_power"), strict=True))
-LOOKS = {
-    "passive": ("gray", "solid"),
-    "implicit": ("orange", "dot"),
-    "explicit": ("blue", "dash"),
-    "preview": ("green", "solid"),
+PANELS = {
+    "Response objective (22a)": "response",
+    "Response improvement (23)": "improvement",
+    "Actuator force (22b)": "force",
+    "Actuator power (22c)": "power",
+    "Force-normalized effectiveness (24a)": "per_force",
+    "Power-normalized effectiveness (24b)": "per_power",
 }
 
 
@@ -841,7 +800,7 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
     for panel, key in PANELS.items():
         for law in ACTIVE_CONTROLLERS:
             curve = made_up.series(page, id_, panel, law)
-            assert (list(curve.x), curve.color, curve.dash, curve.mode) == (speeds, *LOOKS[law], "line+markers")
+            assert list(curve.x) == speeds
             for i, v in enumerate(speeds):
                 at = (road, v, law)
                 seeds = (6, 7) if at[:2] == ("sine", 80.0) and law != "explicit" else SEEDS
@@ -856,27 +815,18 @@ def test_the_three_laws_over_speed(page: Report, number: int, road: str) -> None
                 )
     passive_ = made_up.series(page, id_, "Response objective (22a)", "passive")
     assert (list(passive_.x), list(passive_.y)) == (speeds, [passive_response(road, v) for v in speeds])
-    assert (passive_.color, passive_.dash, passive_.low) == (*LOOKS["passive"], None)
-    figure = next(f for f in page.figures if f.id == id_)
-    title = {"sine": "sine road", "curb": "curb", "perryman3": "Perryman 3 road (synthetic)"}[road]
-    assert figure.title == f"The three controllers on the {title} (figure {number} of the paper)"
-    assert [[s.name for s in p.series] for p in figure.panels] == [
-        ["passive", *ACTIVE_CONTROLLERS],
-        *[list(ACTIVE_CONTROLLERS)] * 5,
-    ]
+    assert passive_.low is None
 
 
 def test_weights_over_speed(page: Report) -> None:
     names = ["R = 1e-7", "R = 5e-7", "R = 1e-6", "R = 5e-6"]
-    figure = next(f for f in page.figures if f.id == "figure-6")
-    assert [[s.name for s in p.series] for p in figure.panels] == [["passive", *names], *[names] * 5]
     s = np.arange(8)
     for name, weight in zip(names, WEIGHTS, strict=True):
         x = math.log10(weight / 1e-7)
         gain, force = 0.46 + 0.02 * s - 0.2 * x, 3 * 0.8 * (1 - 0.2 * x) * (1 + 0.02 * s)  # at 40 km/h
         power = force / 3 / (1 + 0.02 * s) * (1 + 0.04 * s)
         for panel, found in zip(
-            LABELS, (3.5 * (1 - gain), gain, force, 1e3 * power, gain / force, gain / power), strict=True
+            PANELS, (3.5 * (1 - gain), gain, force, 1e3 * power, gain / force, gain / power), strict=True
         ):
             curve = made_up.series(page, "figure-6", panel, name)
             assert list(curve.x) == list(SPEEDS_KMH)
@@ -901,22 +851,15 @@ def test_curves_have_gaps_and_may_be_missing(fmus: FmuSet) -> None:
     ]
 
 
-@pytest.mark.parametrize(("number", "road", "speed"), [(8, "sine", 50), (10, "perryman3", 50), (12, "curb", 72)])
-def test_histories(page: Report, number: int, road: str, speed: int) -> None:
-    id_, figure = f"figure-{number}", next(f for f in page.figures if f.id == f"figure-{number}")
+@pytest.mark.parametrize(("number", "road"), [(8, "sine"), (10, "perryman3"), (12, "curb")])
+def test_histories(page: Report, number: int, road: str) -> None:
+    id_ = f"figure-{number}"
     for panel, key, scale in zip(
         made_up.axes(page, id_), ("az", "pitch", "roll", "force"), (1, 1, 1, 1e-3), strict=True
     ):
         for law in ("passive", *ACTIVE_CONTROLLERS) if key != "force" else ACTIVE_CONTROLLERS:
             curve, own = made_up.series(page, id_, panel, law), drawn(Case(road, controller=law))
             assert (list(curve.x), list(curve.y)) == (own["time"], pytest.approx([scale * v for v in own[key]]))
-            assert (curve.color, curve.dash, curve.mode) == (*LOOKS[law], "line")
-    assert [len(p.series) for p in figure.panels] == [4, 4, 4, 3]
-    assert f" at {speed} km/h (figure {number} of the paper)" in figure.title
-    assert (
-        figure.caption
-        == "Identification seed 0. Weights: implicit R = 1.8e-07, explicit R = 1e-07, preview R = 5.6e-08."
-    )
 
 
 # ------------------------------------------------------------------------------------------------------ the page around
