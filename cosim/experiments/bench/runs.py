@@ -81,9 +81,6 @@ class Case(Controlled):
         return TUNABLE if self.tunable else CONTROLLERS[self.controller][0]
 
 
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     return case.road, case.controller_fmu, case.encoders, case.exchange_parts
@@ -134,9 +131,6 @@ def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
     names = ["road.road.height", "plant.*"] + ["controller.*"] * (case.controller_fmu is not None)
     return names + ["encoders.*"] * case.encoders
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {

@@ -75,9 +75,6 @@ def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Cas
     }
 
 
-# ---------------------------------------------------------------------------------------- runs that depend on others
-
-
 @dataclass(frozen=True)
 class Comparison:
     """The controllers at one speed on one road from one identification: explicit, then the others matched to it.

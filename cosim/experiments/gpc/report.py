@@ -137,9 +137,6 @@ def _about(view: View) -> Content:
     Brown, Murugan and Mazza stand beside what these runs give."""
 
 
-# ---------------------------------------------------------------------- figures
-
-
 Rows = Callable[[float, int], Row | None]  # of a curve, by speed [km/h] and seed
 
 

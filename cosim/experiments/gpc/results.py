@@ -77,8 +77,6 @@ class Results:
             raise RunFailed(f"there is no run {key}; {': '.join(filter(None, first))}")
         return rows[key]
 
-    # ------------------------------------------------------------------ rows
-
     def passive(self, road: str, speed: float) -> Row:
         """The passive car's run."""
         return self._row(self._passive, (road, speed))
@@ -95,8 +93,6 @@ class Results:
     def swept(self, weight: float, speed: float, seed: int) -> Row:
         """Preview on the sine road with a weight of figure 6."""
         return self._row(self._sweep, (speed, weight, seed))
-
-    # ------------------------------------------------------------------ one run
 
     def improvement(self, row: Row) -> float:
         """Response improvement (23) of a run; -inf where it diverged."""
@@ -117,8 +113,6 @@ class Results:
             "per_force": metrics.force_normalized_effectiveness(gain, force) if force else math.nan,
             "per_power": metrics.power_normalized_effectiveness(gain, power) if power else math.nan,
         }
-
-    # ------------------------------------------------------------------ over seeds
 
     def improvements(self, road: str, speed: float, controller: str) -> Distribution:
         """Improvement of a controller at R = 1e-7 [%], -inf where it diverged."""
@@ -143,8 +137,6 @@ class Results:
     def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
         """A quantity of `figures` of preview on the sine road, the smallest weight first."""
         return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]
-
-    # ------------------------------------------------------------------ single numbers
 
     def open_loop_peak(self) -> float:
         """Speed of the largest response of the passive car on the sine road [km/h], the lowest of several."""

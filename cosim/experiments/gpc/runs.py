@@ -170,9 +170,6 @@ def assume(assumed: Assumed, case: Case) -> Case:
     return dataclasses.replace(case, **kept)
 
 
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     names = ["one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off"]
@@ -289,9 +286,6 @@ def recorded(case: Case) -> Sequence[str]:
     names = [f"car.{n}" for n in ("x", "speed", "body.z", "body.az", "body.pitch", "body.roll")]
     names += [f"car.{s}.{k}.{q}" for k in CORNERS for s, q in (("actuator", "power"), ("tire", "force"))]
     return names if case.controller == "passive" else [*names, *(f"controller.force.{k}" for k in CORNERS)]
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {

@@ -26,9 +26,6 @@ HOLDS = OUTCOMES[:3]
 _JUDGED = "Judged on the median identification by the criteria of the main study."
 
 
-# -------------------------------------------------------------------------------------------------------------- judging
-
-
 @dataclass(frozen=True)
 class Judged:
     """The claims in every reading, by its words, and once more with the seeds that were held out."""
@@ -67,8 +64,6 @@ def _claims(results: Results, gains: Sequence[StaticGain]) -> Claims:
     judge = Judge(Numbers(seen(results, reading(gains[0].assumed), tasks)))
     return CLAIMS.judge(judge, judge.singles(), "identifications")
 
-
-# --------------------------------------------------------------------------------------------------------------- report
 
 report = StudyReport(
     gpc_readings.EXPERIMENT,

@@ -115,9 +115,6 @@ def designed_weights(controller: Path) -> PreviewLqWeights:
     return PreviewLqWeights.model_validate(designed_with(controller)["weights"])
 
 
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     return case.controller_fmu, case.weights if case.controller_fmu and not case.tunable else "", case.exchange_parts
@@ -188,8 +185,6 @@ def recorded(case: Case) -> list[str]:
         names += [f"controller.force.{k}" for k in CORNERS] + ["controller.horizon_truncated"]
     return names
 
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 METRICS = {
     **{n: Metric(f"mean square of {n}", "m2" if n.endswith("deflection") else "rad2/s4") for n in WEIGHTED},

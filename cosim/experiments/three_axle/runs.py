@@ -43,9 +43,6 @@ class Case(Controlled):
     hold_height: bool = option(False, only=_MPC, help="weigh the height of the body too", label="height")
 
 
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     return case.controller, case.exchange_parts
@@ -108,9 +105,6 @@ def recorded(case: Case) -> Sequence[str]:
     if case.controller.startswith("mpc"):
         names += [f"controller.{n}" for n in ("solver.status", "solver.residual", "solver.iterations", "slack")]
     return names
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {

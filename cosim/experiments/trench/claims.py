@@ -14,8 +14,6 @@ from cosim.experiments.trench.runs import Case
 from cosim.study import Band, ClaimList, Finding, Results
 from cosim.study.judges import Quantities, View, compare
 
-# ------------------------------------------------------------------------------------------------- what runs come to
-
 
 def verdict(study: Results, key: Key, controller: str) -> bool | None:
     """Whether a published crossing passes; None where halving the step changes the answer."""
@@ -44,9 +42,6 @@ def improvements(study: Results) -> dict[Key, float]:
     """By how many per cent control lowers the normalized cost (Table 5.11), where the passive one is above 0."""
     controlled, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
     return {k: reduction_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
-
-
-# --------------------------------------------------------------------------------------------------------- verdicts
 
 
 def _undecided(study: Results, keys: Sequence[Key], good: Sequence[Key], controller: str, enough: float) -> str:

@@ -93,9 +93,6 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     ]
 
 
-# ---------------------------------------------------------------------- animation
-
-
 def playback(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Playback:
     """A run of the vehicle. Both sides meet the trench alike, so the right one has the series of the left one."""
     with wire(fmus, case.passive()) as system:
@@ -151,9 +148,6 @@ def _animation(study: Results, fmus: FmuSet) -> Animation | None:
     return _player("crossing", takes) if takes else None
 
 
-# ---------------------------------------------------------------------- page of a single crossing
-
-
 def page(runs: Mapping[str, Run], fmus: FmuSet, folder: Path) -> Path:
     """Write the page of one crossing, by controller: its animation, time plots and quantities."""
     return write_report(single(runs, fmus), folder)
@@ -205,9 +199,6 @@ def _history(title: str, id_: str, drawn: Mapping[str, Row]) -> Figure:
         " tables."
     )
     return Figure(id_, f"Passive and controlled, {title}", caption, panels, columns=2)
-
-
-# ---------------------------------------------------------------------- report of the study
 
 
 report = StudyReport(
@@ -396,9 +387,6 @@ def _refinement(study: Results) -> Content:
     ms = 1e3 * float(STEP)
     title = f"Solver, exchange and recording step halved, from {ms:g} to {ms / 2:g} ms"
     yield Table.of("refinement", title, rows, "Over the 36 published crossings of each system.")
-
-
-# ---------------------------------------------------------------------- beyond the published runs
 
 
 @report.section("Between the grid points")

@@ -112,9 +112,6 @@ class Course:
         return cls(start, end, round(1.25 * end / case.speed + 2.0, 3))
 
 
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     chosen = CONTROLLERS[case.controller]
@@ -201,9 +198,6 @@ def recorded(case: Case) -> Sequence[str]:
     if case.controller.startswith("mpc"):
         names += [f"controller.solver.{n}" for n in ("status", "iterations", "residual")]
     return names
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 def _quantity(name: str) -> Metric:
