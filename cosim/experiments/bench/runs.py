@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
@@ -81,9 +82,8 @@ class Case(Controlled):
         return TUNABLE if self.tunable else CONTROLLERS[self.controller][0]
 
 
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    return case.road, case.controller_fmu, case.encoders, case.exchange_parts
+structure = attrgetter("road", "controller_fmu", "encoders", "exchange_parts")
+"""What of a case decides the wiring."""
 
 
 def wire(fmus: FmuSet, case: Case) -> System:

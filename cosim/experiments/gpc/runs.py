@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -170,13 +171,9 @@ def assume(assumed: Assumed, case: Case) -> Case:
     return dataclasses.replace(case, **kept)
 
 
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    names = ["one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off"]
-    open_fields = (getattr(case, n) for n in (*names, "start_height"))
-    return case.road, case.controller, case.exchange_parts, *open_fields
-
-
+_MEASURED = ("one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off")
+structure = attrgetter("road", "controller", "exchange_parts", *_MEASURED, "start_height")
+"""What of a case decides the wiring."""
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
 
 

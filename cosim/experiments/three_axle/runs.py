@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
@@ -43,9 +44,8 @@ class Case(Controlled):
     hold_height: bool = option(False, only=_MPC, help="weigh the height of the body too", label="height")
 
 
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    return case.controller, case.exchange_parts
+structure = attrgetter("controller", "exchange_parts")
+"""What of a case decides the wiring."""
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
