@@ -11,7 +11,6 @@ from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, MATCHED
 from cosim.experiments.gpc.report import report as make_report
 from cosim.experiments.gpc.results import METRICS, Results
 from cosim.experiments.gpc.runs import Case
-from cosim.experiments.metrics import response as metrics
 from cosim.report import write_report
 from cosim.study import FmuSet, Runner, run_study
 from cosim.study import Results as Runs
@@ -106,9 +105,3 @@ def test_holding_the_last_height_helps_on_the_curb(runner: Runner) -> None:
 def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match="build-fmus"):
         Runner(EXPERIMENT, FmuSet(tmp_path)).record(Case())
-
-
-def test_metrics_of_the_passive_car(runner: Runner) -> None:
-    m = runner.metrics(Case("curb", 50.0, "passive"))
-    assert m["force"] == m["power"] == 0.0
-    assert np.isnan(metrics.force_normalized_effectiveness(0.0, m["force"]))

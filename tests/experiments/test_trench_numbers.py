@@ -150,6 +150,7 @@ def test_finer_steps_are_the_same_seconds() -> None:
         ({"car_belly_force": 2000.0}, "failed: belly contact"),
         ({"car_x": 8.7}, "failed: stuck"),
         ({"car_hub_a2r_fx": -226e3, "car_hub_a3r_fx": 226e3}, "failed: hub force"),
+        ({"car_belly_force": 2000.0, "car_hub_a2r_fx": 226e3}, "failed: belly contact, hub force"),
         ({"car_body_pitch": 0.3}, "failed: pitch"),
     ],
 )
@@ -329,6 +330,7 @@ def test_the_two_vehicles_of_the_linear_comparison_meet_one_trench(fmus: FmuSet)
             assert x == pytest.approx([5.8, 6.2, 7.8, 8.2])
             assert z == [0.0, -0.15, -0.15, 0.0]
         assert (car.values["wheel.a1l.x"], car.values["wheel.a3r.x"]) == (1.98, -2.02)  # of the linear vehicle
+        assert car.values["tire.a2l.damping"] == 1500.0
 
 
 def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
