@@ -46,7 +46,7 @@ class Judge(View):
     Places are road and speed [km/h], samples the identification seeds.
     """
 
-    held, compared = 3 / 4, 1 / 2
+    held, compared, named = 3 / 4, 1 / 2, "{1:g} km/h"
 
     def __init__(self, results: Results, fitted: str = "") -> None:
         self.results = results
@@ -81,10 +81,6 @@ class Judge(View):
             return [(road, self.results.worst_speed(road))]
         least = float(at.removeprefix("above ")) if at.startswith("above ") else -math.inf
         return [(road, v) for v in self.speeds if v > least]
-
-    def label(self, place: Place) -> str:
-        """The speed."""
-        return f"{place[1]:g} km/h"
 
     def values(self, c: Comparison, place: Place) -> Distribution | None:
         """Over the seeds that could be matched to explicit's response."""

@@ -121,7 +121,7 @@ def _main_result(view: View) -> Content:
     pitch and roll) is {", ".join(changes[:-1])} and {changes[-1]} GPC than that of the passive car (medians over
     {len(results.seeds)} identification seeds, {R_TEXT}); the passive response peaks at {results.open_loop_peak():g}
     km/h."""
-    published = {c: _at_published_weight(results, c) for c in ACTIVE_CONTROLLERS}
+    published = {c: _rows(results.published, "sine", c) for c in ACTIVE_CONTROLLERS}
     curves = [_curve(results, "response", c, results.speeds, rows) for c, rows in published.items()]
     panel = Panel("", _SPEED, _QUANTITIES[0][2], _drawn(_passive_curve(results, "sine"), *curves))
     caption = f"{R_TEXT} for every controller: nothing is matched. {_OVER_SEEDS}"
@@ -157,12 +157,8 @@ def _curve(
     return Series(name, x, y, None if alone else low, None if alone else high, mode="line+markers")
 
 
-def _at_published_weight(results: Results, controller: str) -> Rows:
-    return lambda v, s: results.published("sine", v, controller, s)
-
-
-def _matched(results: Results, road: str, controller: str) -> Rows:
-    return lambda v, s: results.matched(road, v, controller, s)
+def _rows(of: Callable[..., Row | None], road: str, controller: str) -> Rows:
+    return lambda v, s: of(road, v, controller, s)
 
 
 def _passive_curve(results: Results, road: str) -> Series | None:
@@ -224,7 +220,7 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
         "R = 1e-7 for explicit; at each speed and for each seed the weights of implicit and preview are chosen so that"
         " their response objective equals explicit's, so the first two panels show one controller three times. Left"
         f" out: seeds in which no weight does, or explicit does not lower the response. {_OVER_SEEDS}",
-        _panels(results, road, speeds, {c: _matched(results, road, c) for c in ACTIVE_CONTROLLERS}),
+        _panels(results, road, speeds, {c: _rows(results.matched, road, c) for c in ACTIVE_CONTROLLERS}),
         columns=2,
     )
     yield _history(results, road, named, figure + 1)

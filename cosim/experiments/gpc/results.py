@@ -45,7 +45,7 @@ class Results:
         self.speeds = tuple(dict.fromkeys(s.speed_kmh for s in planned if s.road == "sine"))
         self.failures, ran = runs.failures, set(runs.ran)
 
-        def found(kind: type) -> list[Any]:
+        def found(kind: type[Comparison | History]) -> list[Any]:
             return [runs.found(t) for t in runs.tasks if isinstance(t, kind) and t.label not in self.failures]
 
         def rows(cases: Iterable[Case], more: Iterable[Row] = ()) -> list[Row]:

@@ -82,7 +82,7 @@ def _where(every: Sequence[Key], good: Sequence[Key]) -> str:
 class TrenchView(View):
     """Lengths and speeds of trenches, or single runs."""
 
-    made = Case
+    made, named = Case, "{:g} m, {:g} km/h"
     quantities: ClassVar[Quantities] = {
         "improvement": lambda view, _, key: view.improvements.get(key),
         "mean score": lambda view, subject, _: view.mean_score(subject == "6 and 9 km/h"),
@@ -114,10 +114,6 @@ class TrenchView(View):
             "every crossing under control": [c for c in (*matrix("mpc"), *between()) if c in self.study],
         }
         return found[at]
-
-    def label(self, place: Any) -> str:
-        """Length and speed."""
-        return f"{place[0]:g} m, {place[1]:g} km/h" if isinstance(place, tuple) else super().label(place)
 
     def missing(self, places: Sequence[Any], every: Sequence[Any]) -> str:
         """Text for the published crossings at which a line does not hold."""

@@ -44,6 +44,7 @@ CASES = (
     "case 2: middle axle over the trench",
     "case 3: rear axle over the trench",
 )
+_words = claims.TrenchView.named.format  # of length and speed
 FORCE_SCALE = 1e5  # N that are drawn as long as a meter
 _NAMES = {"passive": "passive", "mpc": "controlled"}
 _LOOKS: dict[str, Look] = {
@@ -56,11 +57,6 @@ _LOOKS: dict[str, Look] = {
     "passes": "green",
     "fails": "vermilion",
 }
-
-
-def key_text(key: Key) -> str:
-    """Length and speed."""
-    return f"{key[0]:g} m, {key[1]:g} km/h"
 
 
 def _key_cells(key: Key) -> dict[str, Any]:
@@ -144,7 +140,7 @@ def _animation(study: Results, fmus: FmuSet) -> Animation | None:
         if not set(cases.values()) <= set(study.ran):
             continue
         scenes = [playback(name, c, study[c], study.signals(c), fmus) for name, c in cases.items()]
-        takes.append(Take(key_text(key), scenes))
+        takes.append(Take(_words(*key), scenes))
     return _player("crossing", takes) if takes else None
 
 
@@ -157,7 +153,7 @@ def single(runs: Mapping[str, Run], fmus: FmuSet) -> Report:
     """The page of one crossing."""
     rows, drawn = ({name: make(run) for name, run in runs.items()} for make in (measure, signals))
     case: Case = [run.case for run in runs.values()][-1]
-    title = key_text((case.length, case.speed_kmh))
+    title = _words(case.length, case.speed_kmh)
     take = Take(title, [playback(_NAMES.get(s, s), run.case, rows[s], drawn[s], fmus) for s, run in runs.items()])
     lines = [
         {"quantity": words, "limit": getattr(LIMITS, n, None), **{s: r[n] for s, r in rows.items()}}
@@ -345,7 +341,7 @@ def _costs(study: Results) -> Content:
 @report.section("Time histories and spectra")
 def _histories(study: Results) -> Content:
     for number, key in zip(("5-23", "5-26", "5-29", "5-32", "5-35", "5-38"), BOLD, strict=True):
-        title = f"{key_text(key)} (figure {number.replace('-', '.')})"
+        title = f"{_words(*key)} (figure {number.replace('-', '.')})"
         yield _history(title, f"figure-{number}", {s: study.signals(Case(*key, s)) for s in SYSTEMS})
     panels = []
     for axis, word in (("az", "Vertical"), ("ax", "Longitudinal")):
@@ -355,7 +351,7 @@ def _histories(study: Results) -> Content:
         panels.append(Panel(f"{word} acceleration", "frequency [Hz]", y_label, curves, x_scale="log", y_scale="log"))
     yield Figure(
         "figure-5-39",
-        f"Power spectral density, {key_text(published.SPECTRUM)} (figure 5.39)",
+        f"Power spectral density, {_words(*published.SPECTRUM)} (figure 5.39)",
         "Periodogram at 1 kHz, mean left in, averaged over twelfths of a decade.",
         panels,
         columns=2,
@@ -379,7 +375,7 @@ def _refinement(study: Results) -> Content:
                 "quantity": LABELS[n],
                 "median change [%]": float(np.median(list(change.values()))),
                 "largest change [%]": change[worst],
-                "where": key_text(worst),
+                "where": _words(*worst),
                 "as run": pairs[worst][0],
                 "at half the step": pairs[worst][1],
             }

@@ -260,9 +260,7 @@ def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
         "ax": "longitudinal acceleration",
         "az_rms": "vertical rms",
         "ax_rms": "longitudinal rms",
-        "hub_front": "hub force",
-        "hub_middle": "hub force",
-        "hub_rear": "hub force",
+        **dict.fromkeys(("hub_front", "hub_middle", "hub_rear"), "hub force"),
     }
     return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
 
