@@ -10,6 +10,7 @@ from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY
 from cosim.experiments.preview_lq.published import (
     PAPER_COLUMNS,
     PRINTED_EIGENVALUES,
+    WEIGHT_NAMES,
     WEIGHT_SETS,
     corrected,
     over_preview,
@@ -20,13 +21,7 @@ from cosim.study.judges import Quantities, View, Words, compare
 
 Place = tuple[str, str]  # input, weights
 INPUT_NAMES = {"both": "both sides", "left": "left side"}
-WEIGHT_NAMES = {"comfort": "ride comfort", "road-holding": "road holding"}
-PARTS: dict[Place, str] = {
-    ("both", "comfort"): "a",
-    ("both", "road-holding"): "b",
-    ("left", "comfort"): "c",
-    ("left", "road-holding"): "d",
-}
+PARTS: dict[Place, str] = dict(zip(product(INPUTS, WEIGHT_SETS), "abcd", strict=True))
 """Of Table 3, by input and weights."""
 
 
