@@ -39,14 +39,6 @@ _QUANTITIES = (
     ("per_power", "Power-normalized effectiveness (24b)", "improvement per power [1/kW]"),
 )
 _OVER_SEEDS = "Lines are medians over the identification seeds, bands span all of them."
-_METRIC_NAMES = {
-    "response": "response",
-    "force": "force",
-    "power": "power",
-    "peak_force": "peak force",
-    "rms_az": "r.m.s. acceleration",
-    "rms_pitch": "r.m.s. pitch",
-}
 
 
 class View(NamedTuple):
@@ -347,7 +339,7 @@ def _refinement(view: View) -> Content:
     yield Table(
         "refinement",
         "Change of metrics when steps are halved",
-        ["road", "speed [km/h]", "controller", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
+        ["road", "speed [km/h]", "controller", "refinement", *(f"{words} [%]" for words in METRICS.values())],
         rows,
         f"{R_TEXT}, seed {view.results.seeds[0]}; the controllers stay those identified with the steps of the study.",
     )

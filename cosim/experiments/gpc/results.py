@@ -184,7 +184,15 @@ def _order(row: Row) -> tuple[Any, ...]:
     return row["road"], row["speed_kmh"], list(CONTROLLERS).index(row["controller"]), row["R"], row["seed"]
 
 
-METRICS = ("response", "force", "power", "peak_force", "rms_az", "rms_pitch")  # whose convergence is looked at
+METRICS = {
+    "response": "response",
+    "force": "force",
+    "power": "power",
+    "peak_force": "peak force",
+    "rms_az": "r.m.s. acceleration",
+    "rms_pitch": "r.m.s. pitch",
+}
+"""Whose convergence is looked at, in words."""
 
 
 def _words(row: Row) -> str:
