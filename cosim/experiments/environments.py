@@ -10,13 +10,16 @@ by itself: its plugins are imported whenever it is, and importing this project d
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from build_fmus.base import extras
+from build_fmus.base.layout import FMUS
+from cosim import System
 from cosim.gym import SystemEnv, SystemVectorEnv
+from cosim.study import FmuSet
 
 with extras.needed("learning", "learning environments"):
     import gymnasium
@@ -27,13 +30,32 @@ ENVIRONMENTS = {
     "HmmwvOffRoad-v0": "cosim.experiments.hmmwv.environment",
     "TrenchCrossing-v0": "cosim.experiments.trench.environment",
 }
-"""Name in gymnasium -> module that makes it."""
+"""Name in gymnasium -> module that declares it: `runs` and `CASE` of its system, and `settings` of a `SystemEnv`."""
 
 
-def make(module: str, **options: Any) -> SystemEnv:
-    """The environment of a module."""
-    found: Callable[..., SystemEnv] = import_module(module).environment
-    return found(**options)
+def make(
+    module: str, fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | None = None, **options: Any
+) -> SystemEnv:
+    """The environment of a module.
+
+    Args:
+        module: its name.
+        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
+        fmi: version of FMI.
+        render_mode: see `SystemEnv`.
+        options: of the `settings` of the module.
+    """
+    given, files = import_module(module), FmuSet(Path(fmus), fmi)
+    made = partial(system, given.runs, given.CASE, files)
+    return SystemEnv(made, render_mode=render_mode, **given.settings(made, **options))
+
+
+def system(runs: Any, case: Any, fmus: FmuSet) -> System:
+    """The system of a case, whose forces nothing drives."""
+    made: System = runs.wire(fmus, case)
+    runs.configure(made, case)
+    made.allow_unconnected = True
+    return made
 
 
 def make_vector(module: str, num_envs: int = 1, **options: Any) -> SystemVectorEnv:

@@ -1,16 +1,19 @@
 """The common layout of the experiments: what a folder holds under which names, and the `Experiment` that this makes.
 
-`runs.py` has `Case`, `wire`, `FMUS`, `measure`, `METRICS`, `stop_time`, `recorded` and `passive`, and what it needs of
-the other names below; `published.py` the plan; `claims.py` and `claims.toml` the claims; `report.py` the page of the
-study; `web.py` the live page. The meaning of each is that of the field of `Experiment` to which it is given.
+`runs.py` has `Case`, `wire`, `FMUS`, `measure`, `METRICS`, `stop_time`, `recorded` and `passive` (or its `Case` has),
+and what it needs of the other names below; `FLAGS` are recorded signals, with what is remarked where one was not 0.
+`published.py` has the plan; `claims.py` and `claims.toml` the claims; `report.py` the page of the study; `web.py` the
+live page. The meaning of each is that of the field of `Experiment` to which it is given.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cosim.study import Baseline, Experiment, Measures, RunOptions, Study, Wiring
+from cosim.study import Baseline, Experiment, Measures, Run, RunOptions, Study, Wiring
 
 PAPERS = "fmu_sources.catalog:PAPERS"
 
@@ -49,17 +52,24 @@ def experiment(
         return f"{runs.__package__}.{module}:{attribute}" if file.is_file() else None
 
     found = {"claims": beside("claims", "CLAIMS"), "report": beside("report", "report"), "papers": PAPERS}
+    remarks = own("remarks") or partial(flagged, own("FLAGS") or {})
+    passive = own("passive") or getattr(runs.Case, "passive", None)
     own_fmus = "cosim.experiments.own_files:own_fmus" if takes_files else None
     return Experiment(
         name,
         runs.Case,
         Wiring(runs.wire, own("structure"), own("configure"), runs.FMUS, own_fmus),
-        Measures(runs.measure, runs.METRICS, own("signals"), own("failed"), own("remarks")),
+        Measures(runs.measure, runs.METRICS, own("signals"), own("failed"), remarks),
         RunOptions(runs.stop_time, runs.recorded, interval, own("stop_when"), own("begin")),
-        Baseline(own("passive"), own("own_baseline"), own("called"), own("about"), relative, own("compared")),
+        Baseline(passive, own("own_baseline"), own("called"), own("about"), relative, own("compared")),
         Study(plan, **{**found, **study}),
         page=page,
         web=beside("web", "live"),
         title=title,
         module=runs.__package__,
     )
+
+
+def flagged(flags: Mapping[str, str], run: Run) -> list[str]:
+    """What is remarked of the flags that a run raised."""
+    return [text for name, text in flags.items() if name in run.recording and run.recording[name].any()]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from copy import copy
+from dataclasses import replace
+from typing import Any, Self
 
+from cosim.experiments.steps import Stepped
 from cosim.study import option
+from cosim.study.case import fields
 
 Only = tuple[Callable[[Any], bool], str]
 """Where an option means something; see `option`."""
@@ -20,6 +24,19 @@ class AtSpeed:
     def speed(self) -> float:
         """Speed [m/s]."""
         return self.speed_kmh / 3.6
+
+
+class Controlled(Stepped):
+    """A case with a control law, or "passive"."""
+
+    controller: str
+
+    def passive(self) -> Self:
+        """What a run is compared with: without control, what means nothing then as by default."""
+        bare = copy(self)
+        object.__setattr__(bare, "controller", "passive")  # to ask; it may be a case that cannot be run
+        rules = ((f, f.option.only) for f in fields(type(self)))
+        return replace(bare, **{f.attribute: f.default for f, only in rules if only and not only[0](bare)})
 
 
 def speed_option(

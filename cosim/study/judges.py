@@ -123,6 +123,8 @@ class View:
 
     held: ClassVar[float] = 1.0  # share of the places that can be compared, at which a claim has to hold
     compared: ClassVar[float] = 0.0  # share of all places that have to be such
+    made: ClassVar[Any] = None  # makes the case of a place that is a tuple, such as road and speed, and a subject
+    named: ClassVar[str] = ""  # format of the name of a place that is a tuple
     quantities: ClassVar[Quantities] = {}
     words: Mapping[str, Any] = {}  # for the sentences of all claims
     left_out: ClassVar[str] = "no run of the study decides this"  # why a claim whose places are none is open
@@ -134,12 +136,14 @@ class View:
         """The places that an entry names, all of them for "everywhere"."""
         raise NotImplementedError
 
-    def case(self, subject: str, place: Place) -> Any:  # noqa: ARG002
-        """The run of a subject at a place; by default places are runs."""
-        return place
+    def case(self, subject: str, place: Place) -> Any:
+        """The run of a subject at a place; a place that is no tuple is a run itself."""
+        return self.made(*place, subject) if isinstance(place, tuple) else place
 
     def label(self, place: Place) -> str:
         """A place in words."""
+        if self.named and isinstance(place, tuple):
+            return self.named.format(*place)
         return str(getattr(place, "label", place))
 
     def missing(self, places: Sequence[Place], every: Sequence[Place]) -> str:  # noqa: ARG002

@@ -97,7 +97,7 @@ def test_normalized_cost_improvement_and_score(key):
         assert overlaps(found, span(row[f"{system} normalized cost"]))
     low, high = min(costs), max(costs)
     share = possible(
-        lambda c, p: mc.improvement_percent((c - low) / (high - low), (p - low) / (high - low)),
+        lambda c, p: mc.reduction_percent((c - low) / (high - low), (p - low) / (high - low)),
         row["controlled cost"],
         row["passive cost"],
     )
@@ -108,7 +108,7 @@ def test_normalized_cost_improvement_and_score(key):
 
 
 def test_cost_of_the_limits():
-    assert mc.cost_of_limits() == pytest.approx(12.5 * 150 + 17.5 * 100 + 27.5 * 5 + 17.5 * 15 + 25 * 225)
+    assert mc.cost(mc.LIMITS) == pytest.approx(12.5 * 150 + 17.5 * 100 + 27.5 * 5 + 17.5 * 15 + 25 * 225)
     assert sum(mc.WEIGHTS.values()) == 100.0
 
 

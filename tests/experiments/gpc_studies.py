@@ -5,39 +5,40 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from cosim.experiments.gpc.published import (
-    CURB_SPEED,
-    HISTORIES,
-    MATCHED,
-    OPEN_LOOP_SPEEDS_KMH,
-    SEEDS,
-    SPEEDS_KMH,
-    WEIGHTS,
-    refinements,
-    swept,
-)
-from cosim.experiments.gpc.results import Study
-from cosim.experiments.gpc.runs import ROADS, Case
+import made_up
+
+from cosim.experiments.gpc import EXPERIMENT
+from cosim.experiments.gpc.published import MATCHED, SPEEDS_KMH, Comparison
+from cosim.experiments.gpc.results import Results
+from cosim.experiments.gpc.runs import Case
+from cosim.study import Results as Runs
 from cosim.study import Row
 from cosim.study.case import values
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 
 
-def paper_study() -> Study:
+def paper_runs() -> Runs:
     """Every statement of the paper holds, in every seed, with the published figures."""
-    study = Study()
-    for road in ROADS:
-        for v in (*SPEEDS_KMH, CURB_SPEED) if road == "curb" else SPEEDS_KMH:
-            study.comparison.append(_run(Case(road, v, "passive")))
-            for seed in SEEDS:
-                study.comparison.append(_run(Case(road, v, "explicit", seed=seed)))
-                laws = [Case(road, v, c, seed=seed) for c in MATCHED]
-                study.comparison += [{**_run(s), "matched": True, "runs": 3} for s in laws]
-                study.unmatched += [_run(s) for s in laws]
-    study.sweep = [_swept(v, w, s) for v in SPEEDS_KMH for w in WEIGHTS for s in SEEDS]
-    study.open_loop = [_run(Case("sine", v, "passive")) for v in OPEN_LOOP_SPEEDS_KMH]
-    study.refinement = [_run(c) for road, v in HISTORIES for c in refinements(road, v, 0).values()]
-    return study
+    return made_up.study(EXPERIMENT, metrics, found=found)
+
+
+def paper_study() -> Results:
+    """Numbers of these runs, whose rows can be changed."""
+    return Results(paper_runs())
+
+
+def metrics(case: Case) -> Row:
+    """Of a run that is no part of a comparison: preview on the sine road shows the effect of its weight."""
+    return _swept(case) if (case.road, case.controller) == ("sine", "preview") else _run(case)
+
+
+def found(search: Any) -> Any:
+    """Rows of a comparison, all controllers at R = 1e-7; no history."""
+    if not isinstance(search, Comparison):
+        return []
+    explicit, *others = ({**values(c), **_run(c)} for c in map(search.case, ("explicit", *MATCHED)))
+    matched = [{**row, "matched": True, "runs": 3} for row in others]
+    return {"compared": [explicit, *matched], "unmatched": others}
 
 
 def change(rows: list[Row], by: Callable[[Row], dict[str, Any] | None]) -> int:
@@ -74,7 +75,7 @@ def _run(s: Case) -> Row:
     }
     if s.controller != "passive":
         m |= {"response": passive * (1 - _improvement(s.road, s.speed_kmh)), **_effort(s), **_signals(s)}
-    return {**values(s), **m}
+    return m
 
 
 def _effort(s: Case) -> dict[str, float]:
@@ -96,13 +97,12 @@ def _signals(s: Case) -> dict[str, float]:
     return {"rms_az": 1.05, "rms_roll": 0.525, "peak_pitch": 2.0}
 
 
-def _swept(speed: float, weight: float, seed: int) -> Row:
+def _swept(case: Case) -> Row:
     """Force in proportion to the improvement, power to its square; at the limit with the smallest weight."""
-    gain = {1e-7: 0.5, 5e-7: 0.25, 1e-6: 0.15, 5e-6: 0.03}[weight]
-    row = _run(swept(speed, weight, seed))
-    return row | {
-        "response": passive_response("sine", speed) * (1 - gain),
+    gain = {1e-7: 0.5, 5e-7: 0.25, 1e-6: 0.15, 5e-6: 0.03}[case.R]
+    return _run(case) | {
+        "response": passive_response("sine", case.speed_kmh) * (1 - gain),
         "force": 1e4 * gain,
         "power": 1e4 * gain**2,
-        "peak_force": FORCE_LIMIT if weight == min(WEIGHTS) else FORCE_LIMIT * gain,
+        "peak_force": FORCE_LIMIT * (1.0 if case.R == 1e-7 else gain),
     }

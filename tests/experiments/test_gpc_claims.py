@@ -7,12 +7,10 @@ import pytest
 
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.claims import CLAIMS, CONVERGED, Judge
-from cosim.experiments.gpc.matching import Match, match_weight
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, MATCHED
 from cosim.experiments.gpc.report import report as make_report
-from cosim.experiments.gpc.results import METRICS, Results, Study
+from cosim.experiments.gpc.results import METRICS, Results
 from cosim.experiments.gpc.runs import Case
-from cosim.experiments.metrics import response as metrics
 from cosim.report import write_report
 from cosim.study import FmuSet, Runner, run_study
 from cosim.study import Results as Runs
@@ -26,21 +24,19 @@ def runs(fmus: FmuSet, tmp_path_factory: pytest.TempPathFactory) -> Runs:
 
 
 @pytest.fixture(scope="module")
-def study(runs: Runs) -> Study:
-    return Study.of(runs)
+def results(runs: Runs) -> Results:
+    return Results(runs)
 
 
-def test_a_study_has_every_run(study: Study) -> None:
-    results = Results(study)
+def test_a_study_has_every_run(results: Results) -> None:
     for road in ("sine", "perryman3", "curb"):
         for speed in (50.0, 80.0, 72.0) if road == "curb" else (50.0, 80.0):
             assert results.passive(road, speed)["force"] == 0.0
             assert all(results.published(road, speed, law, 0)["R"] == 1e-7 for law in ACTIVE_CONTROLLERS)
-    assert len(study.histories) == 3 * (1 + len(ACTIVE_CONTROLLERS))
+    assert len(results.histories) == 3 * (1 + len(ACTIVE_CONTROLLERS))
 
 
-def test_matched_runs_have_the_response_of_explicit(study: Study) -> None:
-    results = Results(study)
+def test_matched_runs_have_the_response_of_explicit(results: Results) -> None:
     for law in MATCHED:
         for road, speed in (("sine", 50.0), ("perryman3", 50.0), ("curb", 50.0)):
             matched, explicit = (results.matched(road, speed, c, 0) for c in (law, "explicit"))
@@ -49,9 +45,8 @@ def test_matched_runs_have_the_response_of_explicit(study: Study) -> None:
             assert matched["response"] == pytest.approx(explicit["response"], rel=5e-3)
 
 
-def test_nothing_is_matched_where_explicit_does_not_help(study: Study) -> None:
+def test_nothing_is_matched_where_explicit_does_not_help(results: Results) -> None:
     """At 80 km/h on the sine road explicit is worse than the passive car."""
-    results = Results(study)
     explicit = results.matched("sine", 80.0, "explicit", 0)
     assert explicit is not None
     assert results.improvement(explicit) < 0
@@ -59,8 +54,8 @@ def test_nothing_is_matched_where_explicit_does_not_help(study: Study) -> None:
     assert results.at_equal_response("sine", 80.0, ("implicit", "explicit"), lambda *_: 1.0) is None
 
 
-def test_no_run_diverges(study: Study) -> None:
-    assert Results(study).diverged() == []
+def test_no_run_diverges(results: Results) -> None:
+    assert results.diverged() == []
 
 
 def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -> None:
@@ -74,20 +69,20 @@ def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -
     assert (tmp_path / "summary.json").is_file()
 
 
-def test_report_has_the_distributions_and_the_refinement(runs: Runs, study: Study, fmus: FmuSet) -> None:
+def test_report_has_the_distributions_and_the_refinement(runs: Runs, results: Results, fmus: FmuSet) -> None:
     report = make_report(runs, fmus)
     tables = {t.id: t for t in report.tables}
     judged = {row[0] for t in tables.values() if t.id.startswith("distributions-") for row in t.rows}
-    assert judged == {e.claim for e in CLAIMS.judge(Judge(study)).evidence}
+    assert judged == {e.claim for e in CLAIMS.judge(Judge(results)).evidence}
     refined = tables["refinement"].rows
     assert len(refined) == 3 * 3 * (1 + len(ACTIVE_CONTROLLERS))  # roads, refinements, controllers
     passive = next(row for row in refined if row[2] == "passive")
     assert len(passive) == 4 + len(METRICS)
 
 
-def test_halved_steps_change_nothing_visible_and_something(study: Study) -> None:
+def test_halved_steps_change_nothing_visible_and_something(results: Results) -> None:
     """Refined runs are really others, and differ by less than the tolerance of matching."""
-    for row, _, moves in Results(study).refinement():
+    for row, _, moves in results.moves():
         assert any(moves.values()), row
         assert all(abs(x) <= CONVERGED for x in moves.values()), row
 
@@ -107,30 +102,6 @@ def test_holding_the_last_height_helps_on_the_curb(runner: Runner) -> None:
     assert held["response"] < published["response"]
 
 
-def test_matching_finds_the_crossing_nearest_to_the_published_weight() -> None:
-    def measure(R: float) -> dict:
-        x = np.log10(R / 1e-7)
-        return {"diverged": False, "response": float(1 + x**2 * (x - 1.5))}  # 0.9 at x = -0.24, 0.29 and 1.45
-
-    near = match_weight(measure, 0.9)
-    assert near.found
-    assert np.log10(near.R / 1e-7) == pytest.approx(-0.24, abs=0.01)
-    assert near.metrics["response"] == pytest.approx(0.9, rel=5e-3)
-
-
-def test_matching_says_not_found() -> None:
-    result = match_weight(lambda R: {"diverged": R < 1e-8, "response": 2.0}, 1.0)
-    assert isinstance(result, Match)
-    assert not result.found
-    assert result.metrics["response"] == 2.0
-
-
 def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match="build-fmus"):
         Runner(EXPERIMENT, FmuSet(tmp_path)).record(Case())
-
-
-def test_metrics_of_the_passive_car(runner: Runner) -> None:
-    m = runner.metrics(Case("curb", 50.0, "passive"))
-    assert m["force"] == m["power"] == 0.0
-    assert np.isnan(metrics.force_normalized_effectiveness(0.0, m["force"]))

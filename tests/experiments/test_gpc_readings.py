@@ -101,9 +101,7 @@ def test_a_field_is_set_where_it_means_something() -> None:
     explicit = assume(everything, Case("sine", 50.0, "explicit"))
     assert (explicit.hold, explicit.disturbance, explicit.roll_off) == (True, "slope", 20.0)
     assert assume(everything, Case("sine", 50.0, "preview")).horizon == 16
-    assert gpc.runs.passive(replace(explicit, solver_parts=2)) == Case(
-        "sine", 50.0, "passive", solver_parts=2, **of_the_car
-    )
+    assert replace(explicit, solver_parts=2).passive() == Case("sine", 50.0, "passive", solver_parts=2, **of_the_car)
 
 
 def test_one_profile_lies_under_both_sides(fmus: FmuSet) -> None:
@@ -274,8 +272,7 @@ def test_identification_of_a_case(fmus: FmuSet) -> None:
 
 def as_published(case: Case) -> Row:
     """As the paper has it, but that explicit costs what preview does on no curb unless the last height is held."""
-    row = gpc_studies._run(replace(case, R=1e-7)) if case.R == 1e-7 else gpc_studies._swept(case.speed_kmh, case.R, 0)
-    row = {k: v for k, v in row.items() if k not in Case.__dataclass_fields__}
+    row = gpc_studies._run(case) if case.R == 1e-7 else gpc_studies._swept(case)
     if case.controller == "explicit" and case.road == "curb" and case.hold:
         row["force"], row["power"] = 100.0, 50.0
     if case.controller == "explicit" and case.road != "curb" and not case.hold:

@@ -142,7 +142,7 @@ def test_options_of_the_vehicle_over_the_trench(fmus: FmuSet) -> None:
                 assert crossing.values[name] == (own if pitch is None else pitch)
             assert system["controller"].values["retraction"] == retraction
     passive = replace(changed, controller="passive", guided=True)
-    assert trench.runs.passive(changed) == passive
+    assert changed.passive() == passive
     assert next(c.case for c in live(changed).cases) == passive
 
 

@@ -21,7 +21,7 @@ from cosim.experiments.preview_lq.claims import CLAIMS, matched
 from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY, Design
 from cosim.experiments.preview_lq.published import PRINTED, PRINTED_EIGENVALUES, corrected, over_preview
 from cosim.experiments.preview_lq.report import report
-from cosim.experiments.preview_lq.runs import METRICS, Case, measure, passive, recorded, signals, stop_time, wire
+from cosim.experiments.preview_lq.runs import CONTROLLERS, METRICS, Case, measure, recorded, signals, stop_time, wire
 from cosim.experiments.preview_lq.web import live
 from cosim.experiments.steps import halved
 from cosim.report import Report
@@ -141,7 +141,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
             set_[c] = {n: dict(system[n].values) for n in ("speed", "road", "car", "controller")}
         assert runner.system(as_published) is system
         assert runner.system(Case(exchange_parts=2)) is not system
-        assert "controller" not in runner.system(passive(case)).components
+        assert "controller" not in runner.system(case.passive()).components
         steps = [runner.system(c)["car"].step for c in (as_published, Case(exchange_parts=2))]
     plateau, left, plain = set_.values()
     assert float(steps[0]) == 2 * float(steps[1]) == 0.001
@@ -169,10 +169,10 @@ def test_lengths_labels_and_laws() -> None:
     case = Case("left", "a/my.toml", "preview", 0.05, 60.0, "sine", hold_tail=True)
     assert dataclasses.replace(case, weights="my.toml").label == "left-my-preview-50ms-60kmh-sine-hold"
     assert Case().label == "both-comfort-preview"
-    assert passive(case) == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
+    assert case.passive() == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
     laws = {w: Case(weights=w).controller_fmu for w in ("comfort", "road-holding", "comfort-5ms", "a/my_own.toml")}
     assert list(laws.values()) == ["PreviewLqComfort", "PreviewLqRoadHolding", "PreviewLqComfort5ms", "PreviewLqMyOwn"]
-    assert passive(case).controller_fmu is None
+    assert case.passive().controller_fmu is None
 
 
 # ------------------------------------------------------------------------------------------------------------ designs
@@ -485,11 +485,6 @@ def test_figure_3(page: Report) -> None:
         )
     )
     assert at["index J, last height held"] == pytest.approx((1, 0.98, 0.62))
-    assert [c.dash for c in curves.values()] == ["solid"] * 4 + ["dash"]
-    assert curves["index J, last height held"].color == curves["index J"].color
-    assert len({c.color for c in curves.values()}) == 4
-    for name in ("index J", "vertical acceleration"):
-        assert made_up.series(page, "figure-3", titles[0], f"{name}, table 3").color == curves[name].color
     panels = next(f for f in page.figures if f.id == "figure-3").panels
     printed = {p.title: [(c.name, list(c.x), list(c.y)) for c in p.series if c.mode == "markers"] for p in panels}
     assert printed == {
@@ -508,41 +503,22 @@ def test_figure_3(page: Report) -> None:
     assert holding.y[1] == pytest.approx(0.556 / 0.501)
 
 
-LOOKS = {
-    "passive": ("gray", "solid"),
-    "active": ("orange", "dot"),
-    "delay": ("blue", "dash"),
-    "preview": ("green", "solid"),
-}
-
-
 def test_figures_4_and_5_show_wheels_over_their_road(page: Report) -> None:
-    for number, weights, words in ((4, "comfort", "ride comfort"), (5, "road-holding", "road holding")):
+    for number, weights in ((4, "comfort"), (5, "road-holding")):
         id_ = f"figure-{number}"
-        figure = next(f for f in page.figures if f.id == id_)
-        assert figure.title == f"Wheel tracking, left side, {words} (figure {number} of the paper)"
-        assert made_up.axes(page, id_) == dict.fromkeys(("wheel fl", "wheel rl"), ("time [s]", "height [mm]"))
         for k in ("fl", "rl"):
-            for c, look in LOOKS.items():
+            for c in CONTROLLERS:
                 own = drawn(Case("left", weights, c))
                 curve = made_up.series(page, id_, f"wheel {k}", c)
                 assert list(curve.x) == own["time"]
                 assert list(curve.y) == [1e3 * z for z in own[f"car.wheel.{k}.z"]]
-                assert (curve.color, curve.dash) == look
             road = made_up.series(page, id_, f"wheel {k}", "road")
             assert list(road.y) == [1e3 * z for z in drawn(Case("left", weights, "passive"))[f"road.road.{k}.height"]]
-            assert (road.color, road.dash) == ("black", "dot")
 
 
 def test_figures_6_and_7_show_forces(page: Report) -> None:
-    for number, input_, corners, words in ((6, "both", ("fl", "rl"), "both sides"), (7, "left", CORNERS, "left side")):
+    for number, input_, corners in ((6, "both", ("fl", "rl")), (7, "left", CORNERS)):
         id_ = f"figure-{number}"
-        assert (
-            next(f for f in page.figures if f.id == id_).title
-            == f"Control forces, {words} (figure {number} of the paper)"
-        )
-        panels = [f"{w}, {k}" for w in ("ride comfort", "road holding") for k in corners]
-        assert list(made_up.axes(page, id_).items()) == [(p, ("time [s]", "force [kN]")) for p in panels]
         for weights, title in (("comfort", "ride comfort"), ("road-holding", "road holding")):
             for k in corners:
                 for c in ("active", "delay", "preview"):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from altered import altered, failed
 
-from cosim.experiments.metrics.crossing import cost_of_limits
+from cosim.experiments.metrics.crossing import LIMITS, cost
 from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
 from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, LENGTHS, SPECTRUM, SPEEDS, matrix, refined
@@ -30,7 +30,7 @@ from cosim.experiments.trench.runs import (
     wire,
 )
 from cosim.experiments.trench.web import live
-from cosim.report import Figure, Map, Report, write_report
+from cosim.report import Map, Report, write_report
 from cosim.scenes.scene import value
 from cosim.study import FmuSet, Results
 
@@ -150,6 +150,7 @@ def test_finer_steps_are_the_same_seconds() -> None:
         ({"car_belly_force": 2000.0}, "failed: belly contact"),
         ({"car_x": 8.7}, "failed: stuck"),
         ({"car_hub_a2r_fx": -226e3, "car_hub_a3r_fx": 226e3}, "failed: hub force"),
+        ({"car_belly_force": 2000.0, "car_hub_a2r_fx": 226e3}, "failed: belly contact, hub force"),
         ({"car_body_pitch": 0.3}, "failed: pitch"),
     ],
 )
@@ -329,6 +330,7 @@ def test_the_two_vehicles_of_the_linear_comparison_meet_one_trench(fmus: FmuSet)
             assert x == pytest.approx([5.8, 6.2, 7.8, 8.2])
             assert z == [0.0, -0.15, -0.15, 0.0]
         assert (car.values["wheel.a1l.x"], car.values["wheel.a3r.x"]) == (1.98, -2.02)  # of the linear vehicle
+        assert car.values["tire.a2l.damping"] == 1500.0
 
 
 def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
@@ -483,10 +485,6 @@ def test_nothing_is_a_share_of_the_cheapest_crossing(study: Results, fmus: FmuSe
 def test_cells_of_finer_steps(page: Report) -> None:
     rows = made_up.table(page, "refinement")
     assert [r["system"] for r in rows] == ["passive"] * 8 + ["controlled"] * 8
-    assert (
-        next(t.title for t in page.tables if t.id == "refinement")
-        == "Solver, exchange and recording step halved, from 0.25 to 0.125 ms"
-    )
     row = rows[12]  # the fifth quantity under control
     assert (row["quantity"], row["median change [%]"]) == ("peak pitch [deg]", pytest.approx(5.0))
     length, speed = row["where"].split(", ")
@@ -506,7 +504,6 @@ def test_cells_beyond_the_published_runs(page: Report) -> None:
     rows = made_up.table(page, "between")
     assert [(r["length [m]"], r["speed [km/h]"]) for r in rows] == list(BETWEEN)
     assert list(rows[0].values())[2:] == pytest.approx([2.0, 4.0, 10.0, 12.0, 14.0, 16.0, 1050, "passed"])
-    assert list(rows[0])[5:8] == [f"peak {axle} hub force [kN]" for axle in ("front", "middle", "rear")]
     steepest = 5 * (1 + 0.1 * 35)
     rows = made_up.table(page, "without")
     assert [r["change"] for r in rows] == ["as it is", *published.WITHOUT.values()]
@@ -572,7 +569,7 @@ def test_figures_draw_what_they_say(page: Report) -> None:
 
 def test_map_of_the_cost(page: Report) -> None:
     (made,) = (f for f in page.figures if isinstance(f, Map))
-    assert made.reference == pytest.approx((cost_of_limits() - 1000) / 1350)
+    assert made.reference == pytest.approx((cost(LIMITS) - 1000) / 1350)
     assert made.value_range == (0.0, max(1.0, made.reference or 0.0))
     assert (list(made.x), list(made.y)) == ([1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0], [1.0, 3.0, 6.0, 9.0])
     layers = {layer.name: np.asarray(layer.values) for layer in made.layers}
@@ -715,19 +712,16 @@ def test_matrix_is_by_length_and_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("figure", "metric", "label", "printed"),
+    ("figure", "metric", "printed"),
     [
-        ("az-over-length", "az", "peak vertical acceleration [m/s2]", "az [m/s2]"),
-        ("pitch-over-length", "pitch", "peak pitch [deg]", "pitch [deg]"),
-        ("cost-over-length", "cost", "cost [-]", "cost"),
+        ("az-over-length", "az", "az [m/s2]"),
+        ("pitch-over-length", "pitch", "pitch [deg]"),
+        ("cost-over-length", "cost", "cost"),
     ],
 )
 def test_what_the_thesis_prints_is_drawn_under_ours(
-    page: Report, study: Results, figure: str, metric: str, label: str, printed: str
+    page: Report, study: Results, figure: str, metric: str, printed: str
 ) -> None:
-    assert made_up.columns(page)[figure] == 2
-    drawn = next(f for f in page.figures if isinstance(f, Figure) and f.id == figure)
-    assert drawn.title == f"{label.split(' [', maxsplit=1)[0].capitalize()} over the length of the trench"
     points = 0
     for speed in SPEEDS:
         for name, system in (("passive", "passive"), ("controlled", "mpc")):
@@ -735,7 +729,6 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
             assert list(ours.x) == list(LENGTHS)
             assert list(ours.y) == [study[Case(a, speed, system)][metric] for a in LENGTHS]
             theirs = made_up.series(page, figure, f"{speed:g} km/h", f"{name}, thesis")
-            assert theirs.mode == "markers"
             cells = [float(published.rows()[a, speed][f"{name} {printed}"] or "nan") for a in LENGTHS]
             assert np.array_equal(np.asarray(theirs.y), cells, equal_nan=True)
             points += int(np.isfinite(cells).sum())

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import rms
-from cosim.experiments.options import tunable_option
-from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
-from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
+from cosim.experiments.options import Controlled, tunable_option
+from cosim.experiments.steps import exchange_step, set_solver_step
+from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
 
 CONTROLLERS = {  # name -> FMU, parameters
@@ -25,6 +26,9 @@ CONTROLLERS = {  # name -> FMU, parameters
 TUNABLE = "MpcBenchTunable"  # the MPC whose weights are parameters
 ROADS = {"bump": "RoadBenchBump", "random": "RoadBenchRandom"}
 ENCODERS = "BenchEncoders"
+FLAGS = {
+    "controller.command.held": "command.held: the solver found no solution at some samples; the last force was kept"
+}
 FMUS = tuple(
     dict.fromkeys(["QuarterCarBench", *(f for f, _ in CONTROLLERS.values() if f), TUNABLE, ENCODERS, *ROADS.values()])
 )
@@ -34,10 +38,11 @@ LENGTH = {"bump": 3.0, "random": 10.0}  # s, of a run
 
 _BUMP = (lambda c: c.road == "bump", "the bump")
 _RANDOM = (lambda c: c.road == "random", "the random road")
+_CONTROLLED = (lambda c: c.controller != "passive", "a controlled bench")
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(Controlled):
     """One run: controller, road, and whether the states come from encoders."""
 
     controller: str = option("mpc", choices=CONTROLLERS, help="control of the bench", always=True)
@@ -60,7 +65,7 @@ class Case(Stepped):
         help="height of the bump",
         label="{:g}mm",
     )
-    encoders: bool = option(False, help="states from quantized encoders")
+    encoders: bool = option(False, only=_CONTROLLED, help="states from quantized encoders")
     tunable: bool = tunable_option((lambda c: c.controller == "mpc", "the controller mpc"))
     offset: float = option(
         0.0,
@@ -71,28 +76,14 @@ class Case(Stepped):
         label="from-{:g}s",
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.encoders and self.controller == "passive":
-            raise CaseError("the passive bench has no controller that would use the encoders")
-
     @property
     def controller_fmu(self) -> str | None:
         """Name of the controller's FMU; None for the passive bench."""
         return TUNABLE if self.tunable else CONTROLLERS[self.controller][0]
 
 
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    return replace(case, controller="passive", encoders=False, tunable=False)
-
-
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    return case.road, case.controller_fmu, case.encoders, case.exchange_parts
+structure = attrgetter("road", "controller_fmu", "encoders", "exchange_parts")
+"""What of a case decides the wiring."""
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
@@ -140,9 +131,6 @@ def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
     names = ["road.road.height", "plant.*"] + ["controller.*"] * (case.controller_fmu is not None)
     return names + ["encoders.*"] * case.encoders
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {
@@ -194,11 +182,3 @@ def signals(run: Run) -> Row:
         "force": force(r),
     }
     return {name: signal.tolist() for name, signal in shown.items()}
-
-
-def remarks(run: Run) -> list[str]:
-    """What should be said of a run."""
-    held = "controller.command.held"
-    if held in run.recording and run.recording[held].any():
-        return ["command.held: the solver found no solution at some samples; the last force was kept"]
-    return []

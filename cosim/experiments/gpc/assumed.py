@@ -23,9 +23,6 @@ from fmu_sources.roads import RoadLayout, WheelPosition, road_curb, road_perryma
 Preview = tuple[int, float]  # heights ahead, and the time between them [s]
 
 
-# ------------------------------------------------------------------------------------------------------- components
-
-
 class Between(PythonComponent):
     """Passes signals on, under their names after "given."."""
 
@@ -113,9 +110,6 @@ def insert(system: System, name: str, component: PythonComponent, target: str) -
     for output in component.description.outputs:
         if (given := output.removeprefix("given.")) in system[target].description.inputs:
             system.connect(f"{name}.{output}", f"{target}.{given}")
-
-
-# ------------------------------------------------------------------------------------------------------------- FMUs
 
 
 @cache

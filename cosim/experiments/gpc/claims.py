@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from cosim.experiments.gpc.published import WEIGHTS
-from cosim.experiments.gpc.results import Results, Study
+from cosim.experiments.gpc.results import Results
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, ClaimList, Distribution, Finding, RunFailed
 from cosim.study.judges import Comparison, Side, Tally, View, compare, quotient
@@ -46,17 +46,17 @@ class Judge(View):
     Places are road and speed [km/h], samples the identification seeds.
     """
 
-    held, compared = 3 / 4, 1 / 2
+    held, compared, named = 3 / 4, 1 / 2, "{1:g} km/h"
 
-    def __init__(self, study: Study, fitted: str = "") -> None:
-        self.results = Results(study)
+    def __init__(self, results: Results, fitted: str = "") -> None:
+        self.results = results
         self.words = {
             "vehicle": fitted,
             "excitation": IdentificationSettings().excitation / 1e3,
             "limit": FORCE_LIMIT / 1e3,
             "converged": 100 * CONVERGED,
         }
-        self.speeds = study.speeds
+        self.speeds = results.speeds
 
     @cached_property
     def move(self) -> float:
@@ -81,10 +81,6 @@ class Judge(View):
             return [(road, self.results.worst_speed(road))]
         least = float(at.removeprefix("above ")) if at.startswith("above ") else -math.inf
         return [(road, v) for v in self.speeds if v > least]
-
-    def label(self, place: Place) -> str:
-        """The speed."""
-        return f"{place[1]:g} km/h"
 
     def values(self, c: Comparison, place: Place) -> Distribution | None:
         """Over the seeds that could be matched to explicit's response."""
@@ -194,7 +190,7 @@ def force_limit(j: Judge) -> Finding:
 
 def no_divergence(j: Judge) -> Finding:
     """Whether every run with a published weight or a larger one comes to its end."""
-    diverged, rows = j.results.diverged(), j.results.study.rows
+    diverged, rows = j.results.diverged(), j.results.rows
     if not rows:
         raise RunFailed("no run came to an end")
     first = next(iter(diverged), {})

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cosim.experiments.gpc.matching import match_weight
-from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Assumed, Case, assume, passive, structure
+from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Assumed, Case, assume, structure
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 
@@ -73,9 +73,6 @@ def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Cas
         for c in CONTROLLERS
         for words, finer in REFINEMENTS.items()
     }
-
-
-# ---------------------------------------------------------------------------------------- runs that depend on others
 
 
 @dataclass(frozen=True)
@@ -155,7 +152,7 @@ def row(runner: Any, case: Case) -> Row:
 
 def matched_row(runner: Any, case: Case, explicit: Case) -> Row:
     """The controller of a case at the weight at which its response equals explicit's; see `Comparison`."""
-    of_explicit, of_passive = runner.metrics(explicit), runner.metrics(passive(explicit))
+    of_explicit, of_passive = runner.metrics(explicit), runner.metrics(explicit.passive())
     if of_explicit["diverged"] or of_explicit["response"] >= of_passive["response"]:
         return {**row(runner, case), "matched": False, "runs": 1}
     m = match_weight(lambda R: runner.metrics(replace(case, R=R)), of_explicit["response"])

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.claims import CLAIMS, R_TEXT, Judge, number
 from cosim.experiments.gpc.published import ACTIVE_CONTROLLERS, CURB_SPEED, SINE_SPEED, WEIGHTS
-from cosim.experiments.gpc.results import METRICS, Results, Study, select
+from cosim.experiments.gpc.results import METRICS, Results, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
-from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, curve
+from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, over_time
 from cosim.report.model import Look
 from cosim.study import Content, Distribution, FmuSet, Row, StudyReport, parameters
 from cosim.study import Results as Runs
@@ -21,7 +21,6 @@ from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.models.corners import CORNERS
 
-NAN = float("nan")
 _NAMES = {"sine": "sine", "perryman3": "Perryman 3", "curb": "curb"}  # in tables
 _TITLES = {"sine": "Sine road", "perryman3": "Perryman 3 road (synthetic)", "curb": "Curb"}
 _LOOKS: dict[str, Look] = {
@@ -40,14 +39,6 @@ _QUANTITIES = (
     ("per_power", "Power-normalized effectiveness (24b)", "improvement per power [1/kW]"),
 )
 _OVER_SEEDS = "Lines are medians over the identification seeds, bands span all of them."
-_METRIC_NAMES = {
-    "response": "response",
-    "force": "force",
-    "power": "power",
-    "peak_force": "peak force",
-    "rms_az": "r.m.s. acceleration",
-    "rms_pitch": "r.m.s. pitch",
-}
 
 
 class View(NamedTuple):
@@ -59,9 +50,9 @@ class View(NamedTuple):
 
 
 def _view(runs: Runs, fmus: FmuSet) -> View:
-    study = Study.of(runs)
-    judge = Judge(study, _fitted(_parameters(fmus)))
-    return View(Results(study), CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
+    results = Results(runs)
+    judge = Judge(results, _fitted(_parameters(fmus)))
+    return View(results, CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
 
 
 def _fitted(parameters: Iterable[Parameter]) -> str:
@@ -122,7 +113,7 @@ def _main_result(view: View) -> Content:
     pitch and roll) is {", ".join(changes[:-1])} and {changes[-1]} GPC than that of the passive car (medians over
     {len(results.seeds)} identification seeds, {R_TEXT}); the passive response peaks at {results.open_loop_peak():g}
     km/h."""
-    published = {c: _at_published_weight(results, c) for c in ACTIVE_CONTROLLERS}
+    published = {c: _rows(results.published, "sine", c) for c in ACTIVE_CONTROLLERS}
     curves = [_curve(results, "response", c, results.speeds, rows) for c, rows in published.items()]
     panel = Panel("", _SPEED, _QUANTITIES[0][2], _drawn(_passive_curve(results, "sine"), *curves))
     caption = f"{R_TEXT} for every controller: nothing is matched. {_OVER_SEEDS}"
@@ -131,14 +122,11 @@ def _main_result(view: View) -> Content:
 
 @report.section("Runs of the study")
 def _about(view: View) -> Content:
-    study = view.results.study
+    study = view.results
     yield f"""A nonlinear HMMWV ({view.car}) crosses three roads at {len(study.speeds)} speeds, passive and under three
     GPC controllers, each identified {len(study.seeds)} times with another random excitation. Car, roads and controllers
     are native FMUs; the co-simulation master exchanges at 1 kHz, the controllers act at 100 Hz. Figures and claims of
     Brown, Murugan and Mazza stand beside what these runs give."""
-
-
-# ---------------------------------------------------------------------- figures
 
 
 Rows = Callable[[float, int], Row | None]  # of a curve, by speed [km/h] and seed
@@ -153,7 +141,7 @@ def _curve(
         found = [results.figures(r)[key] for s in results.seeds if (r := rows(v, s)) is not None]
         found = [scale * x for x in found if math.isfinite(x)]
         d = Distribution(found) if found else None
-        points.append((v, *((d.median, d.low, d.high) if d else (NAN, NAN, NAN))))
+        points.append((v, *((d.median, d.low, d.high) if d else (math.nan, math.nan, math.nan))))
     x, y, low, high = (list(column) for column in zip(*points, strict=True))
     if not any(map(math.isfinite, y)):
         return None
@@ -161,12 +149,8 @@ def _curve(
     return Series(name, x, y, None if alone else low, None if alone else high, mode="line+markers")
 
 
-def _at_published_weight(results: Results, controller: str) -> Rows:
-    return lambda v, s: results.published("sine", v, controller, s)
-
-
-def _matched(results: Results, road: str, controller: str) -> Rows:
-    return lambda v, s: results.matched(road, v, controller, s)
+def _rows(of: Callable[..., Row | None], road: str, controller: str) -> Rows:
+    return lambda v, s: of(road, v, controller, s)
 
 
 def _passive_curve(results: Results, road: str) -> Series | None:
@@ -228,7 +212,7 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
         "R = 1e-7 for explicit; at each speed and for each seed the weights of implicit and preview are chosen so that"
         " their response objective equals explicit's, so the first two panels show one controller three times. Left"
         f" out: seeds in which no weight does, or explicit does not lower the response. {_OVER_SEEDS}",
-        _panels(results, road, speeds, {c: _matched(results, road, c) for c in ACTIVE_CONTROLLERS}),
+        _panels(results, road, speeds, {c: _rows(results.matched, road, c) for c in ACTIVE_CONTROLLERS}),
         columns=2,
     )
     yield _history(results, road, named, figure + 1)
@@ -242,17 +226,18 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
 
 
 def _history(results: Results, road: str, named: str, figure: int) -> Figure:
-    histories = select(results.study.histories, road=road)
-    panels = []
-    for key, title, label in (
-        ("az", "Vertical acceleration", "body.az [m/s2]"),
-        ("pitch", "Pitch, nose down", "pitch [deg]"),
-        ("roll", "Roll, left side up", "roll [deg]"),
-        ("force", "Actuator force, front left", "force.fl [kN]"),
-    ):
-        shown = [h for h in histories if not (key == "force" and h["controller"] == "passive")]
-        curves = [curve(h["controller"], h, key, 1e-3 if key == "force" else 1.0) for h in shown]
-        panels.append(Panel(title, "time [s]", label, curves))
+    histories = select(results.histories, road=road)
+    shown = {h["controller"]: dict(h) for h in histories}
+    del shown["passive"]["force"]
+    panels = over_time(
+        shown,
+        [
+            ("Vertical acceleration", "body.az [m/s2]", "az", 1.0),
+            ("Pitch, nose down", "pitch [deg]", "pitch", 1.0),
+            ("Roll, left side up", "roll [deg]", "roll", 1.0),
+            ("Actuator force, front left", "force.fl [kN]", "force", 1e-3),
+        ],
+    )
     first = histories[0]
     weights = ", ".join(f"{h['controller']} R = {h['R']:.2g}" for h in histories if h["controller"] != "passive")
     return Figure(
@@ -348,13 +333,13 @@ def _refinement(view: View) -> Content:
     first one, and results move a little more than with both halved. A claim whose figure could be moved across the edge
     of its band by the largest number of this table would be open."""
     rows: list[list[Any]] = []
-    for r, words, moves in view.results.refinement():
+    for r, words, moves in view.results.moves():
         cells = [None if k not in moves or math.isnan(moves[k]) else float(f"{100 * moves[k]:.2g}") for k in METRICS]
         rows.append([_NAMES[r["road"]], r["speed_kmh"], r["controller"], words, *cells])
     yield Table(
         "refinement",
         "Change of metrics when steps are halved",
-        ["road", "speed [km/h]", "controller", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
+        ["road", "speed [km/h]", "controller", "refinement", *(f"{words} [%]" for words in METRICS.values())],
         rows,
         f"{R_TEXT}, seed {view.results.seeds[0]}; the controllers stay those identified with the steps of the study.",
     )

@@ -4,29 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from itertools import product
+from typing import Any
 
-from cosim.experiments.gpc.published import (
-    HISTORIES,
-    OPEN_LOOP_SPEEDS_KMH,
-    REFINEMENTS,
-    SEEDS,
-    SPEEDS_KMH,
-    WEIGHTS,
-    Comparison,
-    History,
-    on,
-    refinements,
-    swept,
-)
+from cosim.experiments.gpc import published
+from cosim.experiments.gpc.published import HISTORIES, REFINEMENTS, WEIGHTS, Comparison, History
 from cosim.experiments.gpc.runs import CONTROLLERS, R_PUBLISHED, ROADS, Case
 from cosim.experiments.metrics import response as metrics
 from cosim.study import Distribution, Row, RunFailed
 from cosim.study import Results as Runs
 from cosim.study.case import values
-
-NAN = float("nan")
 
 
 def select(rows: Iterable[Row], **where: Any) -> list[Row]:
@@ -34,92 +21,61 @@ def select(rows: Iterable[Row], **where: Any) -> list[Row]:
     return [r for r in rows if all(r[k] == v for k, v in where.items())]
 
 
-@dataclass
-class Study:
-    """What the figures and claims are made of: rows that are the fields of a case, its metrics, and what a search adds.
+class Results:
+    """A study by road, speed, controller and seed. Reading a run that is not there raises RunFailed.
 
-    The excitation of the identification is random, so the results of a controller exist once per seed of `seeds`.
+    The excitation of the identification is random, so the results of a controller exist once per seed.
+
+    Attributes:
+        seeds: of the identifications.
+        speeds: of the study [km/h]; on the curb there is also CURB_SPEED.
+        failures: messages of failed runs by label.
+        sweep: rows of preview on the sine road over weights (figure 6): fields of a case, its metrics, and what a
+            search adds. A run that failed has none.
+        comparison: all controllers and roads, J matched to explicit (7, 9, 11).
+        unmatched: the matched controllers at R = 1e-7 instead.
+        open_loop: passive car on the sine road, finer speeds.
+        refinement: solver step and exchange halved, first seed.
+        histories: time histories, first seed (8, 10, 12).
     """
 
-    seeds: tuple[int, ...] = SEEDS
-    speeds: tuple[float, ...] = SPEEDS_KMH  # km/h; on the curb also CURB_SPEED
-    sweep: list[Row] = field(default_factory=list)  # preview on the sine road over weights (figure 6)
-    comparison: list[Row] = field(default_factory=list)  # all controllers and roads, J matched to explicit (7, 9, 11)
-    unmatched: list[Row] = field(default_factory=list)  # the matched controllers at R = 1e-7 instead
-    open_loop: list[Row] = field(default_factory=list)  # passive car on the sine road, finer speeds
-    refinement: list[Row] = field(default_factory=list)  # solver step and exchange halved, seed 0
-    histories: list[Row] = field(default_factory=list)  # time histories, seed 0 (8, 10, 12)
-    failures: Mapping[str, str] = field(default_factory=dict)  # of runs that failed: label -> message
-
-    @classmethod
-    def of(cls, runs: Runs) -> Study:
-        """The rows of a study that was run; a run that failed has none."""
+    def __init__(self, runs: Runs) -> None:
         planned = [t for t in runs.tasks if isinstance(t, Comparison)]
-        seeds = tuple(dict.fromkeys(s.seed for s in planned))
-        speeds = tuple(dict.fromkeys(s.speed_kmh for s in planned if s.road == "sine"))
-        failures = runs.failures
-        ran = set(runs.ran)
+        self.seeds = tuple(dict.fromkeys(s.seed for s in planned))
+        self.speeds = tuple(dict.fromkeys(s.speed_kmh for s in planned if s.road == "sine"))
+        self.failures, ran = runs.failures, set(runs.ran)
 
-        def rows(cases: Iterable[Case]) -> list[Row]:
-            return [{**values(c), **runs[c]} for c in cases if c in ran]
+        def found(kind: type[Comparison | History]) -> list[Any]:
+            return [runs.found(t) for t in runs.tasks if isinstance(t, kind) and t.label not in self.failures]
 
-        compared = [runs.found(t) for t in planned if t.label not in failures]
-        histories = [runs.found(t) for t in runs.tasks if isinstance(t, History) and t.label not in failures]
-        passive = [Case(road, v, "passive") for road in ROADS for v in on(road, speeds)]
-        open_loop = [Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
-        refined = [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
-        result = cls(
-            seeds,
-            speeds,
-            sweep=rows(swept(v, w, s) for v in speeds for s in seeds for w in WEIGHTS),
-            comparison=[*(r for c in compared for r in c["compared"]), *rows(passive)],
-            unmatched=[r for c in compared for r in c["unmatched"]],
-            open_loop=rows(open_loop),
-            refinement=rows(refined),
-            histories=[r for h in histories for r in h],
-            failures=failures,
-        )
-        order = list(CONTROLLERS)
-        for part in (result.sweep, result.comparison, result.unmatched, result.open_loop, result.refinement):
-            part.sort(key=lambda r: (r["road"], r["speed_kmh"], order.index(r["controller"]), r["R"], r["seed"]))
-        result.histories.sort(key=lambda r: (r["road"], order.index(r["controller"])))
-        return result
+        def rows(cases: Iterable[Case], more: Iterable[Row] = ()) -> list[Row]:
+            return sorted([*more, *({**values(c), **runs[c]} for c in cases if c in ran)], key=_order)
+
+        compared = found(Comparison)
+        passive = (Case(road, v, "passive") for road in ROADS for v in published.on(road, self.speeds))
+        refined = [published.refinements(*at, s).values() for s in self.seeds[:1] for at in HISTORIES]
+        self.sweep = rows(published.swept(v, w, s) for v, s, w in product(self.speeds, self.seeds, WEIGHTS))
+        self.comparison = rows(passive, (r for c in compared for r in c["compared"]))
+        self.unmatched = rows((), (r for c in compared for r in c["unmatched"]))
+        self.open_loop = rows(Case("sine", v, "passive") for v in published.OPEN_LOOP_SPEEDS_KMH)
+        self.refinement = rows(c for cases in refined for c in cases)
+        self.histories = rows((), (r for h in found(History) for r in h))
+        self._passive = {(r["road"], r["speed_kmh"]): r for r in select(self.comparison, controller="passive")}
+        self._matched = {_key(r): r for r in self.comparison if r["controller"] != "passive"}
+        # Explicit is not matched to anything: it has R = 1e-7 in the comparison.
+        self._published = {_key(r): r for r in (*select(self.comparison, controller="explicit"), *self.unmatched)}
+        self._sweep = {(r["speed_kmh"], r["R"], r["seed"]): r for r in self.sweep}
 
     @property
     def rows(self) -> list[Row]:
         """All rows that are runs."""
         return [*self.sweep, *self.comparison, *self.unmatched, *self.open_loop, *self.refinement]
 
-
-K = TypeVar("K")
-
-
-class Results:
-    """A study by road, speed, controller and seed. Reading a run that is not there raises RunFailed."""
-
-    def __init__(self, study: Study) -> None:
-        self.study = study
-        self.seeds = study.seeds
-        self.speeds = study.speeds
-        self._passive = {(r["road"], r["speed_kmh"]): r for r in study.comparison if r["controller"] == "passive"}
-        self._matched = self._by_controller(study.comparison)
-        # Explicit is not matched to anything: it has R = 1e-7 in the comparison.
-        self._published = self._by_controller([*select(study.comparison, controller="explicit"), *study.unmatched])
-        self._sweep = {(r["speed_kmh"], r["R"], r["seed"]): r for r in study.sweep}
-
-    def _row(self, rows: Mapping[K, Row], key: K) -> Row:
+    def _row(self, rows: Mapping[Any, Row], key: Any) -> Row:
         if key not in rows:
-            first = next(iter(self.study.failures.items()), ("", "it was not run"))
+            first = next(iter(self.failures.items()), ("", "it was not run"))
             raise RunFailed(f"there is no run {key}; {': '.join(filter(None, first))}")
         return rows[key]
-
-    @staticmethod
-    def _by_controller(rows: Iterable[Row]) -> dict[tuple[str, float, str, int], Row]:
-        return {
-            (r["road"], r["speed_kmh"], r["controller"], r["seed"]): r for r in rows if r["controller"] != "passive"
-        }
-
-    # ------------------------------------------------------------------ rows
 
     def passive(self, road: str, speed: float) -> Row:
         """The passive car's run."""
@@ -138,8 +94,6 @@ class Results:
         """Preview on the sine road with a weight of figure 6."""
         return self._row(self._sweep, (speed, weight, seed))
 
-    # ------------------------------------------------------------------ one run
-
     def improvement(self, row: Row) -> float:
         """Response improvement (23) of a run; -inf where it diverged."""
         if row["diverged"]:
@@ -149,18 +103,16 @@ class Results:
     def figures(self, row: Row) -> dict[str, float]:
         """Metrics of a run in the units of the figures, NaN where it diverged."""
         if row["diverged"]:
-            return dict.fromkeys(("response", "improvement", "force", "power", "per_force", "per_power"), NAN)
+            return dict.fromkeys(("response", "improvement", "force", "power", "per_force", "per_power"), math.nan)
         gain, force, power = self.improvement(row), row["force"] / 1e3, row["power"] / 1e3
         return {
             "response": row["response"],
             "improvement": gain,
             "force": force,
             "power": row["power"],
-            "per_force": metrics.force_normalized_effectiveness(gain, force) if force else NAN,
-            "per_power": metrics.power_normalized_effectiveness(gain, power) if power else NAN,
+            "per_force": metrics.force_normalized_effectiveness(gain, force) if force else math.nan,
+            "per_power": metrics.power_normalized_effectiveness(gain, power) if power else math.nan,
         }
-
-    # ------------------------------------------------------------------ over seeds
 
     def improvements(self, road: str, speed: float, controller: str) -> Distribution:
         """Improvement of a controller at R = 1e-7 [%], -inf where it diverged."""
@@ -186,27 +138,20 @@ class Results:
         """A quantity of `figures` of preview on the sine road, the smallest weight first."""
         return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]
 
-    # ------------------------------------------------------------------ single numbers
-
-    def open_loop(self) -> dict[float, float]:
-        """Response of the passive car on the sine road by speed [km/h], finer about the peak."""
-        rows = [*select(self._passive.values(), road="sine"), *self.study.open_loop]
-        return {r["speed_kmh"]: r["response"] for r in sorted(rows, key=lambda r: r["speed_kmh"])}
-
     def open_loop_peak(self) -> float:
-        """Speed of the largest of `open_loop` [km/h]."""
-        responses = self.open_loop()
-        if not responses:
+        """Speed of the largest response of the passive car on the sine road [km/h], the lowest of several."""
+        rows = [*select(self._passive.values(), road="sine"), *self.open_loop]
+        if not rows:
             raise RunFailed("no run of the passive car on the sine road came to its end")
-        return max(responses, key=responses.__getitem__)
+        return float(min(rows, key=lambda r: (-r["response"], r["speed_kmh"]))["speed_kmh"])
 
     def worst_speed(self, road: str) -> float:
         """Speed of the study with the largest open-loop response [km/h]."""
         return max(self.speeds, key=lambda v: self.passive(road, v)["response"])
 
-    def refinement(self) -> list[tuple[Row, str, dict[str, float]]]:
+    def moves(self) -> list[tuple[Row, str, dict[str, float]]]:
         """Refined runs in words, with the relative changes of their metrics; NaN where one diverged."""
-        rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
+        rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.refinement}
         found = []
         for (road, v, controller, words), r in rows.items():
             if words != "as run":
@@ -215,12 +160,12 @@ class Results:
 
     def largest_move(self) -> float:
         """Largest relative change of a metric when steps are halved; inf where a run diverges."""
-        moves = [abs(x) for _, _, changed in self.refinement() for x in changed.values()]
+        moves = [abs(x) for _, _, changed in self.moves() for x in changed.values()]
         return max((math.inf if math.isnan(x) else x for x in moves), default=math.inf)
 
     def largest_force(self) -> float:
         """Largest force of an actuator at R = 1e-7 on any road [N]."""
-        rows = [*self._published.values(), *(r for r in self.study.sweep if r["R"] == R_PUBLISHED)]
+        rows = [*self._published.values(), *(r for r in self.sweep if r["R"] == R_PUBLISHED)]
         forces = [r["peak_force"] for r in rows if not r["diverged"]]
         if not forces:
             raise RunFailed(f"no run at R = {R_PUBLISHED:g} came to its end")
@@ -228,10 +173,26 @@ class Results:
 
     def diverged(self) -> list[Row]:
         """Diverged runs with R of at least 1e-7."""
-        return [r for r in self.study.rows if r["diverged"] and r["R"] >= R_PUBLISHED]
+        return [r for r in self.rows if r["diverged"] and r["R"] >= R_PUBLISHED]
 
 
-METRICS = ("response", "force", "power", "peak_force", "rms_az", "rms_pitch")  # whose convergence is looked at
+def _key(row: Row) -> tuple[str, float, str, int]:
+    return row["road"], row["speed_kmh"], row["controller"], row["seed"]
+
+
+def _order(row: Row) -> tuple[Any, ...]:
+    return row["road"], row["speed_kmh"], list(CONTROLLERS).index(row["controller"]), row["R"], row["seed"]
+
+
+METRICS = {
+    "response": "response",
+    "force": "force",
+    "power": "power",
+    "peak_force": "peak force",
+    "rms_az": "r.m.s. acceleration",
+    "rms_pitch": "r.m.s. pitch",
+}
+"""Whose convergence is looked at, in words."""
 
 
 def _words(row: Row) -> str:
@@ -241,5 +202,5 @@ def _words(row: Row) -> str:
 
 def _moves(row: Row, as_run: Row) -> dict[str, float]:
     if row["diverged"] or as_run["diverged"]:
-        return dict.fromkeys(METRICS, NAN)
+        return dict.fromkeys(METRICS, math.nan)
     return {k: row[k] / as_run[k] - 1 for k in METRICS if as_run[k]}

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -17,7 +18,7 @@ from cosim import Recording, StopWhen, System
 from cosim.core.signals import columns, peak, rms
 from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
-from cosim.experiments.options import speed_option
+from cosim.experiments.options import Controlled, speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
 from cosim.study import FmuSet, Metric, Row, Run, option
@@ -52,7 +53,7 @@ _MEASURING = (lambda c: c.controller in ("explicit", "preview"), "the explicit a
 
 
 @dataclass(frozen=True, kw_only=True)
-class OpenCase(Stepped):
+class OpenCase(Controlled):
     """What the paper leaves open; the defaults are the reading of the main study."""
 
     hold: bool = option(
@@ -152,6 +153,10 @@ class Case(OpenCase):
     )
     seed: int = option(0, within=(0, 2**31 - 1), help="seed of the identification run", label="seed{}")
 
+    def passive(self) -> Case:
+        """What a run is compared with: no controller, so no weight and no identification either."""
+        return dataclasses.replace(super().passive(), R=R_PUBLISHED, seed=0)
+
 
 OPEN = tuple(f for f in dataclasses.fields(OpenCase) if f.name not in Stepped.__dataclass_fields__)
 """Fields of a case that the paper leaves open."""
@@ -166,23 +171,9 @@ def assume(assumed: Assumed, case: Case) -> Case:
     return dataclasses.replace(case, **kept)
 
 
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    parts: dict[str, Any] = {"solver_parts": case.solver_parts, "exchange_parts": case.exchange_parts}
-    assumed = tuple((f.name, getattr(case, f.name)) for f in OPEN)
-    return assume(assumed, Case(case.road, case.speed_kmh, "passive", **parts))
-
-
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    names = ["one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off"]
-    open_fields = (getattr(case, n) for n in (*names, "start_height"))
-    return case.road, case.controller, case.exchange_parts, *open_fields
-
-
+_MEASURED = ("one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off")
+structure = attrgetter("road", "controller", "exchange_parts", *_MEASURED, "start_height")
+"""What of a case decides the wiring."""
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
 
 
@@ -292,9 +283,6 @@ def recorded(case: Case) -> Sequence[str]:
     names = [f"car.{n}" for n in ("x", "speed", "body.z", "body.az", "body.pitch", "body.roll")]
     names += [f"car.{s}.{k}.{q}" for k in CORNERS for s, q in (("actuator", "power"), ("tire", "force"))]
     return names if case.controller == "passive" else [*names, *(f"controller.force.{k}" for k in CORNERS)]
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {

@@ -5,21 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from cosim.experiments import gpc
+from cosim.experiments import gpc, gpc_readings
 from cosim.experiments.gpc.claims import CLAIMS, Judge
 from cosim.experiments.gpc.published import SEEDS
-from cosim.experiments.gpc.results import Study
+from cosim.experiments.gpc.results import Results as Numbers
 from cosim.experiments.gpc.runs import Assumed
-from cosim.experiments.gpc_readings import (
-    COMBINATIONS,
-    EXPERIMENT,
-    HELD_OUT,
-    PRINTED,
-    READINGS,
-    needs,
-    reading,
-    readings,
-)
+from cosim.experiments.gpc_readings import COMBINATIONS, HELD_OUT, PRINTED, READINGS, needs, reading, readings
 from cosim.experiments.gpc_readings.static_gain import StaticGain
 from cosim.report import Claims, Layer, Map, Result, Table
 from cosim.report.claims import OUTCOMES
@@ -33,9 +24,6 @@ SMOOTH = ("sine-same-force", "implicit-power", "perryman-same", "perryman-implic
 """Two blocks of claims: what explicit costs on the curb, and that it costs no more than preview on smooth roads."""
 HOLDS = OUTCOMES[:3]
 _JUDGED = "Judged on the median identification by the criteria of the main study."
-
-
-# -------------------------------------------------------------------------------------------------------------- judging
 
 
 @dataclass(frozen=True)
@@ -73,14 +61,12 @@ class Judged:
 def _claims(results: Results, gains: Sequence[StaticGain]) -> Claims:
     """The claims in the reading of these tasks, on their seeds."""
     tasks = gpc.EXPERIMENT.placed(needs([t.seed for t in gains]))
-    judge = Judge(Study.of(seen(results, reading(gains[0].assumed), tasks)))
+    judge = Judge(Numbers(seen(results, reading(gains[0].assumed), tasks)))
     return CLAIMS.judge(judge, judge.singles(), "identifications")
 
 
-# --------------------------------------------------------------------------------------------------------------- report
-
 report = StudyReport(
-    EXPERIMENT,
+    gpc_readings.EXPERIMENT,
     "Generalized predictive control under other readings of the paper",
     view=lambda results, _: Judged.of(results),
     results=lambda judged, _: [
@@ -105,24 +91,26 @@ def main_result(judged: Judged) -> Content:
 @report.section("How many claims hold")
 def counts(judged: Judged) -> Content:
     """With the median identification, and with single ones."""
-    rows: list[list[Scalar]] = []
     alone = judged.claims[PRINTED].by_sample
-    for name, claims in judged.claims.items():
-        held = in_full(judged.held_out[name]) if name in judged.held_out else None
-        rows.append([name, in_full(claims), min(claims.by_sample), max(claims.by_sample), held])
+    rows = [
+        {
+            "reading": name,
+            "median of the seeds": in_full(claims),
+            "least of one seed": min(claims.by_sample),
+            "most of one seed": max(claims.by_sample),
+            "held-out seeds": in_full(judged.held_out[name]) if name in judged.held_out else None,
+        }
+        for name, claims in judged.claims.items()
+    ]
     yield f"""The paper had one identification, so the count with each seed alone stands beside that of the median. As
     printed it is {min(alone)} to {max(alone)} with one of {len(alone)} seeds: readings whose counts differ by no more
     than that are not told apart. A reading counts as better than the printed one only if it is so with seeds that were
     held out.
 
     The study has {len(judged.results.tasks)} tasks."""
-    yield Table(
-        "counts",
-        f"Claims that hold in full, of {judged.claims[PRINTED].published}",
-        ["reading", "median of the seeds", "least of one seed", "most of one seed", "held-out seeds"],
-        rows,
-        f"Seeds {_span(judged.seeds)}; held out: {_span(HELD_OUT) if judged.held_out else 'none'}.",
-    )
+    title = f"Claims that hold in full, of {judged.claims[PRINTED].published}"
+    held_out = _span(HELD_OUT) if judged.held_out else "none"
+    yield Table.of("counts", title, rows, f"Seeds {_span(judged.seeds)}; held out: {held_out}.")
 
 
 def _span(seeds: Sequence[int]) -> str:
@@ -191,45 +179,35 @@ def _most(judged: Judged, block: Sequence[str], other: Sequence[str]) -> str:
 @report.section(lambda judged: "Two blocks of claims" + " that exclude each other" * (not _hold_both(judged)))
 def blocks(judged: Judged) -> Content:
     """Two blocks of claims."""
-    rows: list[list[Scalar]] = []
+    rows = []
     for name in judged.claims:
         curb, smooth = (judged.holding(name, block) for block in (CURB, SMOOTH))
-        rows.append([name, len(curb), len(smooth), ", ".join(smooth) or "none"])
+        counts = {f"curb, of {len(CURB)}": len(curb), f"smooth roads, of {len(SMOOTH)}": len(smooth)}
+        rows.append({"reading": name, **counts, "smooth roads, which": ", ".join(smooth) or "none"})
     first, second = (_most(judged, *blocks) for blocks in ((CURB, SMOOTH), (SMOOTH, CURB)))
     both = _hold_both(judged)
     yield f"""On the curb explicit is the dearest and preview the cheapest ({", ".join(CURB)}). On smooth roads
     explicit costs what preview does, and implicit more ({", ".join(SMOOTH)}). {first} {second}
     {f"Both hold as {', '.join(both)}." if both else "No reading holds both."}"""
-    yield Table(
-        "blocks",
-        "Claims of both blocks that hold",
-        ["reading", f"curb, of {len(CURB)}", f"smooth roads, of {len(SMOOTH)}", "smooth roads, which"],
-        rows,
-        "Whether what is claimed holds, in the published size or not. " + _JUDGED,
-    )
+    caption = f"Whether what is claimed holds, in the published size or not. {_JUDGED}"
+    yield Table.of("blocks", "Claims of both blocks that hold", rows, caption)
 
 
 @report.section("Why: the static gain")
 def gains(judged: Judged) -> Content:
     """Static gain of the control laws."""
-    rows: list[list[Scalar]] = []
+    ends = [(c, *end) for c in ("explicit", "preview") for end in (("lowest", min), ("highest", max))]
+    rows = []
     for name, tasks in judged.gains.items():
         each = [judged.results.found(t) for t in tasks]
-        spans = [(min(values), max(values)) for c in ("explicit", "preview") for values in [[e[c] for e in each]]]
-        rows.append([name, *(float(f"{x / 1e3:.3g}") for span in spans for x in span)])
+        found = {f"{c}, {word} [kN/m]": end(e[c] for e in each) / 1e3 for c, word, end in ends}
+        rows.append({"reading": name} | {heading: float(f"{gain:.3g}") for heading, gain in found.items()})
     yield """A control law that leaves the road ahead out of its prediction fights every height that it measures for as
     long as it lasts. Its gain on a road that is higher under all wheels says how much; a controller that knows that the
     road stays as high has almost none."""
-    yield Table(
+    yield Table.of(
         "static-gain",
         "Force of an actuator for a road that is higher under all wheels",
-        [
-            "reading",
-            "explicit, lowest [kN/m]",
-            "explicit, highest [kN/m]",
-            "preview, lowest [kN/m]",
-            "preview, highest [kN/m]",
-        ],
         rows,
         "Root mean square over the four actuators, over the seeds. Where the road's rate or slope is measured, per unit"
         " of that.",

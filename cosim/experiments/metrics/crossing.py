@@ -38,31 +38,21 @@ class Crossing:
         return asdict(self)
 
 
-LABELS: Mapping[str, str] = {
-    "az": "peak vertical acceleration [m/s2]",
-    "ax": "peak longitudinal acceleration [m/s2]",
-    "az_rms": "vertical acceleration rms [m/s2]",
-    "ax_rms": "longitudinal acceleration rms [m/s2]",
-    "pitch": "peak pitch [deg]",
-    "hub_front": "peak front hub force [kN]",
-    "hub_middle": "peak middle hub force [kN]",
-    "hub_rear": "peak rear hub force [kN]",
+QUANTITIES: Mapping[str, tuple[str, float, float]] = {
+    "az": ("peak vertical acceleration [m/s2]", 150.0, 12.5),
+    "ax": ("peak longitudinal acceleration [m/s2]", 100.0, 17.5),
+    "az_rms": ("vertical acceleration rms [m/s2]", 5.0, 12.5),
+    "ax_rms": ("longitudinal acceleration rms [m/s2]", 5.0, 15.0),
+    "pitch": ("peak pitch [deg]", 15.0, 17.5),
+    "hub_front": ("peak front hub force [kN]", 225.0, 10.0),
+    "hub_middle": ("peak middle hub force [kN]", 225.0, 7.5),
+    "hub_rear": ("peak rear hub force [kN]", 225.0, 7.5),
 }
-LIMITS = Crossing(150.0, 100.0, 5.0, 5.0, 15.0, 225.0, 225.0, 225.0)
-"""What a crossing must not exceed. Kale, Table 5.3."""
-
-WEIGHTS: Mapping[str, float] = {
-    "az": 12.5,
-    "ax": 17.5,
-    "az_rms": 12.5,
-    "ax_rms": 15.0,
-    "pitch": 17.5,
-    "hub_front": 10.0,
-    "hub_middle": 7.5,
-    "hub_rear": 7.5,
-}
-"""Shares of the cost function in per cent. Kale, Table 5.10."""
-
+"""Words, limit (Kale, Table 5.3) and share of the cost function in per cent (Kale, Table 5.10), by field."""
+LABELS = {name: words for name, (words, _, _) in QUANTITIES.items()}
+LIMITS = Crossing(*(limit for _, limit, _ in QUANTITIES.values()))
+"""What a crossing must not exceed."""
+WEIGHTS = {name: share for name, (_, _, share) in QUANTITIES.items()}
 BEST, WORST = 5.0, 1.0  # scores; Kale, Table 5.9
 
 
@@ -155,13 +145,11 @@ def failures(run: Crossing, *, arrived: bool, belly_contact: bool, limits: Cross
 
 
 def cost(run: Crossing, weights: Mapping[str, float] = WEIGHTS) -> float:
-    """Weighted sum, weights in per cent. Kale, section 5.6 and Tables 5.9 to 5.11."""
+    """Weighted sum, weights in per cent; of `LIMITS` it is the reference of figure 5.41.
+
+    Kale, section 5.6 and Tables 5.9 to 5.11.
+    """
     return sum(w * getattr(run, n) for n, w in weights.items())
-
-
-def cost_of_limits() -> float:
-    """Cost of a crossing that just meets every limit: the reference of Kale, figure 5.41."""
-    return cost(LIMITS)
 
 
 def normalized(value: float, costs: Iterable[float]) -> float:
@@ -179,13 +167,11 @@ def normalized(value: float, costs: Iterable[float]) -> float:
     return (value - low) / (high - low)
 
 
-def improvement_percent(controlled: float, passive: float) -> float:
-    """100 (1 - controlled / passive) of normalized costs; nan where the passive one is 0. Kale, Table 5.11."""
-    return reduction_percent(controlled, passive)
-
-
 def reduction_percent(controlled: float, passive: float) -> float:
-    """By how many per cent a quantity is lower than that of the passive vehicle. Kale, Tables 5.6 to 5.8."""
+    """By how many per cent a quantity is lower than that of the passive vehicle; nan where that is 0.
+
+    Kale, Tables 5.6 to 5.8; of normalized costs it is the improvement of Table 5.11.
+    """
     return math.nan if passive == 0.0 else 100.0 * (1.0 - controlled / passive)
 
 

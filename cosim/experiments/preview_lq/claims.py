@@ -10,6 +10,7 @@ from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY
 from cosim.experiments.preview_lq.published import (
     PAPER_COLUMNS,
     PRINTED_EIGENVALUES,
+    WEIGHT_NAMES,
     WEIGHT_SETS,
     corrected,
     over_preview,
@@ -20,13 +21,7 @@ from cosim.study.judges import Quantities, View, Words, compare
 
 Place = tuple[str, str]  # input, weights
 INPUT_NAMES = {"both": "both sides", "left": "left side"}
-WEIGHT_NAMES = {"comfort": "ride comfort", "road-holding": "road holding"}
-PARTS: dict[Place, str] = {
-    ("both", "comfort"): "a",
-    ("both", "road-holding"): "b",
-    ("left", "comfort"): "c",
-    ("left", "road-holding"): "d",
-}
+PARTS: dict[Place, str] = dict(zip(product(INPUTS, WEIGHT_SETS), "abcd", strict=True))
 """Of Table 3, by input and weights."""
 
 
@@ -79,6 +74,7 @@ def short_preview(study: Results) -> list[float]:
 class PreviewLqView(View):
     """Inputs and weights, as Table 3 names them: "ride comfort, both sides", "ride comfort", "left side"."""
 
+    made = Case
     quantities: ClassVar[Quantities] = {
         "share of the benefit": lambda view, time, place: view.benefit(float(time), place),
         "rise by a short preview": lambda view, tail, place: (
@@ -94,10 +90,6 @@ class PreviewLqView(View):
         """Those whose names have all words of `at`."""
         wanted = set() if at == "everywhere" else set(at.split(", "))
         return [p for p in PARTS if wanted <= {INPUT_NAMES[p[0]], WEIGHT_NAMES[p[1]]}]
-
-    def case(self, subject: str, place: Place) -> Case:
-        """The run of a controller."""
-        return Case(*place, subject)
 
     def benefit(self, time: float, place: Place) -> float:
         """What a preview [s] brings of what 0.2 s bring [%]."""

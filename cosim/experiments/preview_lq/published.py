@@ -15,7 +15,8 @@ PAPER_COLUMNS = (
     *(f"suspension.{k}.deflection" for k in PAPER_CORNERS),
     *(f"tire.{k}.deflection" for k in PAPER_CORNERS),
 )
-WEIGHT_SETS = ("comfort", "road-holding")
+WEIGHT_NAMES = {"comfort": "ride comfort", "road-holding": "road holding"}
+WEIGHT_SETS = tuple(WEIGHT_NAMES)
 CONTROLLED = tuple(c for c in CONTROLLERS if c != "passive")
 PREVIEW_TIMES = tuple(round(0.01 * i, 2) for i in range(21))  # s
 

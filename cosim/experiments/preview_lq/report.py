@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from cosim.experiments.preview_lq import EXPERIMENT, claims, published
-from cosim.experiments.preview_lq.claims import INPUT_NAMES, PARTS, WEIGHT_NAMES
+from cosim.experiments.preview_lq.claims import INPUT_NAMES, PARTS
 from cosim.experiments.preview_lq.design import DESIGNS
-from cosim.experiments.preview_lq.published import CONTROLLED, PAPER_COLUMNS, WEIGHT_SETS, corrected
+from cosim.experiments.preview_lq.published import CONTROLLED, PAPER_COLUMNS, WEIGHT_NAMES, WEIGHT_SETS, corrected
 from cosim.experiments.preview_lq.runs import (
     CAR,
     CONTROLLERS,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import columns, rms
-from cosim.experiments.options import speed_option
-from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.experiments.options import Controlled, speed_option
+from cosim.experiments.steps import exchange_step, set_solver_step
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from cosim.study.fmus import designed_with
 from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_parameters
@@ -42,6 +42,9 @@ SPEED_KMH = 75.0
 PREVIEW_TIME = 0.12  # s
 EXCHANGE = Fraction(1, 1000)  # s, of the car
 INTERVAL = "1 ms"  # between samples
+FLAGS = {
+    "controller.horizon_truncated": "horizon_truncated: preview or memory end before the horizon that was requested"
+}
 DURATION, PLATEAU_DURATION = 1.2, 3.0  # s, of a run: of the means in Table 3, and of driving onto a plateau
 
 _PREVIEW = (lambda c: c.controller == "preview", "the controller with preview")
@@ -49,7 +52,7 @@ _CONTROLLED = (lambda c: c.controller != "passive", "a controlled car")
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(Controlled):
     """One run: road, weights of the controller, and what it uses of the road."""
 
     input: str = option("both", choices=INPUTS, help="wheels that meet hole and bump", always=True)
@@ -102,11 +105,6 @@ class Case(Stepped):
         return WEIGHTED_CONTROLLERS[self.weights][0] if self.own_weights is None else weights_name(self.own_weights)
 
 
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    return replace(case, controller="passive", preview_time=PREVIEW_TIME, hold_tail=False, tunable=False)
-
-
 def weights_of(case: Case) -> PreviewLqWeights:
     """The weights of a case's index, which are those that its controller was designed with."""
     return load_weights(case.own_weights or WEIGHTED_CONTROLLERS[case.weights][1])
@@ -115,9 +113,6 @@ def weights_of(case: Case) -> PreviewLqWeights:
 def designed_weights(controller: Path) -> PreviewLqWeights:
     """The weights that an FMU's controller was designed with."""
     return PreviewLqWeights.model_validate(designed_with(controller)["weights"])
-
-
-# ------------------------------------------------------------------------------------------------------------- wiring
 
 
 def structure(case: Case) -> tuple[object, ...]:
@@ -191,8 +186,6 @@ def recorded(case: Case) -> list[str]:
     return names
 
 
-# ---------------------------------------------------------------------------------------------------------- measuring
-
 METRICS = {
     **{n: Metric(f"mean square of {n}", "m2" if n.endswith("deflection") else "rad2/s4") for n in WEIGHTED},
     "body.az": Metric("mean square of body.az", "m2/s4"),
@@ -236,11 +229,3 @@ def signals(run: Run) -> Row:
     r = run.recording
     shown = [n for n in r if n.endswith((".z", ".height")) or n.startswith("controller.force.")]
     return {"time": r.time.tolist(), **{n: r[n].tolist() for n in shown}}
-
-
-def remarks(run: Run) -> list[str]:
-    """What should be said of a run."""
-    cut = "controller.horizon_truncated"
-    if cut in run.recording and run.recording[cut].any():
-        return ["horizon_truncated: preview or memory end before the horizon that was requested"]
-    return []

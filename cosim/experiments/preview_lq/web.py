@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cosim.experiments.preview_lq.published import PAPER_COLUMNS
+from cosim.experiments.preview_lq.published import PAPER_COLUMNS, WEIGHT_NAMES
 from cosim.experiments.preview_lq.runs import CONTROLLERS, DURATION, EXCHANGE, INPUTS, PREVIEW_TIME, Case
 from cosim.export.web.page import Control, Finish, Measure, WebPage
 from cosim.study.web import Live, LiveCase
@@ -12,7 +12,6 @@ from fmu_sources.catalog import LQ_PREVIEW
 
 _POINTS, _STEP = LQ_PREVIEW
 LONGEST = (_POINTS - 1) * _STEP  # s of preview that the controllers can use
-GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
 _WEIGHTS = (  # words, parameters, largest
     ("heave", ["acceleration.heave"], 30.0),
     ("pitch", ["acceleration.pitch"], 80.0),
@@ -34,7 +33,7 @@ def live(case: Case) -> Live:
     base = replace(case, controller="active", preview_time=PREVIEW_TIME)
     cases = [
         LiveCase(TITLES[c], replace(base, controller=c, weights=weights, tunable=c != "passive"), group=words)
-        for weights, words in GROUPS.items()
+        for weights, words in WEIGHT_NAMES.items()
         for c in CONTROLLERS
     ]
     page = WebPage(

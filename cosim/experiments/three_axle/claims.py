@@ -6,20 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cosim.experiments.three_axle.published import SHOWN, Place, places
+from cosim.experiments.three_axle.published import SHOWN, places
 from cosim.experiments.three_axle.runs import CONTROLLERS, HORIZON, LIMIT, Case
 from cosim.study import ClaimList
 from cosim.study.judges import Quantities, View, compare
 
 
-def place_text(place: Place) -> str:
-    """Speed and depth."""
-    return f"{place[0]:g} km/h, {place[1]:g} m"
-
-
 class ThreeAxleView(View):
     """Speeds and depths of Table 5.1, or single runs."""
 
+    made, named = Case, "{:g} km/h, {:g} m"
     quantities: ClassVar[Quantities] = {"steady error": lambda view, subject, _: view.steady_error(subject)}
     words: Mapping[str, float] = {"horizon": HORIZON, "limit": LIMIT}
 
@@ -30,14 +26,6 @@ class ThreeAxleView(View):
             return [c for c in every if CONTROLLERS[c.controller] == "MpcThreeAxle"]
         named: dict[str, list[Any]] = {"the run that is shown": [SHOWN], "all runs together": [at]}
         return named.get(at) or list(places(self.study))
-
-    def case(self, subject: str, place: Place | Case) -> Case:
-        """The run of a controller at a speed and depth."""
-        return place if isinstance(place, Case) else Case(*place, subject)
-
-    def label(self, place: Any) -> str:
-        """Speed and depth."""
-        return place_text(place) if isinstance(place, tuple) else super().label(place)
 
     def steady_error(self, subject: str) -> float:
         """Least steady error of the LQR at any place, or the largest of either MPC [deg]."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.experiments.steps import HALVED, with_finer_steps
 from cosim.experiments.three_axle import EXPERIMENT
-from cosim.experiments.three_axle.claims import CLAIMS, place_text
+from cosim.experiments.three_axle.claims import CLAIMS, ThreeAxleView
 from cosim.experiments.three_axle.published import CONTROLLED, SHOWN, VARIANTS, Place, places, variant
 from cosim.experiments.three_axle.runs import CONTROLLERS, DURATION, METRICS, Case, edge_time
 from cosim.fmu.file import FmuFile
@@ -18,6 +18,7 @@ from cosim.study.fmus import designed_with
 from fmu_sources.models.corners import SIX_CORNERS
 
 _NAMES = {"passive": "passive", "lqr": "LQR", "mpc": "MPC", "mpc-preview": "MPC with preview"}
+_words = ThreeAxleView.named.format  # of speed and depth
 _REFINED = ("peak_error_deg", "ramp_error_deg", "rms_az", "peak_force_kN")  # what is compared at finer steps
 
 
@@ -59,29 +60,25 @@ def _of_the_predictive(fmus: FmuSet) -> list[Parameter]:
         Parameter("MPC control horizon", len(mpc["moves"]), "-", "003 Table 4.4"),
         Parameter("MPC weight of the slack", mpc["slack_weight"], "-", "assumed"),
     ]
-    tables = {"scale": "4.3", "max": "4.5", "rate_max": "4.5", "weight": "4.7", "rate_weight": "4.7", "ecr": "4.6"}
-    words = {
-        "scale": "scale",
-        "max": "bound",
-        "rate_max": "bound of the change per sample",
-        "weight": "weight",
-        "rate_weight": "weight of the change",
-        "ecr": "softness of the bound",
+    kinds = {  # words, table
+        "scale": ("scale", "4.3"),
+        "max": ("bound", "4.5"),
+        "rate_max": ("bound of the change per sample", "4.5"),
+        "weight": ("weight", "4.7"),
+        "rate_weight": ("weight of the change", "4.7"),
+        "ecr": ("softness of the bound", "4.6"),
     }
     for signal in (*case["inputs"], *case["outputs"]):
         name = signal["name"]
         if any(f".{k}" in name for k in SIX_CORNERS[1::2]):
             continue
         unit = car.find(name, "ThreeAxleRide").unit_name or "-"
-        for key, table in tables.items():
+        for key, (words, table) in kinds.items():
             if key in signal and (key != "ecr" or "max" in signal):
-                source = (
-                    f"003 Table {table}"
-                    if name != "body.z"
-                    else "assumed" + "; 0 unless the height is held" * (key == "weight")
-                )
+                assumed = "assumed" + "; 0 unless the height is held" * (key == "weight")
+                source = assumed if name == "body.z" else f"003 Table {table}"
                 in_unit = unit if key in ("scale", "max", "rate_max") else "-"
-                rows.append(Parameter(f"MPC {name}, {words[key]}", signal[key], in_unit, source))
+                rows.append(Parameter(f"MPC {name}, {words}", signal[key], in_unit, source))
     return rows
 
 
@@ -111,7 +108,7 @@ def _main_result(study: Results) -> Content:
     and {peak["passive"]} deg for the passive vehicle."""
     yield Figure(
         "figures-5-12-5-13",
-        f"Following the reference, {place_text(SHOWN)} (Figures 5.12 and 5.13)",
+        f"Following the reference, {_words(*SHOWN)} (Figures 5.12 and 5.13)",
         "Positive is nose down. The vehicle is beyond the trench.",
         [
             _pitch(study, SHOWN, title, CONTROLLED, start=start, end=end)
@@ -190,7 +187,7 @@ def _crossings(study: Results) -> Content:
         "Pitch, uncontrolled and controlled (Figures 5.5 to 5.10)",
         "Positive is nose down (ISO 8855; the thesis has it nose up). The trench comes first, the reference from 15"
         " s on.",
-        [_pitch(study, p, place_text(p), CONTROLLERS) for p in places(study)],
+        [_pitch(study, p, _words(*p), CONTROLLERS) for p in places(study)],
         columns=2,
     )
 
@@ -203,7 +200,7 @@ def _disturbance(study: Results) -> Content:
     close = f"with preview; the road begins to fall at {edge:.2f} s"
     yield Figure(
         "figure-5-11",
-        f"Pitch at the trench, {place_text(SHOWN)} (Figure 5.11)",
+        f"Pitch at the trench, {_words(*SHOWN)} (Figure 5.11)",
         "Right: the same run with preview on a scale of its own.",
         [
             Panel("all systems", "time [s]", "pitch [deg]", list(curves.values())),
@@ -219,7 +216,7 @@ def _forces(study: Results) -> Content:
     forces = {f"{axle} axle, left": [_series(study, SHOWN, c, f"force.{k}") for c in CONTROLLED] for axle, k in axles}
     yield Figure(
         "figure-5-14",
-        f"Actuator forces, {place_text(SHOWN)} (Figure 5.14)",
+        f"Actuator forces, {_words(*SHOWN)} (Figure 5.14)",
         "Positive lifts the body. Both sides are alike.",
         [Panel(title, "time [s]", "force [kN]", curves) for title, curves in forces.items()],
     )
@@ -266,7 +263,7 @@ def _refinement(study: Results) -> Content:
         ]
     yield Table.of(
         "refinement",
-        f"Results with finer steps, {place_text(place)}",
+        f"Results with finer steps, {_words(*place)}",
         rows,
         f"{' and '.join(HALVED).capitalize()} of the vehicle; controllers, road and reference keep their sample times.",
     )

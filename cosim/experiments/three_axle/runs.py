@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import columns, peak, rms
-from cosim.experiments.options import speed_option
-from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.experiments.options import Controlled, speed_option
+from cosim.experiments.steps import exchange_step, set_solver_step
 from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
@@ -31,7 +32,7 @@ _MPC = (lambda c: c.controller.startswith("mpc"), "the predictive controllers")
 
 
 @dataclass(frozen=True)
-class Case(Stepped):
+class Case(Controlled):
     """One run: speed, trench, controller."""
 
     speed_kmh: float = speed_option(5.0, (0, 60))
@@ -43,17 +44,8 @@ class Case(Stepped):
     hold_height: bool = option(False, only=_MPC, help="weigh the height of the body too", label="height")
 
 
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    return replace(case, controller="passive", estimator="offsets", hold_height=False)
-
-
-# ------------------------------------------------------------------------------------------------------------- wiring
-
-
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    return case.controller, case.exchange_parts
+structure = attrgetter("controller", "exchange_parts")
+"""What of a case decides the wiring."""
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
@@ -113,9 +105,6 @@ def recorded(case: Case) -> Sequence[str]:
     if case.controller.startswith("mpc"):
         names += [f"controller.{n}" for n in ("solver.status", "solver.residual", "solver.iterations", "slack")]
     return names
-
-
-# ---------------------------------------------------------------------------------------------------------- measuring
 
 
 METRICS = {

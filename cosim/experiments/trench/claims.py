@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cosim.experiments.metrics.crossing import LABELS, LIMITS, improvement_percent, normalized, scores
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, normalized, reduction_percent, scores
 from cosim.experiments.trench import published
 from cosim.experiments.trench.published import GRID, SYSTEMS, Key, between, matrix, refined
 from cosim.experiments.trench.runs import Case
-from cosim.study import Band, ClaimList, Finding, Results, Row
+from cosim.study import Band, ClaimList, Finding, Results
 from cosim.study.judges import Quantities, View, compare
-
-# ------------------------------------------------------------------------------------------------- what runs come to
-
-
-def ran(study: Results, cases: Iterable[Case]) -> list[Row]:
-    """Metrics of the cases that belong to a study, which may have left some out."""
-    return [study[c] for c in cases if c in study]
-
-
-def passes(rows: Iterable[Row]) -> int:
-    """How many met Table 5.3 without belly contact."""
-    return sum(r["passed"] for r in rows)
 
 
 def verdict(study: Results, key: Key, controller: str) -> bool | None:
@@ -53,10 +41,7 @@ def score(study: Results) -> dict[Key, float]:
 def improvements(study: Results) -> dict[Key, float]:
     """By how many per cent control lowers the normalized cost (Table 5.11), where the passive one is above 0."""
     controlled, base = (normalized_costs(study, s) for s in ("mpc", "passive"))
-    return {k: improvement_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
-
-
-# --------------------------------------------------------------------------------------------------------- verdicts
+    return {k: reduction_percent(controlled[k], base[k]) for k in GRID if base[k] > 0}
 
 
 def _undecided(study: Results, keys: Sequence[Key], good: Sequence[Key], controller: str, enough: float) -> str:
@@ -97,6 +82,7 @@ def _where(every: Sequence[Key], good: Sequence[Key]) -> str:
 class TrenchView(View):
     """Lengths and speeds of trenches, or single runs."""
 
+    made, named = Case, "{:g} m, {:g} km/h"
     quantities: ClassVar[Quantities] = {
         "improvement": lambda view, _, key: view.improvements.get(key),
         "mean score": lambda view, subject, _: view.mean_score(subject == "6 and 9 km/h"),
@@ -128,14 +114,6 @@ class TrenchView(View):
             "every crossing under control": [c for c in (*matrix("mpc"), *between()) if c in self.study],
         }
         return found[at]
-
-    def case(self, subject: str, place: Key | Case) -> Case:
-        """The run of the passive vehicle or of a controller."""
-        return place if isinstance(place, Case) else Case(*place, subject)
-
-    def label(self, place: Any) -> str:
-        """Length and speed."""
-        return f"{place[0]:g} m, {place[1]:g} km/h" if isinstance(place, tuple) else super().label(place)
 
     def missing(self, places: Sequence[Any], every: Sequence[Any]) -> str:
         """Text for the published crossings at which a line does not hold."""

@@ -7,18 +7,16 @@ function weights them.
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from build_fmus.base.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.metrics.crossing import LIMITS, WEIGHTS
-from cosim.experiments.trench.runs import TOUCH, Case, Course, configure, wire
-from cosim.gym import Step, SystemEnv
-from cosim.study import FmuSet, Run
+from cosim.experiments.trench import runs
+from cosim.gym import Step
+from cosim.study import Run
 from fmu_sources.controllers.mpc.three_axle import FORCE_LIMIT, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 
@@ -41,9 +39,8 @@ OBSERVED: dict[str, tuple[float, float]] = {
 }
 TOUCHED = 5.0  # of a second with the belly on the ground, in parts of the cost at all limits
 FAILED = -1e3  # of a step
-_COURSE_CASE = Case(
-    LENGTHS[1], SPEEDS_KMH[1], "passive"
-)  # where the trench begins, and where the last axle is clear of it
+CASE = runs.Case(LENGTHS[1], SPEEDS_KMH[1], "passive")
+"""Decides where the trench begins, and where the last axle is clear of it."""
 
 
 def cost(step: Step) -> float:
@@ -60,7 +57,7 @@ def cost(step: Step) -> float:
         pair = np.maximum(*(np.abs(step.over(f"car.hub.{axle}{side}.fx")) for side in "lr"))
         used[name] = pair / 1e3 / getattr(LIMITS, name)
     total = sum(WEIGHTS[name] / 100 * float(np.mean(part**2)) for name, part in used.items())
-    touching = float(np.mean(step.over("car.belly.force") > TOUCH))
+    touching = float(np.mean(step.over("car.belly.force") > runs.TOUCH))
     return -(total + TOUCHED * touching) * step.duration
 
 
@@ -72,28 +69,13 @@ def trench(rng: np.random.Generator) -> dict[str, float]:
     }
 
 
-def system(fmus: FmuSet) -> System:
-    """The vehicle before a trench, its six forces driven by nothing."""
-    made = wire(fmus, _COURSE_CASE)
-    configure(made, _COURSE_CASE)
-    made.allow_unconnected = True
-    return made
-
-
-def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | None = None) -> SystemEnv:
-    """The environment.
-
-    Args:
-        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
-        fmi: version of FMI.
-        render_mode: see `SystemEnv`.
-    """
-    files = FmuSet(Path(fmus), fmi)
-    with system(files) as course_system:
-        course = Course.of(Run(_COURSE_CASE, None, course_system))
+def settings(system: Callable[[], System]) -> dict[str, Any]:
+    """Of the environment, whose course follows from the vehicle of its system."""
+    with system() as made:
+        course = runs.Course.of(Run(CASE, None, made))
     slowest = course.end / (SPEEDS_KMH[0] / 3.6)
     hubs = [f"car.hub.{k}.fx" for k in SIX_CORNERS]
-    settings: dict[str, Any] = {
+    return {
         "actions": {"car.force.*": (-FORCE_LIMIT, FORCE_LIMIT)},
         "observations": OBSERVED,
         "reward": cost,
@@ -104,4 +86,3 @@ def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | Non
         "scenario": trench,
         "record": ["car.body.az", "car.body.ax", "car.belly.force", *hubs],
     }
-    return SystemEnv(partial(system, files), render_mode=render_mode, **settings)

@@ -60,8 +60,6 @@ def number(length: float, speed: float, column: str) -> float | None:
     return float(cell) if cell else None
 
 
-# ------------------------------------------------------------------------------------------------------- the study
-
 SYSTEMS = ("passive", "mpc")
 BOLD: tuple[Key, ...] = ((1.4, 9.0), (1.5, 1.0), (1.5, 3.0), (1.7, 6.0), (1.9, 1.0), (2.0, 9.0))  # shown in section 5.5
 SPECTRUM: Key = (1.8, 6.0)  # figure 5.39

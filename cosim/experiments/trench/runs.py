@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -12,8 +12,8 @@ import numpy as np
 from cosim import StopWhen, System
 from cosim.core.signals import columns, peak
 from cosim.experiments.metrics.crossing import LABELS, LIMITS, PSD_RATE, Crossing, cost, crossing, failures, psd
-from cosim.experiments.options import AtSpeed, speed_option
-from cosim.experiments.steps import Stepped, exchange_step
+from cosim.experiments.options import AtSpeed, Controlled, speed_option
+from cosim.experiments.steps import exchange_step
 from cosim.recording.peaks import keep_peaks
 from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
@@ -49,7 +49,7 @@ TOUCH = 1.0  # N, body force that counts as contact
 
 
 @dataclass(frozen=True)
-class Case(AtSpeed, Stepped):
+class Case(AtSpeed, Controlled):
     """One run. None: as in the vehicle file."""
 
     length: float = option(1.6, unit="m", within=(0.2, 2.5), help="length of the trench", label="{:g}m", always=True)
@@ -87,11 +87,6 @@ class Case(AtSpeed, Stepped):
     )
 
 
-def passive(case: Case) -> Case:
-    """What a run is compared with."""
-    return replace(case, controller="passive", guided=True)
-
-
 def step(case: Case) -> Fraction:
     """Exchange and recording step of the vehicle [s]."""
     return exchange_step(STEP, case)
@@ -115,9 +110,6 @@ class Course:
         start = round(max(nose, first + lead + APPROACH * case.speed) + CLEAR, 3)
         end = start + case.length - last + RUN_OUT
         return cls(start, end, round(1.25 * end / case.speed + 2.0, 3))
-
-
-# ------------------------------------------------------------------------------------------------------------- wiring
 
 
 def structure(case: Case) -> tuple[object, ...]:
@@ -208,9 +200,6 @@ def recorded(case: Case) -> Sequence[str]:
     return names
 
 
-# ---------------------------------------------------------------------------------------------------------- measuring
-
-
 def _quantity(name: str) -> Metric:
     """One of Table 5.3, with its limit."""
     text, _, unit = LABELS[name].rstrip("]").partition(" [")
@@ -271,9 +260,7 @@ def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
         "ax": "longitudinal acceleration",
         "az_rms": "vertical rms",
         "ax_rms": "longitudinal rms",
-        "hub_front": "hub force",
-        "hub_middle": "hub force",
-        "hub_rear": "hub force",
+        **dict.fromkeys(("hub_front", "hub_middle", "hub_rear"), "hub force"),
     }
     return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
 

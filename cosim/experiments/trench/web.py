@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from cosim.core.content_checks import split_label
 from cosim.experiments.metrics.crossing import LABELS, LIMITS
-from cosim.experiments.trench.runs import APPROACH, CLEAR, LEAD, RUN_OUT, STEP, TOUCH, Case, passive
+from cosim.experiments.trench.runs import APPROACH, CLEAR, LEAD, RUN_OUT, STEP, TOUCH, Case
 from cosim.export.web.page import Control, Finish, How, Measure, WebPage
 from cosim.scenes.scene import Value
 from cosim.study.web import Live, LiveCase
@@ -37,7 +37,7 @@ _MEASURED: dict[str, tuple[list[str], How, float]] = {  # quantity of Table 5.3 
 
 def live(case: Case) -> Live:
     """The vehicle with each controller before one trench; what else the case says holds for all of them."""
-    cases = [LiveCase(title, replace(passive(case), controller=controller)) for title, controller in SYSTEMS.items()]
+    cases = [LiveCase(title, replace(case.passive(), controller=controller)) for title, controller in SYSTEMS.items()]
     measures = []
     for quantity, label in LABELS.items():
         (words, unit), (names, how, factor) = split_label(label), _MEASURED[quantity]
