@@ -9,6 +9,7 @@ from cosim.study import option
 
 Only = tuple[Callable[[Any], bool], str]
 """Where an option means something; see `option`."""
+Label = str | Callable[[Any], str]
 
 
 class AtSpeed:
@@ -20,6 +21,20 @@ class AtSpeed:
     def speed(self) -> float:
         """Speed [m/s]."""
         return self.speed_kmh / 3.6
+
+
+def quantity(
+    what: str,
+    default: float | None,
+    within: tuple[float, float],
+    help: str,
+    only: Only | None = None,
+    label: Label = "",
+) -> Any:
+    """A number, "preview error [ms]": name of the option and unit; labels of runs have its value and unit."""
+    name, _, unit = what.removesuffix("]").partition(" [")
+    label = label or "{:g}" + unit.replace("/", "")
+    return option(default, name=name.replace(" ", "-"), unit=unit, within=within, help=help, only=only, label=label)
 
 
 def speed_option(

@@ -36,7 +36,7 @@ from cosim.experiments.handling.metrics import (
 )
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
-from cosim.experiments.options import AtSpeed, speed_option, terrain_option
+from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option
 from cosim.experiments.ride import runs as ride
 from cosim.experiments.semi_active import runs as semi_active
 from cosim.study import Case as BaseCase
@@ -162,23 +162,13 @@ class Case(AtSpeed, BaseCase):
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
     manoeuvre: str = option("lane-change", choices=MANOEUVRES, help="manoeuvre", always=True)
     speed_kmh: float = speed_option(60.0, (10, 150), "speed at the start")
-    wheel_deg: float = option(
-        45.0,
-        name="wheel",
-        unit="deg",
-        within=(-720, 720),
-        only=_OPEN,
-        label="{:g}deg",
-        help="largest angle of the steering wheel, positive left",
+    wheel_deg: float = quantity(
+        "wheel [deg]", 45.0, (-720, 720), "largest angle of the steering wheel, positive left", _OPEN
     )
     road: str = option("flat", choices=ROADS, help="flat, random (ISO 8608), or an RMS course of the study ride")
     terrain: str = terrain_option("C", CLASSES, "the random road", (lambda c: c.road == "iso8608", "the random road"))
-    seed: int = option(
-        1,
-        within=(1, SEEDS),
-        only=(lambda c: c.road in COURSES, "the RMS courses"),
-        label="seed{}",
-        help="profile of an RMS course",
+    seed: int = quantity(
+        "seed", 1, (1, SEEDS), "profile of an RMS course", (lambda c: c.road in COURSES, "the RMS courses"), "seed{}"
     )
     controller: str = option("passive", choices=CONTROLLERS, help="control law of the suspension")
     design: str = option(

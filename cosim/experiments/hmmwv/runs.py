@@ -29,7 +29,7 @@ from cosim.experiments.hmmwv.wiring import (
     bump_parameters,
     published,
 )
-from cosim.experiments.options import AtSpeed, speed_option, terrain_option, tunable_option
+from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option, tunable_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
@@ -115,46 +115,31 @@ class Case(AtSpeed, Stepped):
         label="{}steps",
         help="heights ahead that mpc-preview gets, 30 ms apart",
     )
-    preview_error_ms: float = option(
-        0.0,
-        name="preview-error",
-        unit="ms",
-        within=(-200, 200),
-        only=_PREVIEW,
-        label="{:+g}ms",
-        help="the preview shows the road this much too late",
+    preview_error_ms: float = quantity(
+        "preview error [ms]", 0.0, (-200, 200), "the preview shows the road this much too late", _PREVIEW, "{:+g}ms"
     )
     flow_limit: bool = option(False, only=_HYDRAULIC, help="limit the pump's flow to each actuator")
     friction: bool = option(False, help="dry friction in the suspensions")
-    pump_l_min: float | None = option(
+    pump_l_min: float | None = quantity(
+        "pump [l/min]",
         None,
-        name="pump",
-        unit="l/min",
-        within=(1, 1000),
-        only=_LIMITED,
-        label="{:g}lmin",
-        help="flow of the pump to each actuator; by default as in the actuator's FMU",
+        (1, 1000),
+        "flow of the pump to each actuator; by default as in the actuator's FMU",
+        _LIMITED,
     )
     shared_pump: bool = option(
         False, only=_LIMITED, help="four actuators share the pump: each gets a quarter of its flow"
     )
     lift_off: bool = option(True, help="tires lift off the road instead of taking tension")
-    null_opening_mm: float | None = option(
+    null_opening_mm: float | None = quantity(
+        "null opening [mm]",
         None,
-        name="null-opening",
-        unit="mm",
-        within=(0.01, 50),
-        only=_HYDRAULIC,
-        label="{:g}mm",
-        help="opening of a valve without power; by default as in the actuator's FMU",
+        (0.01, 50),
+        "opening of a valve without power; by default as in the actuator's FMU",
+        _HYDRAULIC,
     )
-    density: float | None = option(
-        None,
-        unit="kg/m3",
-        within=(100, 10000),
-        only=_HYDRAULIC,
-        label="{:g}kgm3",
-        help="density of the hydraulic fluid",
+    density: float | None = quantity(
+        "density [kg/m3]", None, (100, 10000), "density of the hydraulic fluid", _HYDRAULIC
     )
     terrain: str = terrain_option("E", CLASSES, "the road profile", _OFF_ROAD)
     tunable: bool = tunable_option((lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"))

@@ -20,6 +20,7 @@ from cosim.experiments.hmmwv.wiring import (
     connect_corner,
     published,
 )
+from cosim.experiments.options import quantity
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, fields, option
@@ -114,24 +115,20 @@ class Case(Stepped):
     rate_filter: bool = option(False, help="rate of the force by the filter (1.13) instead of the difference (1.15)")
     average: bool = option(False, help="averaging filter (1.14) on")
     notches: bool = option(False, help="notches at heave/pitch and roll on")
-    integral: float | None = option(
-        None,
-        unit="1/s",
-        within=(0, 100),
-        label="integral-{:g}",
-        help="integral term lambda_1; by default as in the FMU",
+    integral: float | None = quantity(
+        "integral [1/s]", None, (0, 100), "integral term lambda_1; by default as in the FMU", label="integral-{:g}"
     )
-    density: float = option(
-        1.0, within=(0, 10), label="density-{:g}", help="density in the controller over that of the actuator"
+    density: float = quantity(
+        "density", 1.0, (0, 10), "density in the controller over that of the actuator", label="density-{:g}"
     )
-    leakage: float = option(
-        1.0, within=(0, 100), label="leakage-{:g}", help="leakage in the controller over that of the actuator"
+    leakage: float = quantity(
+        "leakage", 1.0, (0, 100), "leakage in the controller over that of the actuator", label="leakage-{:g}"
     )
     actuator: str = option("paper", choices=ACTUATORS, help="as printed, or with the density of real oil")
     friction: bool = option(True, help="dry friction in the suspension")
     extrapolate: bool = option(True, help="car and actuator see values of the middle of each step")
     order: str = option("gauss-seidel", choices=("gauss-seidel", "jacobi"), help="car before actuator, or both at once")
-    noise: float = option(0.0, unit="N", within=(0, 1e6), label="noise-{:g}N", help="noise of the load cell at 1 kHz")
+    noise: float = quantity("noise [N]", 0.0, (0, 1e6), "noise of the load cell at 1 kHz", label="noise-{:g}N")
 
     def __post_init__(self) -> None:
         super().__post_init__()
