@@ -22,18 +22,8 @@ from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.handling import metrics
 from cosim.experiments.handling.design import DESIGNED, RIGID, designed_mpc, lqr_parameters
-from cosim.experiments.handling.metrics import (
-    delay,
-    follows_until,
-    load_transfer,
-    overshoot,
-    response_time,
-    rollover_index,
-    settled,
-    side_slip,
-    understeer_gradient,
-)
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
 from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option
@@ -410,21 +400,15 @@ def _signals(run: Run) -> dict[str, Array]:
     found = {
         "time": r.time,
         "wheel": r["car.steering.wheel" if run.case.driven else "driver.steering.wheel"],
-        "yaw_rate": r["car.body.yaw_rate"],
-        "ax": r["car.body.ax"],
-        "ay": r["car.body.ay"],
-        "roll": r["car.body.roll"],
-        "roll_rate": r["car.body.roll_rate"],
-        "slip": side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
-        "transfer_front": load_transfer(load["fl"], load["fr"]),
-        "transfer_rear": load_transfer(load["rl"], load["rr"]),
-        "rollover": rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
-        "speed": r["car.speed"],
-        "x": r["car.x"],
-        "y": r["car.y"],
+        **{n: r[f"car.body.{n}"] for n in ("yaw_rate", "ax", "ay", "roll", "roll_rate")},
+        "slip": metrics.side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
+        "transfer_front": metrics.load_transfer(load["fl"], load["fr"]),
+        "transfer_rear": metrics.load_transfer(load["rl"], load["rr"]),
+        "rollover": metrics.rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
+        **{n: r[f"car.{n}"] for n in ("speed", "x", "y")},
     }
     steady = run.case.manoeuvre == "steady"
-    end = follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
+    end = metrics.follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
     return {n: v[:end] for n, v in found.items()}
 
 
@@ -436,17 +420,9 @@ def measure(run: Run) -> Row:
     as the car follows its circle (`follows_until`).
     """
     s, r = _signals(run), run.recording
-    row: Row = {
-        "ay_peak": peak(s["ay"]),
-        "yaw_rate_peak": peak(s["yaw_rate"]),
-        "slip_peak": peak(s["slip"]),
-        "roll_peak": peak(s["roll"]),
-        "roll_rate_peak": peak(s["roll_rate"]),
-        "transfer_front": peak(s["transfer_front"]),
-        "transfer_rear": peak(s["transfer_rear"]),
-        "rollover": peak(s["rollover"]),
-        "speed_end": float(s["speed"][-1]),
-    }
+    row: Row = {f"{n}_peak": peak(s[n]) for n in ("ay", "yaw_rate", "slip", "roll", "roll_rate")}
+    row |= {n: peak(s[n]) for n in ("transfer_front", "transfer_rear", "rollover")}
+    row["speed_end"] = float(s["speed"][-1])
     if "car.actuator.fl.power" in r:
         force = columns(r, force_name(run.case), CORNERS)
         power = sum(r[f"car.actuator.{k}.power"] for k in CORNERS)
@@ -464,24 +440,24 @@ def failed(_: Case, error: Exception) -> Row:
 
 def _steady(run: Run, s: dict[str, Array]) -> Row:
     steer = s["wheel"] / steering_ratio(run.system)
-    k = understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
+    k = metrics.understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
     return {"circle_end": float(s["time"][-1])} | ({"understeer": k} if np.isfinite(k) else {})
 
 
 def _stepped(_: Run, s: dict[str, Array]) -> Row:
-    wheel = settled(s["wheel"])
+    wheel, yaw_rate, ay, roll = (metrics.settled(s[n]) for n in ("wheel", "yaw_rate", "ay", "roll"))
     found = {
-        "yaw_gain": settled(s["yaw_rate"]) / wheel,
-        "ay_gain": settled(s["ay"]) / wheel,
-        "response_time": response_time(s["time"], s["wheel"], s["yaw_rate"]),
-        "overshoot": overshoot(s["yaw_rate"]),
-        "roll_gradient": settled(s["roll"]) / settled(s["ay"]),
+        "yaw_gain": yaw_rate / wheel,
+        "ay_gain": ay / wheel,
+        "response_time": metrics.response_time(s["time"], s["wheel"], s["yaw_rate"]),
+        "overshoot": metrics.overshoot(s["yaw_rate"]),
+        "roll_gradient": roll / ay,
     }
     return {n: v for n, v in found.items() if np.isfinite(v)}
 
 
 def _sines(_: Run, s: dict[str, Array]) -> Row:
-    return {f"{of}_delay": delay(s["time"], s["wheel"], s[n]) for of, n in (("yaw", "yaw_rate"), ("ay", "ay"))}
+    return {f"{of}_delay": metrics.delay(s["time"], s["wheel"], s[n]) for of, n in (("yaw", "yaw_rate"), ("ay", "ay"))}
 
 
 def _followed(run: Run, _: dict[str, Array]) -> Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from cosim.experiments.page_parts import ROUGHNESS, SPRUNG_MASS, at_corners, shown_as, speed_control
 from cosim.experiments.semi_active.published import NAMES, SYSTEMS
@@ -26,7 +27,7 @@ _AT_WHEELS = {  # metric -> output at each wheel, decimals
 
 def live(case: Case) -> Live:
     """The car under four control laws at a time, on each road; speed, road and hysteresis are those of the case."""
-    of_system = {s: {"controller": c.controller, "actuators": c.actuators} for s, c in SYSTEMS.items()}
+    of_system: dict[str, Any] = {s: {"controller": c.controller, "actuators": c.actuators} for s, c in SYSTEMS.items()}
     cases = [
         LiveCase(NAMES[s], replace(case, **of_system[s], road=road, road_holding=None), group=f"{group}, {words}")
         for road, words in ROADS.items()
