@@ -167,6 +167,7 @@ FMUS = tuple(
         ]
     )
 )
+CarSystem = tuple[str, str, str]  # car, controller, actuators
 SIDES = ("alike", "apart")
 LIMIT_G = 2.5  # of the driver's seat, over obstacles
 TRAVEL = 0.3  # m: more than any suspension of these cars has from its position at rest
@@ -206,6 +207,11 @@ class Case(AtSpeed, BaseCase):
                 "the passive hmmwv has its hydraulic actuators with the pump off: give"
                 f" {surface.given(actuators='hydraulic')}; without any actuators: {surface.given(controller='zero')}"
             )
+
+    @property
+    def system(self) -> CarSystem:
+        """What is driven."""
+        return self.car, self.controller, self.actuators
 
     @property
     def other(self) -> Any:
