@@ -1143,7 +1143,7 @@ def test_without_finer_runs_there_is_no_refinement() -> None:
 
         tasks = [t for t in study.tasks if isinstance(t, Task) and not gone(t)]
         entries = [{"metrics": study[t.case], "signals": study.signals(t.case) if t.signals else {}} for t in tasks]
-        assert refinements(Averages(Results(tasks, entries))) == []
+        assert refinements(Averages(Results(tasks, entries))) == {}
 
 
 def test_words(page: Report, sentence) -> None:

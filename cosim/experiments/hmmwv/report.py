@@ -11,9 +11,9 @@ from cosim.experiments.hmmwv import EXPERIMENT, published, pump, refinement
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
 from cosim.experiments.hmmwv.claims import CLAIMS, PREVIEW_GAIN, SENTENCES, unsettled
 from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
-from cosim.experiments.hmmwv.published import ERRORS_MS, LENGTHS, PUBLISHED, PUMP, WITHOUT_LIMIT, estimated
+from cosim.experiments.hmmwv.published import ERRORS_MS, LENGTHS, PUBLISHED, PUMP, estimated
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, SHIFTS, STRETCHES, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, gain, roughness_range
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, roughness_range
 from cosim.experiments.hmmwv.tracking.report import section as tracking_section
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, SPEED_KMH
 from cosim.report import Figure, Panel, Parameter, Result, Series, Table, bars, curve, level
@@ -53,7 +53,7 @@ def _reproduced(study: Averages, claims: Any) -> list[Result]:
     return [
         Result(
             f"statements on the controlled car reproduced in full, {at.words(study)}",
-            sum(found[p.id].conditions[i].verdict == "reproduced" for p in SENTENCES),
+            sum(found[id].conditions[i].verdict == "reproduced" for id in SENTENCES),
             f"of {len(SENTENCES)}",
         )
         for i, at in enumerate(published.CONDITIONS)
@@ -153,7 +153,7 @@ def _power_panel(study: Averages, road: str, controllers: tuple[str, ...]) -> Pa
 
 @report.section("Test track")
 def _test_track(study: Averages) -> Content:
-    ahead = gain("track", "mpc", published.WITHOUT_PREVIEW)(study, WITHOUT_LIMIT)
+    ahead = study.gain(Case("track", "mpc"), [Case("track", c) for c in published.WITHOUT_PREVIEW])
     yield f"""Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force remove the damping of the closed
     cylinders. MPC is {ahead.median:.0f} % below the best of them; the paper calls it slightly better.
 
@@ -216,7 +216,7 @@ def _off_road(study: Averages) -> Content:
 @report.section("Preview")
 def _preview(study: Averages) -> Content:
     base = study.power(Case("bump", "mpc"))
-    taken = gain("bump", "mpc-preview", ("mpc",))(study, WITHOUT_LIMIT)
+    taken = study.gain(Case("bump", "mpc-preview"), [Case("bump", "mpc")])
     lengths = [0, *LENGTHS]
     by_length = [base, *(study.power(Case("bump", "mpc-preview", preview_steps=n)) for n in LENGTHS)]
     errors = [
@@ -339,7 +339,7 @@ def _assumptions(study: Averages) -> Content:
     yield Table.of("tires-and-friction", title, options)
 
 
-report.section("Refinement of the steps")(lambda study: refinement.section(study, unsettled(study.results)))
+report.section("Refinement of the steps")(lambda study: refinement.section(study, unsettled(study)))
 
 
 @report.section("Differences from the paper")
