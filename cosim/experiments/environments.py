@@ -10,13 +10,15 @@ by itself: its plugins are imported whenever it is, and importing this project d
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from build_fmus.base import extras
+from build_fmus.base.layout import FMUS
 from cosim.gym import SystemEnv, SystemVectorEnv
+from cosim.study.fmus import FmuSet
 
 with extras.needed("learning", "learning environments"):
     import gymnasium
@@ -30,10 +32,20 @@ ENVIRONMENTS = {
 """Name in gymnasium -> module that makes it."""
 
 
-def make(module: str, **options: Any) -> SystemEnv:
-    """The environment of a module."""
-    found: Callable[..., SystemEnv] = import_module(module).environment
-    return found(**options)
+def make(
+    module: str, fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | None = None, **options: Any
+) -> SystemEnv:
+    """The environment of a module.
+
+    Args:
+        module: has `system`, of the FMUs, and `settings` of a `SystemEnv`, of FMUs and options.
+        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
+        fmi: version of FMI.
+        render_mode: see `SystemEnv`.
+        options: of `settings`.
+    """
+    made, files = import_module(module), FmuSet(Path(fmus), fmi)
+    return SystemEnv(partial(made.system, files), render_mode=render_mode, **made.settings(files, **options))
 
 
 def make_vector(module: str, num_envs: int = 1, **options: Any) -> SystemVectorEnv:

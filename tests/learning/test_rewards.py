@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import radians
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
 from built import FMUS, BuiltFmus
 
+from cosim.experiments import environments
 from cosim.experiments.bench import environment as bench
 from cosim.experiments.hmmwv import environment as hmmwv
 from cosim.experiments.trench import environment as trench
@@ -86,7 +86,7 @@ def test_power_and_travel_of_the_hmmwv() -> None:
 
 @pytest.fixture
 def made(built_fmus: BuiltFmus, request: pytest.FixtureRequest) -> Iterator[SystemEnv]:  # noqa: ARG001
-    env: SystemEnv = request.param.environment(Path(FMUS))
+    env = environments.make(request.param.__name__, FMUS)
     yield env
     env.close()
 

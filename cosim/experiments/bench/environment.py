@@ -6,15 +6,13 @@ What its LQR and its MPC know and may do: the four states every 10 ms, 8 N, and 
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from build_fmus.base.layout import FMUS
 from cosim import Record, StopWhen, System
 from cosim.experiments.bench.runs import Case, configure, wire
-from cosim.gym import Step, SystemEnv
+from cosim.gym import Step
 from cosim.study.fmus import FmuSet
 from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, WEIGHTS
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, MPC_PERIOD
@@ -53,19 +51,10 @@ def system(fmus: FmuSet) -> System:
     return made
 
 
-def environment(
-    fmus: str | Path = FMUS, *, fmi: int = 3, offsets: tuple[float, float] = OFFSETS, render_mode: str | None = None
-) -> SystemEnv:
-    """The environment.
-
-    Args:
-        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
-        fmi: version of FMI.
-        offsets: where in the random motion episodes start [s], within 0 to 1e5.
-        render_mode: see `SystemEnv`.
-    """
+def settings(_: FmuSet, *, offsets: tuple[float, float] = OFFSETS) -> dict[str, Any]:
+    """The environment; `offsets`: where in the random motion episodes start [s], within 0 to 1e5."""
     travel = "plant.suspension.deflection"
-    settings: dict[str, Any] = {
+    return {
         "actions": {FORCE: (-FORCE_LIMIT, FORCE_LIMIT)},
         "observations": {f"plant.{name}": RANGES[name] for name in STATES},
         "reward": cost,
@@ -76,4 +65,3 @@ def environment(
         "scenario": partial(somewhere, within=offsets),
         "record": Record(["plant.body.az"], "1 ms"),
     }
-    return SystemEnv(partial(system, FmuSet(Path(fmus), fmi)), render_mode=render_mode, **settings)

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from build_fmus.base.layout import FMUS
 from cosim import Record, System
 from cosim.experiments.hmmwv.runs import Case, configure, wire
 from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD
-from cosim.gym import Step, SystemEnv
+from cosim.gym import Step
 from cosim.study.fmus import FmuSet
 from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.corners import CORNERS
@@ -60,27 +58,17 @@ def system(fmus: FmuSet) -> System:
     return made
 
 
-def environment(
-    fmus: str | Path = FMUS,
-    *,
-    fmi: int = 3,
-    offsets: tuple[float, float] = OFFSETS,
-    preview: bool = True,
-    render_mode: str | None = None,
-) -> SystemEnv:
+def settings(_: FmuSet, *, offsets: tuple[float, float] = OFFSETS, preview: bool = True) -> dict[str, Any]:
     """The environment.
 
     Args:
-        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
-        fmi: version of FMI.
         offsets: where on the road episodes start [m], within 0 to 1300.
         preview: the road ahead is observed, 16 heights under each wheel, 30 ms apart.
-        render_mode: see `SystemEnv`.
     """
     seen = {name.format(k): limits for name, limits in RANGES.items() for k in CORNERS} | BODY_RANGES
     if preview:
         seen |= {f"road.preview.{k}[{i}]": HEIGHT for k in CORNERS for i in range(1, PREVIEW_POINTS + 1)}
-    settings: dict[str, Any] = {
+    return {
         "actions": {"car.force.*": (-WEIGHTS.max_force, WEIGHTS.max_force)},
         "observations": seen,
         "reward": cost,
@@ -90,4 +78,3 @@ def environment(
         "scenario": partial(somewhere, within=offsets),
         "record": Record(["comfort.absorbed_power"], "1 ms"),
     }
-    return SystemEnv(partial(system, FmuSet(Path(fmus), fmi)), render_mode=render_mode, **settings)

@@ -7,17 +7,14 @@ function weights them.
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from build_fmus.base.layout import FMUS
 from cosim import StopWhen, System
 from cosim.experiments.metrics.crossing import LIMITS, WEIGHTS
 from cosim.experiments.trench.runs import TOUCH, Case, Course, configure, wire
-from cosim.gym import Step, SystemEnv
+from cosim.gym import Step
 from cosim.study import FmuSet, Run
 from fmu_sources.controllers.mpc.three_axle import FORCE_LIMIT, SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
@@ -80,20 +77,13 @@ def system(fmus: FmuSet) -> System:
     return made
 
 
-def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | None = None) -> SystemEnv:
-    """The environment.
-
-    Args:
-        fmus: folder of the FMUs, with `fmi2` and `fmi3` in it.
-        fmi: version of FMI.
-        render_mode: see `SystemEnv`.
-    """
-    files = FmuSet(Path(fmus), fmi)
-    with system(files) as course_system:
+def settings(fmus: FmuSet) -> dict[str, Any]:
+    """The environment."""
+    with system(fmus) as course_system:
         course = Course.of(Run(_COURSE_CASE, None, course_system))
     slowest = course.end / (SPEEDS_KMH[0] / 3.6)
     hubs = [f"car.hub.{k}.fx" for k in SIX_CORNERS]
-    settings: dict[str, Any] = {
+    return {
         "actions": {"car.force.*": (-FORCE_LIMIT, FORCE_LIMIT)},
         "observations": OBSERVED,
         "reward": cost,
@@ -104,4 +94,3 @@ def environment(fmus: str | Path = FMUS, *, fmi: int = 3, render_mode: str | Non
         "scenario": trench,
         "record": ["car.body.az", "car.body.ax", "car.belly.force", *hubs],
     }
-    return SystemEnv(partial(system, files), render_mode=render_mode, **settings)
