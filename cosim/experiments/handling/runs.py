@@ -110,31 +110,22 @@ def _step(rise: float) -> tuple[tuple[float, float], ...]:
 
 
 _LANE = ((0, 0), (50, 0), (65, 0), (95, 3.5), (120, 3.5), (145, 0), (160, 0), (300, 0))
+_LANE_WIDTHS = ((1.1, 0.25), (1.2, 0.25), (1.3, 0.25))
 _OBSTACLE = ((0, 0), (50, 0), (62, 0), (75.5, 3.0), (86.5, 3.0), (99, 0), (111, 0), (300, 0))
+_OBSTACLE_WIDTHS = ((1.1, 0.25), (1.0, 1.0), (0.0, 3.0))
+_BRAKE = ((0.0, 0.0), (4.0, 0.0), (4.1, 0.3))
 MANOEUVRES = {
     "steady": Manoeuvre("slowly rising steering wheel at constant speed (ISO 4138)", WHEEL, 32.0, _step(30.0)),
     "step": Manoeuvre("step of the steering wheel (ISO 7401)", WHEEL, 6.0, _step(0.15)),
     "sine": Manoeuvre("one sine of the steering wheel, 0.5 Hz (ISO 7401)", WHEEL, 6.0, _sine(0.5)),
     "lane-change": Manoeuvre(
-        "double lane change with a driver (as ISO 3888-1)",
-        PEDALS,
-        12.0,
-        path=_LANE,
-        widths=((1.1, 0.25), (1.2, 0.25), (1.3, 0.25)),
+        "double lane change with a driver (as ISO 3888-1)", PEDALS, 12.0, path=_LANE, widths=_LANE_WIDTHS
     ),
     "obstacle": Manoeuvre(
-        "obstacle avoidance with a driver (as ISO 3888-2)",
-        PEDALS,
-        12.0,
-        path=_OBSTACLE,
-        widths=((1.1, 0.25), (1.0, 1.0), (0.0, 3.0)),
+        "obstacle avoidance with a driver (as ISO 3888-2)", PEDALS, 12.0, path=_OBSTACLE, widths=_OBSTACLE_WIDTHS
     ),
     "brake-in-turn": Manoeuvre(
-        "brakes while the steering wheel is held in a turn (as ISO 7975)",
-        PEDALS,
-        7.0,
-        _step(0.3),
-        ((0.0, 0.0), (4.0, 0.0), (4.1, 0.3)),
+        "brakes while the steering wheel is held in a turn (as ISO 7975)", PEDALS, 7.0, _step(0.3), _BRAKE
     ),
     "sine-with-dwell": Manoeuvre("sine of 0.7 Hz that dwells for 0.5 s (as ISO 19365)", PEDALS, 6.0, _sine(0.7, 0.5)),
     "straight": Manoeuvre("straight ahead at constant speed: comfort", KEEP, 12.0),
@@ -300,22 +291,18 @@ def table(manoeuvre: Manoeuvre, amplitude: float) -> dict[str, Array]:
     return {"time": time, "steering.wheel": amplitude * wheel, "brake": brake}
 
 
-def _parameter(system: System, name: str) -> float:
-    return float(system["car"].start(name))
-
-
 def steering_ratio(system: System) -> float:
     """Angle of the steering wheel per steer angle."""
-    return _parameter(system, "steering.ratio")
+    return float(system["car"].start("steering.ratio"))
 
 
 def axles(system: System) -> tuple[float, float]:
     """Position of the front and the rear axle ahead of the CG [m]."""
-    if "body.wheelbase" in system["car"].description.parameters:
-        base, part = _parameter(system, "body.wheelbase"), _parameter(system, "body.cg_position")
+    car = system["car"]
+    if "body.wheelbase" in car.description.parameters:
+        base, part = float(car.start("body.wheelbase")), float(car.start("body.cg_position"))
         return base * part, base * (part - 1.0)
-    front, rear = (_parameter(system, f"suspension.{axle}.wheel[1]") for axle in ("front", "rear"))
-    return front, rear
+    return float(car.start("suspension.front.wheel[1]")), float(car.start("suspension.rear.wheel[1]"))
 
 
 def wheelbase(system: System) -> float:

@@ -48,7 +48,7 @@ def travel_limit(study: Averages) -> Finding:
 def estimates(study: Averages, *, controller: str, most: float) -> Finding:
     """Whether estimated states cost a controller at most so much [%] on every road; the value is the worst."""
     costs = {r: study.ratio(estimated(controller, r), Case(r, controller)).median for r in ROADS}
-    worst = max(costs, key=lambda r: costs[r])
+    worst = max(costs, key=costs.__getitem__)
     tension = Case("bump", controller, lift_off=False)
     linear = study.power(replace(tension, states="estimated")) / study.power(tension)
     return Finding(
@@ -62,9 +62,8 @@ def estimates(study: Averages, *, controller: str, most: float) -> Finding:
 
 def sensed_preview(study: Averages) -> Finding:
     """Whether sensed preview saves at least as much as counts as published, on every road; the value is the least."""
-    ratios = {r: study.ratio(estimated("mpc-preview", r, sensed=True), Case(r, "mpc")) for r in ROADS}
-    saved = {r: Distribution(100 * (1 - x) for x in d.values).median for r, d in ratios.items()}
-    worst = min(saved, key=lambda r: saved[r])
+    saved = {r: study.gain(estimated("mpc-preview", r, sensed=True), [Case(r, "mpc")]).median for r in ROADS}
+    worst = min(saved, key=saved.__getitem__)
     return Finding(
         ", ".join(f"{ROAD_NAMES[r]} {s:.0f} %" for r, s in saved.items()),
         saved[worst] >= PREVIEW_GAIN.low,

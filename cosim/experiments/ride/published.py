@@ -19,10 +19,7 @@ from fmu_sources.roads.rms_course import COURSES, INCH, SEEDS
 POWERS = ("absorbed_power_nrmm", "absorbed_power")
 PEAK = ("seat_peak",)
 SEEDS_RUN = 3  # profiles of each course, which show the spread
-ONE_SEED = (
-    "mpc",
-    "mpc-preview",
-)  # controllers whose runs take so long that the rougher courses, driven more slowly, have one profile
+ONE_SEED = ("mpc", "mpc-preview")  # whose runs take so long that the rougher courses have one profile
 SPREAD = "1in"  # the course that all controllers drive on all profiles
 HEIGHTS = tuple(round(inches * INCH, 4) for inches in (4, 6, 8, 10, 12))  # m, of the half-rounds
 SIDES_COURSE = "1in"  # the course that is also driven with different sides
@@ -57,8 +54,7 @@ LONG = {
     "mpc-preview": 6.0,
     **{f"{weights}-{mode}": 4.0 for weights in ("comfort", "road-holding") for mode in MODES},
 }
-SLOWER = {"hydraulic": 2.0}
-"""Rough time of a run as compared with others, so that the longest searches come first."""
+"""Rough time of a run as compared with others, so that the longest searches come first; hydraulics double it."""
 
 
 def systems(car: str | None = None) -> list[CarSystem]:
@@ -89,7 +85,7 @@ def _guess(system: CarSystem, course: str) -> float:
 
 
 def _cost(system: CarSystem, speed: float) -> float:
-    return LONG.get(system[1], 1.0) * SLOWER.get(system[2], 1.0) / speed
+    return LONG.get(system[1], 1.0) * (2.0 if system[2] == "hydraulic" else 1.0) / speed
 
 
 def six_watts(system: CarSystem, course: str, *, seeds: int = 1, sides: str = "alike") -> SpeedLimit:
